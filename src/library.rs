@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const MAX_SIDE: u32 = 65_536;
 /// Bytes per pixel that [`hits`] needs: two counts and a hit, and the layers that are made of them.
 const LAYERS_BYTES: u64 = 8 + 24 + 32;
-/// What a caller should know about remedies that name options.
+/// The note that is added to remedies that name options of the command `raycl`.
 const OPTIONS: &str = "(options such as --device are those of the command `raycl`; in a program, the arguments of raycl's functions stand for them)";
 
 /// True if this process has called [`serve_if_worker`].
@@ -100,10 +100,11 @@ impl Raycaster {
     /// After a failed launch, the `Raycaster` casts no more pictures, and its memory on the device and its scene are not
     /// freed, since freeing could fail too: open another `Raycaster`.
     ///
-    /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate `ocl` panics
-    /// while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees few objects, so this is
-    /// unlikely then. After a failure while raycl opens a device or prepares a picture, or when a `Raycaster` is
-    /// dropped, nothing prevents it. Nor is a panic of `ocl` during that drop turned into an error.
+    /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate
+    /// `ocl` panics while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees
+    /// few objects, so an abort is unlikely. Nothing prevents an abort after a failure while raycl opens a
+    /// device or prepares a picture, or when a `Raycaster` is dropped. A panic of `ocl` while a `Raycaster`
+    /// is dropped is not turned into an error.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         check_size(size)?;
         let Some(session) = self.session.as_mut() else { return Err(closed()) };
@@ -157,7 +158,8 @@ fn closed() -> Error {
         .with_help("open another Raycaster; if that fails too, `raycl devices` lists other devices")
 }
 
-/// Adds to a remedy that names options of the command `raycl` what stands for them in a program.
+/// If an error's remedy names options of the command `raycl`, adds to the remedy what stands for these
+/// options in a program.
 fn for_programs(error: Error) -> Error {
     let remedy = error.remedy();
     if !remedy.contains(" --") && !remedy.contains("`--") {
@@ -190,7 +192,8 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky whose texels do not match its size, or whose middle is in no direction.
+/// Refuses a picture of the sky if its texels do not match its size, or if `ahead`, the direction of its
+/// middle, is not a unit vector.
 fn check_sky_picture(SkyPicture { size: [across, down], texels, ahead, .. }: &SkyPicture) -> Result<()> {
     let count = texels.len() as u64;
     if count == 0 || u64::from(*across) * u64::from(*down) != count {
@@ -287,7 +290,7 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
         return Err(Error::input(
             "run_experiment started this process as a worker, which cannot run an experiment itself",
         )
-        .with_help("call raycl::serve_if_worker first in `main`: it does the work of a worker and ends it"));
+        .with_help("call raycl::serve_if_worker first in `main`: in a worker process, it does the worker's task and ends the process"));
     }
     check_paths(config, out)?;
     if !SERVES.load(Ordering::Relaxed) {

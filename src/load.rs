@@ -31,7 +31,8 @@ pub struct Load {
     pub ms: f64,
     /// Mean number of processors that other processes kept busy: 1.5 means one and a half processors.
     pub others: f64,
-    /// Mean number of processors that other virtual machines on the same hardware took from this one.
+    /// Mean number of processors that other virtual machines on the same hardware took from this virtual
+    /// machine.
     pub stolen: f64,
     /// Number of processors of this machine.
     pub processors: usize,

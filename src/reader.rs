@@ -193,8 +193,8 @@ fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Returns `head` and the bytes that follow it, `size` bytes in all. All threads read pieces of the file, since copying
-/// a large file from the system's cache takes a single thread long.
+/// Returns `head` and the bytes that follow it, `size` bytes in all. All threads read pieces of the file,
+/// since a single thread would take long to copy a large file from the system's cache.
 #[cfg(unix)]
 fn read_pieces(mut file: &File, head: &[u8], size: usize) -> Result<Vec<u8>> {
     use std::io::{Seek as _, SeekFrom};

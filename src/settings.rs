@@ -108,11 +108,11 @@ fn read(path: &Path) -> Result<Settings> {
     Ok(settings)
 }
 
-/// Returns true if `error`, from opening the settings file, means that this user has no settings file. In the
-/// first case, the file does not exist. In the second case, a part of its path is a file instead of a folder:
-/// services often have the home folder /dev/null. In the third case, the file is in a folder in which this
-/// user may not look up files, such as another user's home folder. `metadata` is the settings file's
-/// metadata, or the error from reading the metadata.
+/// Returns true if `error`, from opening the settings file, means that this user has no settings file. There
+/// are three such cases. First, the file does not exist. Second, a part of its path is a file instead of a
+/// folder: services often have the home folder /dev/null. Third, the file is in a folder in which this user
+/// may not look up files, such as another user's home folder. `metadata` is the settings file's metadata, or
+/// the error from reading the metadata.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)

@@ -111,7 +111,8 @@ pub fn option(name: &str, value: impl Display) -> Vec<String> {
     }
 }
 
-/// Returns a path as a word of a command. A path that begins with `-` would be read as an option.
+/// Returns a path as a word of a command. A path that begins with `-` gets the prefix `./`, since a command
+/// would read it as an option.
 pub fn path_word(path: &Path) -> String {
     let text = path.display().to_string();
     if text.starts_with('-') { format!("./{text}") } else { text }

@@ -16,8 +16,8 @@ pub fn folder(variable: &str, below: &str) -> Option<PathBuf> {
 /// # Errors
 ///
 /// Returns a message if the path begins with `~` and the home folder is unknown. Also returns a message if
-/// the path begins with `$`, or with `~` and a name: only a shell could expand it, and nobody wants a folder
-/// with such a name.
+/// the path begins with `$`, or with `~` and a name: only a shell could expand this path, and nobody wants a
+/// folder with this name.
 pub fn expanded(path: &Path) -> Result<PathBuf, String> {
     if let Ok(rest) = path.strip_prefix("~") {
         let home = home().ok_or("`~` needs HOME, which is not set to an absolute path")?;

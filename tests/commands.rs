@@ -161,8 +161,9 @@ fn man_prints_a_page_and_writes_those_of_all_commands() {
     assert!(message.contains("raycl-run.1"), "{message}");
 }
 
-/// `--color`, before or after the command's name, decides whether colours are used. Without it, `NO_COLOR` decides.
-/// Without either, colours are used if the output is a terminal, which it never is in a test.
+/// `--color`, before or after the command's name, decides whether colours are used. Without `--color`, the
+/// variable `NO_COLOR` decides. Without both, colours are used if the output is a terminal. In a test, it is
+/// no terminal.
 #[test]
 fn colours_are_what_the_user_says() {
     let escapes = |words: &[&str], refused: bool| {
@@ -188,8 +189,9 @@ fn colours_are_what_the_user_says() {
     assert!(message.contains("'always'"), "{message}");
 }
 
-/// Returns the completions that bash offers for the last of these words, after it has loaded the script. As bash does,
-/// the code passes an empty word to the script if the last word is `=`: this word ends before the cursor.
+/// Returns the completions that bash offers for the last of these words, after bash has loaded the script. If
+/// the last word is `=`, the code passes an empty word to the script, as bash does: the cursor stands after
+/// the word `=`.
 #[cfg(unix)]
 fn completions(script: &std::path::Path, words: &[&str]) -> Vec<String> {
     let code = r#"source "$1"; shift

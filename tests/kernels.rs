@@ -100,8 +100,8 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
-/// In all other tests, pictures are wider than high. They would not show a mistake in a kernel that uses the width
-/// instead of the height.
+/// In all other tests, pictures are wider than high. Pictures that are wider than high would not show a
+/// mistake in a kernel that uses the width instead of the height.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
     apart!();

@@ -87,7 +87,8 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     };
     let unknown = expected(&[], &[]).to_string();
     assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
-    // The records of the mock (a run with simulated workers) have neither times nor sizes, so they are set here.
+    // The records of the mock (a run with simulated workers) have neither times nor sizes, so the test sets
+    // them.
     let timed = |(index, record): (usize, &Record)| Record {
         host_median_ms: Some(1000.0),
         image_size: if index < 3 { [8, 5] } else { [16, 10] },
@@ -101,9 +102,9 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     // second for each worker process. The mock's first checks take no time.
     assert_eq!((known.points, known.known), (6, 6));
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
-    // The run may add at most as many launches again. The added launches have no first checks, so each of their checks
-    // takes a second. Each of the six launches may also take twice as many samples (30 s more), and wait for half the
-    // time of all its samples (30 s).
+    // The run may add at most as many launches as the config asks for. The added launches have no first
+    // checks, so each of their checks takes a second. Each of the six launches may also take twice as many
+    // samples (30 s more), and wait for half the time of all its samples (30 s).
     assert!((468..=474).contains(&known.additional.as_secs()), "{:?}", known.additional);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.

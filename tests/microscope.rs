@@ -3,8 +3,8 @@
 //!
 //! The working vectors are the vectors of a ray, such as its origin and direction. Three adjacent lines write them, one
 //! line for each component, and a single line reads them. These lines show whether instructions are attributed to the
-//! right lines: the lines before and after the stores must have no stores, the line of the loads must have no stores,
-//! and the line after it no loads.
+//! right lines. The lines before and after the stores must have no stores. The line of the loads must have no
+//! stores, and the next line must have no loads.
 
 use crate::binary::{WorkFolder, device, has, repository, run};
 use serde_json::Value;

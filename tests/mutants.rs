@@ -27,9 +27,10 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 /// Kernel files that no row of tests/mutants/kernels.toml changes, since other tests change them. A folder of kernels
 /// cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs, soft lights,
 /// pictures of skies and several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs,
-/// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the default
-/// look of bare meshes; tests/half_light.rs changes its file. The display transform computes no radiance; a test beside
-/// its code (src/launch/show.rs) changes it.
+/// tests/environment.rs and tests/samples.rs change the files with their code. Soft light at half resolution
+/// is part of the default look of bare meshes; tests/half_light.rs changes the file of this light. The
+/// display transform computes no radiance; a test beside its code (src/launch/show.rs) changes the file of
+/// the display transform.
 const UNTOUCHED: [&str; 15] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -117,7 +118,7 @@ impl Mutant {
         files(strategy).contains(&self.file)
     }
 
-    /// Casts an image with the change, and fails if verification does not notice it.
+    /// Casts an image with the change, and fails if verification does not notice the change.
     fn must_be_noticed_in(&self, name: &str, strategy: &Strategy) {
         let work_folder = WorkFolder::new();
         let local_size = match strategy.family().name {

@@ -187,8 +187,8 @@ fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
 #[test]
 fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() {
     let device = device();
-    // Some drivers, such as PoCL 6.0, report 0 bytes of __local memory for every kernel. raycl cannot notice the first
-    // mistake there.
+    // Some drivers, such as PoCL 6.0, report 0 bytes of __local memory for every kernel. With these drivers,
+    // raycl cannot notice the first mistake.
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let compile = ["compile", "scene.toml", "--device", &device, "--strategy", "local-vectors", "--json"];
     let made: Value = serde_json::from_str(&folder.output(&compile)).expect("JSON");

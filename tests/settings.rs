@@ -56,6 +56,19 @@ fn the_device_is_the_options_then_the_environments_then_the_files() {
 }
 
 #[test]
+fn of_a_variable_and_a_file_that_name_the_device_the_variable_is_said() {
+    let device = device();
+    let folder = folder_with(&format!("device = \"{device}\"\n"));
+    let listed = |variable: &str| {
+        let output = raycl(&folder, &["devices"]).env("RAYCL_DEVICE", variable).assert().success();
+        String::from_utf8(output.get_output().stdout.clone()).expect("UTF-8")
+    };
+    has(&listed(&device), &["By default, raycl casts on ", " (named by RAYCL_DEVICE)."]);
+    // A blank variable counts as not set.
+    has(&listed(""), &["By default, raycl casts on ", " (named by your settings file)."]);
+}
+
+#[test]
 fn results_lie_where_the_settings_say() {
     let folder = folder_with(&format!("device = \"{}\"\nresults = \"~/kept\"\n", device()));
     let run = ["run", "config.toml", "--quiet"];

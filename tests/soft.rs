@@ -183,9 +183,9 @@ fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     }
 }
 
-/// No other test of soft light compares pictures of tiles that work-items share with the reference, since PoCL takes
-/// long to compile their kernels. The tests of changed kernels below expect a wrong picture, so they do not notice a
-/// kernel that is wrong even without the change.
+/// This is the only test of soft light that compares pictures with the reference if work-items share tiles:
+/// PoCL takes long to compile the kernels of such tiles. The tests of changed kernels below expect a wrong
+/// picture, so they do not notice a kernel that is wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let folder = where_shadow_rays_end();

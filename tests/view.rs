@@ -465,7 +465,8 @@ fn a_view_ends_when_nobody_reads_its_pipe() {
     assert!(report["frames"].as_u64().is_some_and(|frames| frames > 0), "{report}");
 }
 
-/// Returns the largest memory in use, in kB, by a process whose arguments contain this text; 0 if there is none.
+/// Returns the memory in kB that is in use by a process whose arguments contain this text: the largest such
+/// number if there are several processes, and 0 if there is none.
 #[cfg(target_os = "linux")]
 fn resident_kb(argument: &str) -> u64 {
     let processes = std::fs::read_dir("/proc").expect("processes").flatten();

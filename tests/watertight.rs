@@ -26,8 +26,8 @@ fn of(name: &str) -> Strategy {
     preset(name).expect("a preset").strategy
 }
 
-/// Returns these strategies with this ray-triangle test instead of their own, except strategies that then combine
-/// values that exclude each other.
+/// Returns the strategies in `all` with the ray-triangle test `intersector` instead of their own test. Leaves
+/// out strategies in which this test contradicts another value.
 fn with(intersector: Intersector, all: Vec<Strategy>) -> Vec<Strategy> {
     let all = all.into_iter().map(|strategy| Strategy { intersector, ..strategy });
     all.filter(|strategy| strategy.contradiction().is_none()).collect()
@@ -83,7 +83,7 @@ fn meshes() -> (Stand, Scene) {
     (Stand::new(scene.clone(), [64, 64]), scene)
 }
 
-/// Returns the number of pixels of a frame that are lit, and the number of those that hit something.
+/// Returns two numbers of pixels of a frame: those that are lit, and those whose primary rays hit something.
 fn lit_and_hit(scene: Scene, strategy: &Strategy) -> (usize, usize) {
     lit_and_hit_by(&Sources::Embedded, scene, strategy)
 }
@@ -154,8 +154,8 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
     }
 }
 
-/// Like those of the watertight test, the rasteriser's edge functions have exactly opposite values in neighbouring
-/// triangles. A pixel on an edge belongs to both triangles.
+/// In neighbouring triangles, the rasteriser's edge functions have exactly opposite values, like the edge
+/// functions of the watertight test. A pixel on an edge belongs to both triangles.
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
     apart!();

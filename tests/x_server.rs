@@ -1,6 +1,6 @@
-//! Starts an X server without a screen (Xvfb), reads the picture that it would show, and simulates a user's input. The
-//! input is sent directly in the X11 protocol, in which numbers are little-endian here and lengths are counted in words
-//! of four bytes.
+//! Starts an X server without a screen (Xvfb), reads the picture that it would show, and simulates a user's
+//! input. The input is sent directly in the X11 protocol. This file sends numbers in little-endian order, and
+//! states lengths in words of four bytes, as the protocol requires.
 
 use crate::binary::until;
 use image::RgbImage;

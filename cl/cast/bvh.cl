@@ -2,9 +2,9 @@
 // is included twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 
 #if ANY_HIT
-// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray runs from the hit (the working
-// vector POINT) in the direction TO_LIGHT. The ray starts at the distance `bias` from the hit, so that the triangle
-// that was hit does not shadow itself.
+// Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. The rays run in
+// the direction TO_LIGHT. They start at the distance `bias` from POINT, so that the triangle at POINT does not shadow
+// itself. (POINT and TO_LIGHT are working vectors.)
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
@@ -12,8 +12,8 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Mask open = wanted;
 #define REACH SELECT(open, t_max, (varying)(-1.0f))
 #else
-// For each lane of `wanted`, finds the nearest hit at t > t_min of the ray in the working vectors, and stores it in
-// `nearest`.
+// For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if there is none. The
+// rays are in the working vectors.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     const Vec3 from = working_get(working, RAY_ORIGIN);
     const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
@@ -25,8 +25,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
-    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Of the children of one
-    // node, the nearest is on top.
+    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Of a node's children,
+    // the nearest is the topmost.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
@@ -68,7 +68,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         }
 #if !ANY_HIT
         const varying reach = REACH;
-        // A child is dropped without a visit if every ray has meanwhile found a hit nearer than the child's box.
+        // A child is dropped if, since it was pushed, every ray has found a hit nearer than the child's box.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

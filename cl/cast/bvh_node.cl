@@ -56,7 +56,7 @@ typedef union {
     float each[CHILD_LANES];
 } EachBox;
 
-// Returns the t at which a ray crosses one side of each child's box, one lane per child.
+// Returns, for each child, the t at which a ray crosses one side of the child's box: one lane per child.
 BoxLanes pass_sides(const __global float *sides, float origin, float per_direction) {
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
@@ -111,14 +111,14 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes those children of a node onto the stack whose boxes at least one ray enters at a t less than that ray's
-// `reach`. The nearest child is on top. Returns the new number of the stack's entries.
+// Pushes a child of the node onto the stack if at least one ray enters the child's box before its own `reach`. The
+// nearest child is on top. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {
         varying entry;
         const Mask met = enter_box(probe, node + child, reach, &entry);
-        // If one ray hits the box, the whole packet visits the child. The packet's entry is that of its first ray.
+        // If one ray enters the box, the whole packet visits the child. The entry is that of the first ray to enter.
         if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
     }
     return waiting;

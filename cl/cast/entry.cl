@@ -23,8 +23,8 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // Lanes outside the image have taken part in closest_hit, because all work-items must reach the barriers in this
-    // function. From now on, lanes outside the image count as misses.
+    // All lanes have taken part in closest_hit, even lanes outside the image, because all work-items must reach the
+    // barriers in closest_hit. From now on, lanes outside the image count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -51,8 +51,8 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
-    // The seven vectors have one lane per ray: three for the origin, three for the direction, one for t_min. Lanes
-    // after the last ray contain the last ray again.
+    // The seven vectors have one lane per ray: three for the origin, three for the direction, one for t_min. Lanes for
+    // which no ray is left contain the last ray again.
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {

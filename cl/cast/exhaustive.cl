@@ -12,16 +12,16 @@
 // by 4. Casting is then 5% faster than if the loop is unrolled by 8, by 2, or as the compiler chooses.
 
 #if ANY_HIT
-// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. Without PLANES_OF_ORIGIN, the ray starts at
-// the distance `bias` from the hit (the working vector POINT) in the direction TO_LIGHT, so that the triangle that was
-// hit does not shadow itself. `open` contains the lanes that have hit nothing yet: a lane is finished at its first hit
-// on any triangle.
+// Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. Without
+// PLANES_OF_ORIGIN, the ray runs in the direction TO_LIGHT. It starts at the distance `bias` from the working vector
+// POINT, so that the triangle at POINT does not shadow itself. `open` contains the lanes that have hit nothing yet: a
+// lane is finished at its first hit on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
 #else
-// For each lane of `wanted`, finds the nearest hit at t > t_min of the ray in the working vectors, and stores it in
-// `nearest`. All other lanes begin with a nearest hit at t = 0, so that they never accept another hit.
+// For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if there is none. The
+// rays are in the working vectors. All other lanes begin with a nearest hit at t = 0, so that they accept no hit.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;

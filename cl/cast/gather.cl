@@ -1,4 +1,4 @@
-// Loads the data of each lane's triangle. Lanes may have different triangles, so they are loaded one after the other.
+// Loads the data of each lane's triangle. Lanes may have different triangles, so the lanes load one after the other.
 
 // Returns the surface of each lane's triangle. Lanes without a hit (NO_HIT) read nothing, and their result is zero.
 Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {

@@ -1,6 +1,6 @@
-// The parts of kernels that cast rays: common files, one file per axis, and the macros that assign the kernels'
-// arguments to structures. In an include, the name of an axis in {braces} is replaced by the strategy's value on that
-// axis, which is the name of a file. An include under `#if NAME` is only followed if the host defines NAME as 1.
+// This file includes the parts of kernels that cast rays: common files, and a file for the strategy's value on each of
+// several axes. Its macros assign the kernels' arguments to structures. In an include, the name of an axis in {braces}
+// is replaced by the strategy's value. An include under `#if NAME` is only followed if the host defines NAME as 1.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -161,12 +161,12 @@ Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted
 #define CAST_PIXELS own_pixels(image_size)
 #endif
 
-// Stores rays in the working vectors. Returns the distance up to which the rays' hits are ignored.
+// Stores rays in the working vectors. Returns t_min: hits at this distance or nearer are ignored.
 varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
     working_set(working, RAY_DIRECTION, ray.direction);
-    // Later, all lanes read these two vectors, even lanes that hit nothing. The vectors therefore need a first value.
+    // Later, all lanes read WEIGHTS and RADIANCE, even lanes that hit nothing, so both vectors need a first value.
     working_set(working, WEIGHTS, vec3(zero, zero, zero));
     working_set(working, RADIANCE, vec3(zero, zero, zero));
     return ray.t_min;

@@ -1,8 +1,8 @@
-// Tests rays that share an origin: the eye for primary rays, a light for shadow rays. Relative to this origin, the
-// corners P and Q of an edge span the plane with the normal (P - Q) x (P + Q) = 2 P x Q. A ray lies inside the edge
-// if the dot product of its direction and that normal is positive. The neighbouring triangle has the same plane with
-// all signs reversed. 1 / t is the dot product of the direction with N / (N . A). N is the triangle's normal
-// (B - A) x (C - A), and A, B and C are its corners relative to the origin. Once per frame, the kernel prepare_origins
+// Tests rays that share an origin: the eye for primary rays, a light for shadow rays. P and Q are the ends of an edge,
+// relative to this origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q) = 2 P x Q. A ray
+// lies inside the edge if the dot product of its direction and this normal is positive. The triangle on the edge's
+// other side has the same plane with all signs reversed. 1 / t is the dot product of the direction with N / (N . A),
+// where A is a corner relative to the origin, and N the triangle's normal. Once per frame, the kernel prepare_origins
 // computes a row for each triangle and each origin: the normals of the three planes, and N / (N . A).
 
 #ifndef LINEAR_IN_PIXEL
@@ -37,9 +37,9 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // multiply-adds begins with some number anyway.
 //
 // With LINEAR_IN_PIXEL, rays from the eye are in pixel coordinates: the ray through the point (x, y) of the image, in
-// pixels, has the direction (x, y, 1). The ray's dot product with a plane therefore contains the plane's third
-// component as it is. row_along_pixels has already added the overlap to this component. For rays from the eye, the
-// function returns -0, because adding -0 changes nothing.
+// pixels, has the direction (x, y, 1). The third component of this direction is 1, so row_along_pixels has already
+// added the overlap to the third component of each plane. For rays from the eye, overlap_of therefore returns -0,
+// because adding -0 changes nothing.
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
 // Returns a plane's dot product with a direction, plus `begin`. In pixel coordinates (see overlap_of), all rays share
@@ -49,13 +49,13 @@ varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
 
-// Returns an edge function, plus the overlap. The sum is negative if the direction is outside the edge.
+// Returns an edge function plus the overlap: negative if the direction is outside the edge by more than the overlap.
 varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// the function returns 1, hit->lanes may still be empty.
+// Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
+// no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // The test needs one dot product of three terms for each of the three edges. It does not need the origin, since the
     // planes contain the origin.

@@ -1,5 +1,5 @@
-// Computes the planes of every triangle (first dimension of the index space) for every origin (second dimension):
-// origin 0 is the eye, origin i is light i - 1.
+// Each work-item computes the row (the planes) of one triangle for the rays of one origin. Dimension 0 of the index
+// space numbers the triangles, dimension 1 the origins. Origin 0 is the eye, origin i is light i - 1.
 __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);
@@ -10,13 +10,13 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // The last argument of planes_of is the sign of n . (A - from) if rays meet the front (n is the normal, A a
-    // corner). A ray from the eye meets the side that faces the eye, so the sign is negative. A shadow ray is tested
-    // from its light, but runs towards the light. It meets the side that faces away from the light, so the sign is
-    // positive.
+    // The last argument of planes_of is the sign that n . (A - from) has if rays meet the triangle's front (n is the
+    // normal, A a corner). A ray from the eye meets the side that faces the eye, so the sign is negative. A shadow ray
+    // runs towards its light, although it is tested from the light. The ray meets the side that faces away from the
+    // light, so the sign is positive.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
-    // Only rays from the eye form a grid of pixels, so only their planes become functions of the pixel.
+    // Only rays from the eye belong to pixels, so only the eye's planes become functions of the pixel.
     if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
 #endif
     STORE_ROW(row, prepared + 3 * ((size_t)origin * triangle_count + triangle))

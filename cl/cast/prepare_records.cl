@@ -1,5 +1,5 @@
-// Prepares a record of every triangle for the test, once per scene. Records are in the mesh's order or, with a tree, in
-// leaf order.
+// Each work-item computes the record of one triangle: the row for the ray-triangle test. The host runs the kernel once
+// per scene. Records are in the mesh's order or, with a tree, in leaf order.
 __kernel void prepare_records(PREPARE_RECORDS_PARAMETERS) {
     const int at = get_global_id(0);
     if (at >= triangle_count) return;
@@ -12,8 +12,8 @@ __kernel void prepare_records(PREPARE_RECORDS_PARAMETERS) {
     BIND_GEOMETRY(geometry)
     const Row row = row_of(corners(&geometry, at));
 #endif
-    // The row (the record's data) is stored at the triangle's own index (with a tree, its index in leaf order), so that
-    // a test finds the record without looking up another index.
+    // The record is stored at the triangle's index in the mesh or, with a tree, in leaf order. A traversal knows this
+    // index, so a test finds the record without looking up another index.
     __global ROW_UNIT *record = (__global ROW_UNIT *)records + ROW_UNITS * (size_t)at;
     STORE_ROW(row, record)
 }

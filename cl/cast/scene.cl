@@ -1,9 +1,9 @@
-// The scene's buffers, and the source of the rows that a traversal tests. A row has the data that a test reads of one
-// triangle (common/rows.cl).
+// The scene's buffers, and functions that return the rows which a traversal tests. A row contains the data that a test
+// reads of one triangle (common/rows.cl).
 
 typedef struct {
     Geometry geometry;
-    const __global float *lights; // position (3), power (3) each
+    const __global float *lights; // six floats per light: position (3), power (3)
     int light_count;
     float bias; // the distance from the surface at which a shadow ray starts
 #if PLANES_OF_ORIGIN
@@ -26,8 +26,8 @@ typedef struct {
 #endif
 } Scene;
 
-// Returns the row of a triangle (the data that a test reads): loads a prepared row from global memory, or computes the
-// row from the triangle's corners. Planes depend on the origin (0 is the eye, 1 the first light); corners do not.
+// Returns a triangle's row (the data that a test reads): loads a prepared row from global memory, or computes the row
+// from the corners. A row of planes depends on the origin (0 is the eye, 1 the first light); other rows do not.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);
@@ -52,8 +52,8 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 #define BIND_TILE(scene) scene.tile = tile_store;
 #define TILE_STEP(scene) TILE_TRIANGLES
 
-// Copies a tile (rows of triangles) to __local memory. All work-items of the group must call this function, for the
-// same tile.
+// Copies a tile to __local memory: the rows of TILE_TRIANGLES triangles from `first` on, or of fewer at the mesh's end.
+// All work-items of the work-group must call this function, for the same tile.
 void stage_tile(const Scene *scene, int origin, int first) {
     barrier(CLK_LOCAL_MEM_FENCE); // all have finished the previous tile
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);

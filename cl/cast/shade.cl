@@ -1,12 +1,12 @@
-// Computes the radiance that a hit reflects to the eye, from all lights that are visible from the hit.
+// Computes the radiance that a hit reflects to the eye, from the sky and from all lights that are visible from the hit.
 
 #if PLANES_OF_ORIGIN
 #include "common/shadow_end.cl"
 #endif
 
-// Adds up the light at the hits of `active` lanes. The hits are at distance t, with the weights in the working vectors.
-// The sum goes to the working vector RADIANCE of these lanes. Let d be the ray's direction, w_i the direction to a
-// light, and w_o = -d the direction to the eye:
+// Stores in the working vector RADIANCE the radiance that the hits of `active` lanes reflect to the eye. The hits are
+// at distance t along the rays; their weights are in the working vector WEIGHTS. Let d be a ray's direction, w_i the
+// direction to a light, and w_o = -d the direction to the eye:
 //
 //     P = origin + t d     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
@@ -18,7 +18,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    // With shading = eager, a lane may contain the radiance of a more distant hit, so its sum starts again from 0.
+    // With shading = eager, RADIANCE may contain the radiance of a more distant hit, so the sum starts again from 0.
     const varying zero = (varying)(0.0f);
     working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
 
@@ -35,9 +35,9 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
-        // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. But
-        // if tiles of triangles are streamed through __local memory, the work-item continues, since all work-items must
-        // reach the barriers in any_hit.
+        // If a light is behind the surface, or nearer to the hit than the bias, it contributes nothing and needs no
+        // shadow ray. But if tiles of triangles are streamed through __local memory, the work-item continues, since all
+        // work-items must reach the barriers in any_hit.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
 #if !STREAM_TILES
         if (!ANY(lit)) continue;

@@ -1,9 +1,9 @@
-// Shades the nearest triangle of every pixel, whichever kernel found it.
+// Computes and stores each pixel's radiance. An earlier kernel has stored the number of the pixel's nearest triangle.
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
-    // Only the triangle's number was stored, so the ray is computed again, and then the hit from the ray and the
-    // triangle.
+    // The earlier kernel stored only the triangle's number. Therefore, the ray is computed again here, and
+    // after_closest_hit computes the hit from the ray and the triangle.
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     nearest.t = (varying)(FAR);

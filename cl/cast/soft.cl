@@ -6,8 +6,8 @@
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
-        // The vectors are read again for every triangle, since the strategy may exist to measure the speed of the
-        // vectors' memory.
+        // The vectors are read again for every triangle, as in any_hit: the strategies differ in the memory of these
+        // vectors, and the reads are part of what is measured.
         const Vec3 direction = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), direction);
         open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, direction,
@@ -20,14 +20,14 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 #endif
 
 #if SKY
-// Adds the sky's light to RADIANCE of `active` lanes. Each lane casts one ray, in a direction whose probability is
-// proportional to its cosine with the normal. The estimate of the reflected light is therefore the sky's radiance in
-// this direction times k_L (surface->lambertian).
+// Adds the sky's light to the working vector RADIANCE of `active` lanes. Each lane casts one ray. The probability of
+// the ray's direction is proportional to the direction's cosine with the normal. The estimate of the reflected light is
+// therefore the sky's radiance in this direction times k_L (surface->lambertian).
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);
     if (IS_UNOCCLUDED(&scene->soft)) {
-        // Unoccluded light needs no ray.
+        // An unoccluded picture gets the sky's mean light, without a ray.
         const Vec3 arriving = multiply(surface->lambertian, mean_of_sky(&scene->soft, normal));
         const Vec3 before = working_get(working, RADIANCE);
         working_set(working, RADIANCE, select3(active, add(before, arriving), before));

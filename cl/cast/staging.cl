@@ -18,8 +18,8 @@
 
 #define LOCAL_INDEX ((int)(get_local_id(1) * LOCAL_X + get_local_id(0)))
 
-// Copies `rows` rows of `row` elements each. In the source, a row begins `stride` elements after the row before it; in
-// the target, the rows are contiguous. All work-items of the group share the work.
+// Copies `rows` rows of `row` elements each. In the source, rows begin `stride` elements apart; in the target, the rows
+// are contiguous. All work-items of the work-group must execute this macro, since they share the work.
 #define STAGE(target, source, rows, row, stride)                                    \
     for (int at = LOCAL_INDEX; at < (rows) * (row); at += LOCAL_X * LOCAL_Y)          \
         (target)[at] = (source)[at / (row) * (stride) + at % (row)];

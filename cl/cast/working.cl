@@ -1,4 +1,4 @@
-// The nine working vectors of a work-item (the paper's "arrays"), 12 bytes per ray each.
+// The numbers of a ray's nine working vectors (the paper's "arrays"). A vector has 12 bytes per ray.
 
 #ifndef WORKING_VECTORS
 #error "WORKING_VECTORS: number of working vectors of a ray"
@@ -7,8 +7,8 @@
 #define RAY_DIRECTION 1
 #define WEIGHTS 2   // barycentric w0, w1, w2 of the nearest hit
 #define POINT 3     // P, the point that the ray hits
-#define NORMAL 4    // n
-#define TO_EYE 5    // w_o
-#define RADIANCE 6  // L_o, the sum over lights
-#define INCOMING 7  // L_i, the light's radiance
-#define TO_LIGHT 8  // w_i
+#define NORMAL 4    // n, the surface's normal at P
+#define TO_EYE 5    // w_o, the direction to the eye
+#define RADIANCE 6  // L_o, the radiance that P reflects to the eye
+#define INCOMING 7  // L_i, the light that arrives at P from one light
+#define TO_LIGHT 8  // w_i, the direction to the light

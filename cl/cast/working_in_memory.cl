@@ -1,12 +1,12 @@
-// The working vectors are an array [9][work-items][3] in the address space WORKING_SPACE. The array is volatile.
-// Otherwise, compilers would keep a vector in registers between a store and its next load, and no access to this memory
-// would be measured.
+// The working vectors are an array [9][work-items][3] of varyings in the address space WORKING_SPACE. The array is
+// volatile. Otherwise, compilers would keep a stored vector in registers and not load it again, and measurements would
+// not include the accesses to this memory.
 
 // With n work-items:   vector 0                          vector 1
 //                      | item 0: x y z | ... | item n-1 | item 0: x y z | ...
 //                        ^ first                          ^ first + stride, for item 0
 typedef struct {
-    volatile WORKING_SPACE varying *first; // this work-item's x of vector 0
+    volatile WORKING_SPACE varying *first; // points to x of this work-item's vector 0
     size_t stride; // number of varyings from one vector to the next; with many work-items, it does not fit into an int
 } Working;
 

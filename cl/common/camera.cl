@@ -1,6 +1,6 @@
 // The pixels and rays of a work-item. The ray through the point (x, y) of the image, in pixels, starts at eye.xyz in
-// the direction corner + x * step_x + y * step_y. The component of this direction along the view direction, its depth,
-// is 1. Pixel centres lie at half-integers. eye.w is z_near: hits at smaller depths are ignored.
+// the direction corner + x * step_x + y * step_y. This direction has depth 1: its component along the view direction is
+// 1. Pixel centres lie at half-integers. eye.w is z_near: hits at this depth or nearer are ignored.
 
 #ifndef CAMERA_PARAMETERS
 #error "CAMERA_PARAMETERS: the parameters eye, corner, step_x and step_y of kernels, with their types"
@@ -8,8 +8,8 @@
 
 typedef struct {
     varying_int x, y;
-    // Set in the lanes whose pixel is in the image and gets a sample. (A work-item's pixels form a block, which may
-    // extend beyond the image's right or lower border.)
+    // The lanes whose pixel is in the image and gets a sample. (A work-item's pixels form a block, which may extend
+    // beyond the image's right or lower border.)
     Mask inside;
 #ifdef SUBPIXELS
     // The position at which the ray passes through its pixel, across and down: 0.5 at the centre. The pixel filter is
@@ -18,8 +18,8 @@ typedef struct {
 #endif
 } Pixels;
 
-// Return the coordinates, in pixels of the image, of the points through which rays pass: the centres of pixels or, with
-// SUBPIXELS, the positions of samples.
+// The column and row, in pixels, of the point of the image through which a ray passes. This point is the centre of the
+// ray's pixel or, with SUBPIXELS, the position of the sample.
 #ifdef SUBPIXELS
 #define RAY_X(pixels) (TO_FLOAT((pixels).x) + (pixels).sample_x)
 #define RAY_Y(pixels) (TO_FLOAT((pixels).y) + (pixels).sample_y)
@@ -28,7 +28,7 @@ typedef struct {
 #define RAY_Y(pixels) (TO_FLOAT((pixels).y) + 0.5f)
 #endif
 
-// Returns the pixels of this work-item's lanes, which form a block. With WIDTH 4 and BLOCK_X 2:
+// Returns the pixels of this work-item's lanes. The pixels form a block. With WIDTH 4 and BLOCK_X 2:
 //     lane  0 1  at  (x, y)      (x + 1, y)
 //           2 3      (x, y + 1)  (x + 1, y + 1)
 // Rays of a block stay close to each other, so that they mostly meet the same triangles and boxes.

@@ -1,4 +1,4 @@
-// The result of a test, and the nearest hit of a traversal.
+// The types of a ray-triangle test's result and of a traversal's nearest hit, and bounds of rounding errors.
 
 #ifndef NO_HIT
 #error "NO_HIT: the number that is stored in place of a triangle's number if a ray hits nothing"
@@ -7,12 +7,12 @@
 
 // The rounding error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
-// The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of
-// their sizes. There are nine roundings: one for each of the two edges (a subtraction), three for a component of their
-// cross product, three for the dot product, and one for the direction. Each rounding adds half a unit in the last place
-// (ROUNDING is one unit), and the sum, 4.5 units, is rounded up to five. A triangle whose determinant is smaller than
-// this error counts as seen edge-on, and is not hit. With a larger bound, rays would miss long, thin triangles that are
-// seen at a grazing angle, like a road from a driver's seat.
+// The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of the
+// three vectors' sizes. There are nine roundings: one for each of the two edges (a subtraction), three for a component
+// of a cross product, three for a dot product, and one for the direction. Each rounding adds half a unit in the last
+// place (ROUNDING is one unit), and the sum, 4.5 units, is rounded up to five. A triangle whose determinant is smaller
+// than this error counts as seen edge-on, and is not hit. With a larger bound, rays would miss long, thin triangles
+// that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
 // Tests that use one plane for the edge that two triangles share let these triangles overlap a little, so that no ray
 // slips through at a vertex. SHARED_EDGE_SLACK is the largest overlap, relative to the product of a triangle's distance

@@ -1,9 +1,9 @@
-// Returns t and the weights of each lane's hit on the triangle with the corner v0 and the edges e1 and e2 from v0. The
-// direction has length 1. The function does not test edges, since the rays are known to hit, and does not set
-// `hit.lanes`. Every strategy with shading = deferred computes t and the weights of its hits again with this function,
-// so that shading does not depend on the test or rasteriser that found a hit. In very thin triangles, rounding can give
-// arbitrary weights. The weights are therefore clamped to the triangle, so that the hit stays on the triangle, and its
-// normal stays between the corners' normals. t is the hit's distance along the ray.
+// Returns each lane's hit on the triangle with the corner v0 and the edges e1 and e2 from v0: the distance t along the
+// ray, and the weights. Directions have length 1. The rays are known to hit, so the function tests no edges, and does
+// not set `hit.lanes`. Every strategy with shading = deferred computes t and the weights of its hits again with this
+// function, so that shading does not depend on the test or rasteriser that found a hit. In very thin triangles,
+// rounding can give arbitrary weights. The weights are therefore clamped to the triangle, so that the hit stays on the
+// triangle, and its normal stays between the corners' normals.
 Hit intersect_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
     // Moeller and Trumbore's solution of origin + t direction = v0 + w1 e1 + w2 e2, by Cramer's rule.
     const Vec3 s = subtract(origin, v0);

@@ -35,7 +35,7 @@ typedef struct {
     uint earlier;                    // number of samples of each pixel that are already in the image
     int bits;                        // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
     int samples;                     // rays that the frame casts for each pixel; the other sub-pixels stay empty
-    const __global float *positions; // the position (x, y) of each of a pixel's rays in the pixel
+    const __global float *positions; // for each ray of a pixel: its position (x, y) in the pixel
     uint tile;                       // where the group's tile begins in the grid of rays: see packed_tile
 #endif
 } Group;
@@ -191,9 +191,9 @@ INLINED int lane_rank(Group *group, uint key, uint among) {
 }
 #endif
 
-// Returns its argument. With inline PTX, the compiler does not know that the result equals the argument. The compiler
-// then computes values that depend on the result again where they are needed, so that they occupy no registers in
-// between.
+// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. The compiler then
+// computes whatever depends on the result again where it is needed, and does not keep it in registers until
+// then.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));

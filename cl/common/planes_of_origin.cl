@@ -22,13 +22,13 @@ Row row_of_nothing() {
 }
 
 // Returns the row (the planes) of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row
-// that is never hit. For a front face, the dot product of the normal and the corner A (relative to the origin) has the
-// sign of `front`. Edges are computed from the stored corners, because corners relative to a distant origin have lost
-// their last digits.
+// that is never hit. `front` is the sign of n . A for front faces: n is the normal, and A a corner relative to the
+// origin. Edges are computed from the stored corners, because corners relative to a distant origin have lost their last
+// digits.
 //
-// The overlap of neighbouring triangles (see SHARED_EDGE_SLACK) is computed in the units of the edges' dot products,
-// and rounded down to a power of two. The planes are divided by this number, so that the overlap becomes 1. The
-// division does not round, because the divisor is a power of two.
+// The overlap of neighbouring triangles (see SHARED_EDGE_SLACK) is computed in the unit of the edge functions, and
+// rounded down to a power of two. The planes are divided by this number, so that the overlap becomes 1. The division
+// does not round, because the divisor is a power of two.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);

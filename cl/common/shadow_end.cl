@@ -8,11 +8,11 @@
 // of at most 2.5e-5 of the light's distance.
 #define MOST_PER_COSINE 50.0f
 
-// Returns the gap between the end of a shadow ray from a light and the hit, relative to the light's distance. Usually,
-// the gap is the bias (`bias_per_distance` is the bias relative to the light's distance), so that the hit's own
-// triangle does not shadow the hit. If the light is distant, rounding moves this triangle by more than the bias; the
-// gap is then the rounding error. `per_cosine` is 1 / cosine of the angle between the ray and the normal. The larger
-// `per_cosine` is, the further rounding moves the point at which the ray meets the triangle.
+// Returns the gap between the end of a shadow ray from a light and the hit, relative to the distance between light and
+// hit. Usually, the gap is the bias, so that the hit's own triangle does not shadow the hit. (`bias_per_distance` is
+// the bias relative to the same distance.) If the light is distant, rounding moves this triangle by more than the bias;
+// the gap is then the rounding error. The larger `per_cosine` is, the further rounding moves the point where the ray
+// meets the triangle. (`per_cosine` is 1 / cosine of the angle between the ray and the normal.)
 varying gap_before_hit(varying bias_per_distance, varying per_cosine) {
     return max(bias_per_distance, ROUNDING_AT_DISTANCE * min(per_cosine, (varying)(MOST_PER_COSINE)));
 }

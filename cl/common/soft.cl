@@ -19,11 +19,12 @@ typedef PASTE(uint, WIDTH) varying_uint;
 
 typedef struct {
     // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and its
-    // reach. (environment.cl shows the floats of a sky that is a picture.) Then follows one radius per light.
+    // reach (see reach_of_sky). (environment.cl shows the floats of a sky that is a picture.) Then follows one radius
+    // per light.
     const __global float *numbers;
-    // A pixel's samples are cast in up to two rounds (src/scene/samples.rs). sample.x is the number, in its round, of
-    // the first sample that this frame casts for each pixel. sample.y is the number of samples per pixel in this round.
-    // If sample.y is 0, the picture is unoccluded: see IS_UNOCCLUDED.
+    // All pixels get a first round of samples; pixels of rough blocks also get a second round. sample.x is the number,
+    // within its round, of the first sample that this frame casts for each pixel. sample.y is the round's number of
+    // samples per pixel. If sample.y is 0, the picture is unoccluded: see IS_UNOCCLUDED.
     uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
@@ -103,7 +104,7 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
-    // Each light or sky has its own order of samples; otherwise the samples of two sources would be correlated.
+    // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
     const varying_uint second = reversed_bits(hashed_bits(reversed, seed_of(source, 1)));
     return vec3(unit_of(reversed_bits(hashed_bits(first, seed_of(source, 2)))),
@@ -112,19 +113,19 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
 }
 
 // Returns the radius of a light, or 0 if the light is treated as a point: in pictures with a single sample per pixel,
-// and in unoccluded pictures. The define SAMPLED is tested, not the number of samples of a round, since a round may
-// have a single sample even if the picture has several samples per pixel.
+// and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round may have a single sample per
+// pixel even if the picture has several.
 float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the centre of the light's ball. The
 // points are uniformly distributed on a sphere in four dimensions, and then projected to three. Seen from a distance,
-// the ball then looks like an evenly bright disc, whatever side it is seen from.
+// from any side, the ball then looks like an evenly bright disc.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
-    // The vector to which `scale` is applied has three of the four coordinates of a point on the unit sphere in four
-    // dimensions.
+    // The argument of `scale` contains three of the four coordinates of a point on the unit sphere in four dimensions.
+    // The factor is the light's radius.
     const varying ring = sqrt(1.0f - u.x);
     return scale(vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), sqrt(u.x) * sinpi(2.0f * u.z)),
                  (varying)(radius_of(soft, light)));
@@ -180,12 +181,12 @@ Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, va
            const Vec3 *direction, varying t_max) {
     const Vec3 q = cross3(*direction, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);
     const varying a = dot3(*e1, q), size = fabs(a);
-    // Weights and t stay multiplied by |a|, the absolute value of the determinant.
+    // The variables w1, w2 and t are the weights and the distance, multiplied by |a|; `a` is the determinant.
     const varying_int sign = sign_bit(a);
     const varying distance = fabs(s.x) + fabs(s.y) + fabs(s.z);
     const varying slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;
     const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(*direction, r), sign);
-    const varying t = flip_sign(dot3(*e2, r), sign); // multiplied by size
+    const varying t = flip_sign(dot3(*e2, r), sign);
     Mask stopped = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
     // A triangle seen edge-on stops nothing.
     stopped &= (size > EDGE_ON_ROUNDING * size1 * size2) & (t > 0.0f) & (t / size < t_max);

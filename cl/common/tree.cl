@@ -1,4 +1,4 @@
-// A tree in the layout of src/accel/wide.rs, and its triangles in leaf order, as in src/accel/triangles.rs.
+// A tree (src/accel/wide.rs defines its layout), and the tree's triangles in leaf order (src/accel/triangles.rs).
 
 #if !defined(NODE_WIDTH) || !defined(NODE_STRIDE) || !defined(STACK_SIZE)
 #error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: words of a node; STACK_SIZE: entries of the stack that the deepest path down the tree can need"

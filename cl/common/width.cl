@@ -55,8 +55,8 @@ typedef union {
 
 #define SELECT(mask, yes, no) ((mask) ? (yes) : (no))
 
-// ANY(mask) returns whether any lane is set. OpenCL's any() is not used: some compilers for CPUs turn it into tens of
-// scalar instructions.
+// ANY(mask) is not 0 if at least one lane is set. OpenCL's any() is not used: some compilers for CPUs turn it into tens
+// of scalar instructions.
 #ifdef __has_builtin
 #if REDUCE_BUILTIN && __has_builtin(__builtin_reduce_or)
 #define HAS_REDUCE_OR
@@ -78,7 +78,7 @@ int or_of_16(int16 m) { return or_of_8(m.lo | m.hi); }
 #define ANY(mask) PASTE(or_of_, WIDTH)(mask)
 #endif
 
-// ALL_NEGATIVE(bits) returns whether every lane has its sign bit set.
+// ALL_NEGATIVE(bits) is 1 if every lane has its sign bit set, else 0.
 #if WIDTH == 1
 #define ALL_NEGATIVE(bits) ((bits) < 0)
 #elif defined(HAS_REDUCE_OR)
@@ -91,8 +91,8 @@ int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
-// sign_bit(a) returns the sign bits of `a`. flip_sign(a, sign) flips the sign of `a` in the lanes in which `sign` has
-// its sign bit set. This has the effect of a multiplication by 1 or -1.
+// sign_bit(a) returns the sign bits of `a`, and 0 in all other bits. flip_sign(a, sign) changes the sign of `a` in the
+// lanes in which `sign` has its sign bit set, like a multiplication by 1 or -1.
 #if WIDTH == 1
 #define AS_INT(a) as_int(a)
 #define AS_FLOAT(a) as_float(a)

@@ -8,7 +8,7 @@
 #define EACH_CHAIN(DO) \
     DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7) DO(8) DO(9) DO(10) DO(11) DO(12) DO(13) DO(14) DO(15)
 
-// This step is a function with vector parameters, since some compilers use their widest registers only for such
+// multiply_add is a function with vector parameters, since some compilers use their widest registers only for such
 // functions.
 vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 

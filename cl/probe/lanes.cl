@@ -1,6 +1,6 @@
-// Tests whether a device supports a set of lane operations. Each lane computes results that the host knows. A wrong
-// result means that the operation does not work on this device. Lane i of group g uses the number (7 i + g) mod 32,
-// which is different in every lane of a group.
+// Tests whether one implementation of the lane operations works on a device. Each lane computes results that the host
+// knows; a wrong result means that the implementation does not work. Lane i of group g uses the number (7 i + g) mod
+// 32, which is different in every lane of a group.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"
@@ -14,8 +14,8 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     GROUP_LOCALS
     __local uint words[LOCAL_Y][GROUP_LANES];
 #if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
-    // A driver may make sub-groups of another size. A group's number, or a lane's, could then be too large for the
-    // arrays, so nothing is written, and the host finds no answers.
+    // A driver may make sub-groups of another size. The number of a group or of a lane could then be too large for the
+    // arrays. In this case, the kernel writes nothing, and the host finds no answers.
     if (get_sub_group_size() != GROUP_LANES) return;
 #endif
     Group group;

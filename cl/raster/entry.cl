@@ -35,13 +35,13 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
 
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
-// A triangle's corner as seen from the eye: `across` and `down` are its distances from the image's corner in pixels,
-// multiplied by its depth. Depths are measured so that the directions through pixels have a depth of 1.
+// A triangle's corner as seen from the eye. `across` and `down` are the corner's column and row in the image, in
+// pixels, multiplied by its depth. The unit of depth is the depth of the directions through pixels.
 typedef struct {
     float across, down, depth;
 } Projected;
 
-// Projects a point, which is relative to the eye.
+// Projects the point `p`, which is relative to the eye.
 Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
@@ -81,7 +81,7 @@ int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Extends the bounds of the pixels to test, so that these bounds include a point on or beyond the near plane.
+// Extends the bounds of the pixels to test, so that they include the point `p`, which is on or beyond the near plane.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);

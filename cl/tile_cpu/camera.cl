@@ -1,15 +1,15 @@
-// A tile of rays from the eye.
+// The rays of a tile from the eye, and the intervals of their directions.
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
 #if SAMPLED
-// Returns the index of each lane's sample among the samples that the frame casts for the lane's pixel. A pixel has
-// 2^bits sub-pixels across and down.
+// Returns the number of each lane's sample among the samples of the lane's pixel in this frame. A pixel has 2^bits
+// sub-pixels across and 2^bits down.
 varying_int sample_of_lane(int bits) {
     // The lowest `bits` bits of a lane's column and row in its vector are the sub-pixel's column and row in the pixel.
     const int last = (1 << bits) - 1;
-    // The index is computed as a sum of products, since one GPU's compiler computes the same expression with `|` and
-    // `<<` wrongly (docs/log.md, 2026-11-27).
+    // The number is a sum of products, since one GPU's compiler computes the same expression with `|` and `<<` wrongly
+    // (docs/log.md, 2026-11-27).
     return (LANE_X & last) + (LANE_Y & last) * (1 << bits);
 }
 #endif
@@ -18,8 +18,8 @@ varying_int sample_of_lane(int bits) {
 // rays per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
-    // A pixel's position is the ray's position in the grid of all rays, divided by the number of sub-pixels across or
-    // down.
+    // A pixel's column and row are those of its ray in the grid of all rays, divided by the number of sub-pixels across
+    // or down.
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
     pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
@@ -30,9 +30,9 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// The positions, in pixels, of the rays of a block (the rays of one vector). `x` and `y` are the coordinates of the
-// first column and row of rays, relative to the block's first pixel. `across` and `down` are the distances from the
-// first to the last column and row.
+// The positions, in pixels, of the rays of one vector, which form a block. `x` and `y` are the positions of the first
+// column and row of rays, relative to the corner of the block's first pixel. `across` and `down` are the distances from
+// the first to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;
@@ -43,7 +43,7 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
     rays.across = (BLOCK_X >> bits) - 1;
     rays.down = (BLOCK_Y >> bits) - 1;
 #if SAMPLED
-    // A pixel's samples may lie anywhere within the width of the pixel filter, so they extend the block.
+    // A sample's position may lie outside its pixel, as far as the pixel filter reaches, so samples extend the block.
     rays.x = least_lane(samples->x), rays.y = least_lane(samples->y);
     rays.across += most_lane(samples->x) - rays.x;
     rays.down += most_lane(samples->y) - rays.y;
@@ -51,8 +51,9 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
     return rays;
 }
 
-// Computes, for each vector of rays, the interval of one component of the directions corner + x step_x + y step_y. The
-// interval is extended by the rounding error. The arguments `x` and `y` are the coordinates of each vector's first ray.
+// Computes, for each vector of rays, the interval of one component (x, y or z) of the directions corner + x step_x + y
+// step_y. The interval is extended by the rounding error. The arguments `x` and `y` are the position of each vector's
+// first ray.
 void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
     // The component is linear in x and y, so its smallest and largest values lie at corners of the block.
@@ -67,8 +68,8 @@ void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays,
     *high = base + (max(across, 0.0f) + max(down, 0.0f)) + rounding;
 }
 
-// Computes the intervals of the tile's directions without computing any ray. Returns the largest absolute value of the
-// directions' components.
+// Computes the intervals of the tile's directions without computing any ray. Returns an upper bound of the absolute
+// values of the directions' components.
 float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
     const BlockRays rays = block_rays(CAST_ARGUMENTS SUBPIXEL_BITS);
     float16 longest = (float16)(0.0f);
@@ -90,7 +91,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
 #endif
-        // Blocks completely outside the image get a reach (largest t) of less than zero, so that they meet no box.
+        // A block completely outside the image gets a reach (largest t) below 0, so that it meets no box.
         slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
     }
     return most_lane(longest);
@@ -110,7 +111,7 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
     return cast;
 }
 
-// Gives every vector that is not in `cast` an empty interval, which overlaps no box, and a reach (largest t) below 0.
+// Gives the vectors that are not in `cast` an empty interval, which overlaps no box, and a reach (largest t) below 0.
 void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
         // Each lane takes the bit of its vector in `cast`.
@@ -133,7 +134,7 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
     EACH_CAST(vector) {
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
         const varying x = RAY_X(pixels), y = RAY_Y(pixels);
-        // Directions have depth 1 (a component of 1 along the view), not length 1.
+        // Directions have depth 1 (a component of 1 along the view direction), not length 1.
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;

@@ -1,5 +1,5 @@
-// A tile of rays with a common origin (the eye, or a light) traverses the tree together. A work-item owns the tile,
-// as VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each vector of the tile.
+// A tile of rays with a common origin (the eye, or a light) traverses the tree together. One work-item owns the tile:
+// VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each vector of the tile.
 //
 // All children of a node are tested together against the interval of the tile's directions. Each child that this
 // interval meets is then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes
@@ -52,12 +52,12 @@
 #endif
 
 // The shears for the watertight test (tile_cpu/intersect/watertight.cl). The rays of a vector are sheared along their
-// common axis k. d is a ray's direction.
+// common axis k; d is a ray's direction.
 typedef struct {
     // x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];
     int axis[VECTORS];      // k, or NO_AXIS
-    float forward[VECTORS]; // 1, or -1 if the rays run against their axis
+    float forward[VECTORS]; // 1, or -1 if the rays run against the axis k
 } Shears;
 
 // The rays of a tile. Distances are stored as 1 / t, which is linear over a triangle, so that the test needs no
@@ -88,10 +88,10 @@ typedef struct {
     Normals normals;
 } SurfaceTree;
 
-// With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. If a frame casts
-// more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, each with room for one ray. A
-// tile keeps its number of rays, so a tile of 512 rays covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel
-// lie closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per ray.
+// If a picture has several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. With
+// more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, each with room for one ray. A tile
+// keeps its number of rays, so a tile of 512 rays covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie
+// closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
 //     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3
@@ -120,7 +120,7 @@ typedef struct {
 #endif
 
 float least_lane(float16 v) {
-    // The two halves of the lanes are compared again and again: 16 lanes become 8, then 4, 2 and 1.
+    // The upper half of the lanes is compared with the lower half, again and again: 16 lanes become 8, then 4, 2 and 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
     const float2 c = min(b.lo, b.hi);

@@ -1,10 +1,10 @@
-// The kernels of a frame that is cast in tiles: one for the whole frame, or one for nearest hits and one for shading.
+// The kernels of a frame that is cast in tiles: one kernel for the frame, or one for nearest hits and one for shading.
 
 // Finds the nearest hits of the rays from the eye, and stores the triangles' indices in leaf order in the bundle (the
-// tile's rays). Returns 1. If no ray of the tile can hit the scene, the function computes no ray and returns 0.
+// tile's rays). Returns 1, or 0 if no ray of the tile can hit the scene; the function then computes no rays.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
-    // First, only intervals of directions are tested, which costs far less than testing all rays of the tile.
+    // First, only the intervals of directions are tested, which costs far less than testing each ray of the tile.
     bundle->longest = slice_camera(CAST_ARGUMENTS eye, corner, step_x, step_y, image_size, &slices);
 #if SAMPLED
     leave_out_others(&slices, samples->cast);
@@ -91,7 +91,7 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
-    // Casts primary rays first, and then, from each light in turn, shadow rays to the hits.
+    // Casts primary rays first. Then casts shadow rays from each light to the hits, one light after another.
     if (find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size))
         shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
     else
@@ -99,8 +99,8 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
 }
 #else
 
-// Returns the index at which the tile's part of `nearest` begins. `nearest` is ordered tile by tile and not by pixels,
-// since only the next pass reads `nearest`.
+// Returns the index at which the tile's part of `nearest` begins. `nearest` is ordered by tiles and not by pixels,
+// since only the next pass reads it.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
 // For every ray from the eye, stores the nearest triangle's index in leaf order, or NO_HIT.
@@ -124,7 +124,7 @@ __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
-    // Computes the rays' directions again, since tile_primary has stored only the triangles.
+    // Computes the rays' directions again, since tile_primary has stored only the indices of the triangles.
     make_camera_rays(CAST_ARGUMENTS &bundle, eye, corner, step_x, step_y, image_size);
     for (int vector = 0; vector < VECTORS; vector++)
         bundle.leaf_index[vector] = vload16(vector, nearest + tile_start());

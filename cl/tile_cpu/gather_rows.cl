@@ -1,12 +1,12 @@
-// Loads rows of floats into columns (vectors): one row for all lanes of a vector, or one row for each lane.
+// Loads rows of floats into columns (vectors): the same row for all lanes of a vector, or one row for each lane.
 
 // INLINED functions take or return columns of values. Inlining keeps these columns in registers.
 #define INLINED static __attribute__((always_inline))
 
-// A row has three parts: a triangle's three corners, or their normals. Each part begins `step` floats after the
+// A row has three parts: a triangle's three corners, or its three normals. Each part begins `step` floats after the
 // previous part. The first three floats of a part are a corner or a normal. The fourth float is a word that is stored
-// beside the corner (see LEAF_ROW), or the first float of the next normal. (The host allocates a row after the last
-// one, so that the last normal has a fourth float, too.)
+// beside the corner (see LEAF_ROW), or the first float of the next normal. (The last normal has a fourth float, too,
+// since the host allocates one more row after the last.)
 //
 //     leaves, step 4:    v0.x v0.y v0.z number v1.x v1.y v1.z material v2.x v2.y v2.z 0
 //     surfaces, step 3:  n0.x n0.y n0.z n1.x n1.y n1.z n2.x n2.y n2.z
@@ -20,7 +20,7 @@ INLINED void spread_row(const __global float *row, int step, varying *column) {
     }
 }
 
-// Loads four floats for each of four lanes, from the lane number `lane` on. `at` has the lanes' offsets in floats.
+// Loads four floats for each of four lanes: `lane` and the next three. `at` has the lanes' offsets in floats.
 #define FOUR_QUADS(from, at, lane)                                                                             \
     (float16)(vload4(0, from + at[lane]), vload4(0, from + at[lane + 1]), vload4(0, from + at[lane + 2]),       \
               vload4(0, from + at[lane + 3]))

@@ -1,8 +1,8 @@
-// The leaves of a tile's traversal.
+// Tests the rays of a tile against the triangles of a leaf.
 
 #if CUTOUTS
-// Returns the lanes of `hits` that hit the surface of a triangle and not a hole. `index` is the triangle's index in
-// leaf order.
+// Returns the lanes of `hits` whose ray hits the surface of a triangle and not a hole. `index` is the triangle's index
+// in leaf order.
 Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, index), leaf_corners(bundle->tree, index),
@@ -15,7 +15,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
 
 #include "tile_cpu/intersect/{intersector}.cl"
 
-// Returns the vectors, among `vectors`, whose rays are all finished.
+// Returns those of `vectors` whose rays are all finished, one bit each.
 uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -25,12 +25,12 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns the vectors in which a ray hit or,
-// with `any`, the vectors whose rays are all finished.
+// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns vectors, one bit each: those in
+// which a ray hit or, with `any`, those whose rays are all finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
-    // At the end of a leaf, fewer than PREPARED triangles may be left: bits from `count` on belong to other leaves or
-    // to the padding.
+    // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to other leaves or to the
+    // padding.
     uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
     uint changed = 0;
     for (; worth; worth &= worth - 1) {
@@ -43,14 +43,15 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
             live &= ~done;
         } else {
             changed |= now;
-            // Normals of hits are prefetched for shading. There is no branch, since the processor could not predict it.
+            // The hit's normals are prefetched for shading. There is no branch, since the processor could not predict
+            // it.
             fetch_normals(&tree->normals, tree->tree.leaves, now ? first + lane : first);
         }
     }
     return changed;
 }
 
-// Tests all of a leaf's triangles against the vectors in `live`, and returns vectors like test_prepared.
+// Tests all of a leaf's triangles against the vectors in `live`. Returns the same vectors as test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

@@ -1,8 +1,9 @@
-// Scattered vectors: vectors of shadow rays whose hits lie far apart, as at the edge between two surfaces. The interval
-// of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against boxes.
+// Scattered vectors are vectors of shadow rays whose hits lie far apart, as at the edge between two surfaces. The
+// interval of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against
+// the boxes.
 
-// Hits are far apart if their distance from each other exceeds this multiple of a block's width at their distance
-// from the eye.
+// The hits of a vector are far apart if their distance from each other exceeds this multiple of the width of the
+// vector's block, measured at the hits' distance from the eye.
 #define SCATTERED 8.0f
 
 // Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.
@@ -29,7 +30,7 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
             distance_squared += away * away;
         }
         // Squares are compared, to avoid a square root. The condition is: apart > SCATTERED * (width of the block at
-        // the distance of the hits).
+        // the hits' distance from the eye).
         const float most = SCATTERED * block_side;
         scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
     }
@@ -42,7 +43,7 @@ varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores which vectors are scattered, and the reciprocals of the components of their directions, for rays_enter.
+// Stores which vectors are scattered, and the reciprocals of their rays' directions, which rays_enter needs.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -53,7 +54,7 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns those of `vectors` that have an unfinished ray which enters a child's box before t = 1 (the hit). All
+// Returns those of `vectors` in which an unfinished ray enters a child's box before t = 1 (the hit), one bit each. All
 // `vectors` must be scattered.
 uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;

@@ -14,7 +14,7 @@ typedef struct {
 #endif
 } Lighting;
 
-// Returns one material, in all lanes.
+// Returns one material, with the same values in all lanes.
 Surface one_material(const __global float *material) {
     Surface surface;
     surface.lambertian = splat(LOAD3(material));
@@ -24,14 +24,14 @@ Surface one_material(const __global float *material) {
     return surface;
 }
 
-// Gathers the materials of a vector's hits. Usually, all hits have the same material.
+// Returns the materials of a vector's hits, one per lane. Usually, all hits have the same material.
 Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
-    // If all hits share a material, one load is enough; otherwise each lane gathers its own.
+    // If all hits share a material, it is loaded once; otherwise each lane loads its own.
     const int first = at.each[LOWEST_BIT(LANE_BITS16(hits))];
     if (!ANY(hits & (at.all != first))) return one_material(lighting->materials + MATERIAL_FLOATS * first);
-    // Lanes without a hit gather the first hit's material, so that every address is valid.
+    // Lanes without a hit load the first hit's material, so that every address is valid.
     at.all = SELECT(hits, at.all, (varying_int)(first));
     Lanes column[MATERIAL_FLOATS];
     for (int lane = 0; lane < WIDTH; lane++)
@@ -51,7 +51,7 @@ typedef struct {
 } Shaded;
 
 // Computes a vector's hits from its rays and the triangles that the rays hit. `corner` and `normal` are columns
-// (vectors) of the triangles' corners and normals: see gather_rows.
+// (vectors) with the triangles' corners and normals, as gather_rows returns them.
 INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
                                     const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
@@ -74,7 +74,7 @@ INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 
 void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
                          int vector, Mask hits, Shaded *shaded) {
     const Vec3 origin = splat(LOAD3((const float *)&eye));
-    // The bundle has the rays' directions with depth 1 (a component of 1 along the view).
+    // The directions in the bundle have depth 1 (a component of 1 along the view direction), not length 1.
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const Vec3 direction = scale(d, 1.0f / sqrt(dot3(d, d)));
     const varying_int index = bundle->leaf_index[vector];
@@ -98,8 +98,8 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
     }
 }
 
-// Computes the rays from a light to a vector of hits, the interval of their directions, and the radiance that reaches
-// the eye if nothing blocks the light. Returns the lanes that the light can reach.
+// Computes the rays from a light to a vector's hits, the interval of their directions, and (in `arriving`) the radiance
+// that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
     const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
@@ -107,7 +107,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying distance = sqrt(squared);
     const varying per_distance = 1.0f / distance;
     const Vec3 to_light = scale(offset, per_distance);
-    // A light behind the surface, or nearer than the bias, contributes nothing.
+    // A light that is behind the surface, or nearer to the hit than the bias, contributes nothing.
     const varying cosine = dot3(to_light, shaded->normal);
     const Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
     if (!ANY(lit)) return lit;
@@ -134,8 +134,8 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Computes a light's rays to the hits of the tile's vectors. Without soft light, the hits are computed for the first
-// light, and stored for the other lights. Returns the vectors with at least one ray.
+// Computes the rays from a light to the hits of the tile's vectors. Without soft light, the hits are computed for the
+// first light, and stored for the other lights. Returns the vectors with at least one ray, one bit each.
 uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting,
                      int light, CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
@@ -168,15 +168,16 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     return open;
 }
 
-// With PREFETCH, STREAM16 stores 16 floats past the caches, since nothing reads the image again before the next sample
-// or the next kernel.
+// With PREFETCH, STREAM16 stores 16 floats without writing them to the caches, since nothing reads the image again
+// before the next sample or the next kernel.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
-// Stores one row of a block: the four pixels of `lanes`, for example s0123. `row` points to the row's first pixel.
+// Stores one row of a block: four pixels, with the lanes `lanes` (such as s0123). `row` points to the row's first
+// pixel.
 #define STORE_PIXELS(lanes, row)                                          \
     STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
@@ -202,13 +203,13 @@ float4 sums_of_squares(float16 v) {
     return across.s0145 + across.s2367;
 }
 
-// Updates a pixel's mean of `earlier` samples by `count` new samples with the given sum.
+// Updates a pixel's mean of `earlier` samples by `count` new samples, whose sum is `sum`.
 void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
     const float per_sample = 1.0f / (float)(earlier + count);
     *mean = earlier ? *mean + (sum - (float)count * *mean) * per_sample : sum * per_sample;
 }
 
-// Adds all samples of a vector's pixels to their means.
+// Adds this frame's samples of a vector's pixels to the pixels' means in the image.
 void store_subpixels(const FrameSamples *samples, __global float4 *restrict image, int2 image_size, float4 background,
                      const Vec3 *sum, const Pixels *pixels, Mask hits) {
     // Sub-pixels without a sample add nothing; samples that hit nothing add the background.
@@ -237,7 +238,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
 #endif
 
 // Stores the radiance of a vector of a tile, like store_radiance. If the block lies inside the image, and the image's
-// width is a multiple of four pixels, stores four pixels of a row at a time.
+// width is a multiple of four pixels, the function stores four pixels of a row at a time.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
                  const Vec3 *sum, const Pixels *pixels, Mask hits) {
 #if SAMPLED
@@ -277,8 +278,8 @@ void store_background(CAST_PARAMETERS __global float4 *restrict image, int2 imag
 #include "tile_cpu/soft.cl"
 #endif
 
-// Shades a tile. For each light, computes the radiance of the tile's hits without shadows, then traverses the tree from
-// the light to find the hits that are in shadow.
+// Shades a tile. For each light, computes the radiance that the tile's hits reflect without shadows. Then traverses the
+// tree from the light to find the hits that are in shadow.
 void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS,
                 int2 image_size, float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -289,7 +290,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         hit |= ANY(bundle->leaf_index[vector] != NO_HIT) ? 1u << vector : 0;
     }
 #if SOFT
-    // Several kinds of light need the hits, so the hits are computed once, before all lights.
+    // Several kinds of light need the hits, so the hits are computed once here, before the loop over lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         find_surface_points(tree, lighting, eye, bundle, vector, bundle->leaf_index[vector] != NO_HIT, shaded + vector);

@@ -1,5 +1,5 @@
-// A single ray of a tile, which traverses the tree alone. Rays to the sky run in all directions, so a packet of such
-// rays would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
+// A single ray of a tile, which traverses the tree alone. Rays to the sky run in all directions, so a packet of them
+// would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
 // triangles of a leaf together.
 
 typedef struct {
@@ -7,8 +7,8 @@ typedef struct {
     float reach;                 // triangles beyond this distance stop nothing
     // The following fields are for the test against boxes. `origin` contains the ray's origin, and `per_direction` the
     // reciprocals of its direction, with the same value in all lanes. For each axis, `near_row` and `far_row` are
-    // offsets in a node, in floats: the sides of the children's boxes at which the ray enters begin at `near_row`, and
-    // those at which it leaves begin at `far_row`. A ray towards smaller x enters a box at the side with the larger x.
+    // offsets in a node, in floats. The sides of the children's boxes at which the ray enters begin at `near_row`; the
+    // sides at which it leaves begin at `far_row`. A ray towards smaller x enters a box at the side with the larger x.
     Children origin[3], per_direction[3];
     int near_row[3], far_row[3];
 } SingleRay;
@@ -41,7 +41,7 @@ uint single_ray_enters(const SingleRay *ray, const __global float *node) {
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns 16 lanes that contain the vectors of eight triangles twice.
+// Returns `v` with its eight lanes twice, in lanes 0 to 7 and in lanes 8 to 15.
 Vec3 in_both_halves(Lanes3 v) { return vec3((float16)(v.x, v.x), (float16)(v.y, v.y), (float16)(v.z, v.z)); }
 
 // Returns which of the eight triangles from `first` on stop the ray, one bit each. Bits 8 to 15 repeat bits 0 to 7.
@@ -80,7 +80,7 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
-        // Bits after the leaf's last triangle belong to triangles of other leaves, or to padding.
+        // In the last step, bits after the leaf's last triangle belong to triangles of other leaves, or to padding.
         const uint own = (1u << min(end - first, TOGETHER)) - 1;
         if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
     }
@@ -108,7 +108,7 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
     return 0;
 }
 
-// Returns the lanes of `wanted` whose ray is stopped before `reach`. Each ray is cast alone.
+// Returns the lanes of `wanted` whose ray a triangle stops before `reach`. Each ray is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *direction);
     const varying numbers[9] = {from->x, from->y, from->z, direction->x, direction->y, direction->z,

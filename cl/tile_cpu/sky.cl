@@ -12,8 +12,8 @@ void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixe
 #endif
 
 // Adds to `sum` the light of the sky that each hit reflects. One ray is cast from each hit. The probability of the
-// ray's direction is proportional to its cosine with the normal, so the light to add is k_L (`lambertian`) times the
-// sky's radiance in this direction.
+// ray's direction is proportional to the direction's cosine with the normal, so the light to add is k_L (`lambertian`)
+// times the sky's radiance in this direction.
 void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size,
              const Shaded *shaded, Vec3 *sum) {
     const float reach = reach_of_sky(&lighting->soft) - lighting->bias;
@@ -22,7 +22,7 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
         if (!ANY(hits)) continue;
         const Shaded *own = shaded + vector;
         if (IS_UNOCCLUDED(&lighting->soft)) {
-            // Unoccluded light needs no ray.
+            // An unoccluded picture gets the sky's mean light, without a ray.
             const Vec3 arriving = multiply(own->surface.lambertian, mean_of_sky(&lighting->soft, own->normal));
             sum[vector] = select3(hits, add(sum[vector], arriving), sum[vector]);
             continue;

@@ -1,23 +1,24 @@
 // Bounds of a tile's rays: intervals of their directions, for the whole tile (a TileInterval) and for each of its
 // vectors (Slices).
 
-// Each end of an interval of reciprocals is moved outwards by this part of its value, which is larger than the relative
-// rounding error of a reciprocal.
+// The ends of an interval of reciprocals are moved outwards by this part of their value, which is larger than the
+// relative rounding error of a reciprocal.
 #define RECIPROCAL_ROUNDING 3e-7f
-// A component of a direction counts as zero if it is smaller than this number.
+// A component of a direction counts as zero if its absolute value is less than this number.
 #define NO_DIRECTION 1e-20f
-// The smallest 1 / t, so that t is finite.
+// The smallest value of 1 / t. It keeps t finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of the components of directions lie between low and high. If directions of both signs occur along an
-// axis, the axis is mixed, and the reciprocals lie below low or above high.
+// The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or
+// components of zero, occur along an axis, the axis is mixed: the reciprocals then lie below low or above high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
 } TileInterval;
 
-// An interval for each vector of rays, with one lane per vector: intervals of directions until finish_slices converts
-// them to intervals of reciprocals, as in a TileInterval. Lanes without rays have the interval from FAR to -FAR.
+// An interval for each vector of rays, with one lane per vector. At first, these are intervals of directions;
+// finish_slices converts them to intervals of reciprocals, as in a TileInterval. Lanes without rays have the interval
+// from FAR to -FAR.
 typedef struct {
     float16 low[3][PARTS], high[3][PARTS];
     float16 reach[PARTS]; // the largest t at which something can be hit
@@ -45,8 +46,8 @@ typedef uint16 ChildWords;
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
-// The boxes of a node's children relative to the origin: the sides at which rays enter and leave, and the smallest t at
-// which a ray enters each child.
+// The boxes of a node's children, relative to the origin: the sides at which rays enter and leave. `entry` is, for each
+// child, the smallest t at which a ray enters the child's box.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;
@@ -57,7 +58,7 @@ typedef struct {
 // half-lines. An end at zero becomes infinity, represented by FAR. Empty intervals (low > high) stay empty.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
-    // The reciprocals of an interval that contains zero (`mixed`) lie below 1 / least or above 1 / most.
+    // If the interval contains zero (`mixed`), the reciprocals lie below 1 / least or above 1 / most.
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
     const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
     const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
@@ -66,7 +67,7 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the minimum and the maximum over a whole tile: first over the parts (one lane per vector), then over the lanes.
+// Finds the minimum and the maximum over a whole tile: over the parts (one lane per vector), then over the lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -81,7 +82,7 @@ TileInterval finish_slices(Slices *slices) {
     for (int axis = 0; axis < 3; axis++) {
         float least, most;
         whole_tile(slices->low[axis], slices->high[axis], &least, &most);
-        // The tile's interval is computed from directions, before the slices are converted to reciprocals.
+        // The tile's interval is computed from the directions, which are still in the slices.
         interval.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
         interval.negative[axis] = !interval.mixed[axis] && most < 0.0f;
         float16 low = (float16)(least), high = (float16)(most);
@@ -113,8 +114,8 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
             // if the origin does not lie between the box's two sides.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
-            // A ray crosses a side at t = side * (1 / d). The ends of the interval of 1 / d give the earliest entry and
-            // the latest exit.
+            // A ray crosses a side at t = side * (1 / d). The earliest entry and the latest exit occur at ends of the
+            // interval of 1 / d.
             entry = max(entry, min(near * interval->low[axis], near * interval->high[axis]));
             leave = min(leave, max(far * interval->low[axis], far * interval->high[axis]) * OUTWARDS);
         }
@@ -142,7 +143,7 @@ uint slices_overlap(const Slices *slices, const TileInterval *interval, const Bo
             entry = max(entry, first);
             leave = min(leave, last);
         }
-        // A vector is also excluded if all its rays have already hit something that is nearer than the box.
+        // A vector is also excluded if all its rays have already hit something nearer than the box.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;
@@ -155,7 +156,7 @@ uint reaching(const Slices *slices, float entry) {
     return bits;
 }
 
-// Returns the largest reach (t at which something can still be hit) of all vectors.
+// Returns the largest reach (the largest t at which something can be hit) of all vectors.
 float furthest(const Slices *slices) {
     float16 most = slices->reach[0];
     for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
@@ -166,11 +167,11 @@ float furthest(const Slices *slices) {
 void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
-        // The smallest 1 / t of a vector belongs to the ray that may still hit the farthest triangle.
+        // A vector's reach is the t of the ray with the smallest 1 / t.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // The lane is selected by comparing indices, so that the slices stay in registers. Access by an address
-            // would move the slices to memory.
+            // The lane is selected by comparing numbers of vectors, so that the slices stay in registers. An access by
+            // index would move the slices to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

@@ -1,10 +1,11 @@
-// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. A vector's 16 rays to a
-// light traverse the tree together, as a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
+// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. The 16 rays of a vector
+// to a light traverse the tree together, as a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
 
-// The bounds of a packet are, for each axis, the interval of the rays' origins, and the interval of the reciprocals of
-// their directions. If rays run in both directions along an axis, the axis is mixed and excludes no box.
+// The bounds of a packet. For each axis: the interval of the rays' origins (low, high), and the interval of the
+// reciprocals of their directions (per_low, per_high). If rays run in both directions along an axis, the axis is mixed
+// and excludes no box.
 typedef struct {
     float low[3], high[3], per_low[3], per_high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
@@ -12,7 +13,7 @@ typedef struct {
 
 // Computes the bounds of a packet's `rays` along one axis.
 void bound_axis(varying origin, varying per_direction, Mask rays, int axis, PacketBounds *bounds) {
-    // Lanes without a wanted ray get values that widen no interval.
+    // Lanes that are not in `rays` get values that widen no interval.
     bounds->low[axis] = least_lane(SELECT(rays, origin, (varying)(FAR)));
     bounds->high[axis] = most_lane(SELECT(rays, origin, (varying)(-FAR)));
     bounds->per_low[axis] = least_lane(SELECT(rays, per_direction, (varying)(FAR)));
@@ -27,8 +28,8 @@ uint packet_enters(const PacketBounds *bounds, const __global float *node, float
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // The interval of origins has two ends. The end that is nearer to the box's near side gives the earliest entry,
-        // and the other end gives the latest exit.
+        // The interval of origins has two ends. A ray from the end that is nearer to the box's near side enters first,
+        // and a ray from the other end leaves last.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -39,7 +40,7 @@ uint packet_enters(const PacketBounds *bounds, const __global float *node, float
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns the lanes of `wanted` whose ray is stopped before t_max.
+// Returns the lanes of `wanted` whose ray a triangle stops before t_max.
 Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(from, direction);
     const float reach = most_lane(SELECT(wanted, t_max, (varying)(-1.0f)));
@@ -53,7 +54,7 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     int waiting = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // All rays test each triangle. A ray that is stopped leaves the packet.
+            // All rays are tested against each triangle. A ray that is stopped leaves the packet.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int index = first; index < end; index++)
                 open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, index), leaf_corners(tree, index), from,
@@ -78,9 +79,9 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     return wanted & !open;
 }
 
-// Computes the radiance that a tile's hits reflect from a light with a radius, and adds it to `sum`. The array `sum`
-// has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures, these
-// points repeat every 4 pixels, across and down.
+// Adds the light of a light with a radius to `sum`: the radiance that a tile's hits reflect from this light. The array
+// `sum` has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures,
+// these points repeat every 4 pixels, across and down.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;
@@ -96,7 +97,7 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         const varying distance = sqrt(squared);
         const Vec3 to_light = scale(offset, 1.0f / distance);
         const varying cosine = dot3(to_light, own->normal);
-        // A light that is behind the surface, or nearer than the bias, needs no ray.
+        // A light that is behind the surface, or nearer to the hit than the bias, needs no ray.
         Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
         if (!ANY(lit)) continue;
         const Vec3 from = along(own->point, (varying)(lighting->bias), to_light);

@@ -5,7 +5,7 @@
 #error "PADDING_ROWS: rows after a tree's last triangle, at least as many as are loaded at once"
 #endif
 
-// Eight vectors x, y, z, one for each of eight triangles.
+// A vector (x, y, z) for each of eight triangles, one triangle per lane.
 typedef struct {
     float8 x, y, z;
 } Lanes3;
@@ -30,9 +30,9 @@ Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
 
 float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
 
-// Loads one corner of eight triangles. After a leaf's last triangle, triangles of other leaves or padding are loaded.
-//
-// In memory, a corner is a float4: x y z and a word w. Separating even and odd lanes twice transposes eight corners:
+// Loads one corner of each of eight triangles. After a leaf's last triangle, triangles of other leaves or padding are
+// loaded. In memory, a corner is a float4: x y z and a word w. Separating even and odd lanes twice transposes eight
+// corners:
 //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
 Lanes3 load_corners(const __global float4 *rows) {
     // A triangle has three float4, one for each corner, so every third float4 is loaded.

@@ -1,26 +1,26 @@
-// The traversal of the tree by a tile.
+// The traversal of the tree by the rays of a tile.
 
-// An entry of the stack: a node or a leaf, the smallest t at which the tile enters its box, and the vectors that visit
-// the node or leaf.
+// An entry of the stack: a node or a leaf (its word), the smallest t at which a ray of the tile enters its box, and the
+// vectors whose rays visit it, one bit each.
 typedef struct {
     uint word;
     float entry;
     uint live;
 } WaitingTile;
 
-// Prefetches the first four cache lines of a child. These lines hold a whole node of eight children, the first rows of
-// a node of 16 children, or the first triangles of a leaf. The child will be visited soon, and the lines are loaded
-// while other children are tested.
+// Prefetches the first four cache lines of a child that will be visited soon. These lines hold a whole node of eight
+// children, the first rows of a node of 16 children, or the first triangles of a leaf. They are loaded while other
+// children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes the children of a node that a vector of `live` meets onto the stack, so that the nearest child is on top. With
-// `any`, the order does not matter. Returns the new number of the stack's entries. The number of pushed children below
-// a child on the stack is the number of pushed children that the tile enters later than this child. An example with
-// three children, entered at t = 5, 2 and 9:
+// Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top, unless
+// `any` is 1 (the order does not matter then). Returns the new number of the stack's entries. To find a child's place,
+// the function counts the pushed children that the tile enters later: these are below the child. An example with three
+// children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
@@ -33,7 +33,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
-        // The intervals of scattered vectors (whose hits lie far apart) are too wide, so each of their rays is tested.
+        // A scattered vector's hits lie far apart. Its intervals are too wide, so each ray of the vector is tested.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
@@ -70,7 +70,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     int waiting = 1;
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // A vector is excluded if all its rays have hit something nearer than `next` since `next` was pushed.
+        // A vector is excluded if all its rays have found hits nearer than `next` since `next` was pushed.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
@@ -78,7 +78,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
-        // Vectors whose shadow rays are all blocked are finished. For other rays, the reach (largest t) is smaller now.
+        // A vector whose shadow rays are all blocked is finished. Other vectors have a smaller reach (largest t) now.
         if (any) open &= ~changed;
         else update_reach(bundle, slices, changed);
     }

@@ -1,11 +1,11 @@
-// A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a
-// group of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node and
-// prepares triangle i of a leaf. The group's stack, and the triangles that its rays have to test, are in __local
-// memory.
+// A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a group
+// of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node, and prepares
+// triangle i of a leaf. The group's stack is in __local memory, and so are the triangles of a leaf that its rays have
+// to test.
 //
-// A pass consists of rays that run mainly along one axis of the scene, say z. Relative to its origin, a ray of the
-// pass then consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the
-// largest 1/z, which is linear in x and y over a triangle. The edge functions are linear too.
+// A pass consists of rays that run mainly along one axis of the scene. Let this axis be z. Relative to the rays'
+// origin, the point of a ray at depth z is (x z, y z, z); x and y are the ray's slopes. Over a triangle, 1/z is a
+// linear function of the slopes x and y, and so are the edge functions. The nearest hit has the largest 1/z.
 
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
@@ -52,14 +52,14 @@
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
-// direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
+// direction's 1-norm. The leader is the ray whose direction determines the axis; its fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to the leader. NEIGHBOURS is then the largest distance of a ray from the
-// leader, as a multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because
-// rays to one surface are not farther apart than this width.
+// A pass may be restricted to rays close to the leader. NEIGHBOURS times the distance between neighbouring rays is then
+// the largest distance of a ray from the leader. NEIGHBOURS is the width of a tile in rays, because rays to one surface
+// are not farther apart.
 #define NEIGHBOURS ((float)TILE_X)
-// The lane in the middle of the 8 x 4 lanes. This lane provides the leader (see ALONG_AXIS) if it still has a ray to
-// cast.
+// The lane in the middle of the 8 x 4 lanes. If this lane still has a ray to cast, it provides the leader (see
+// ALONG_AXIS).
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"
@@ -72,16 +72,16 @@ typedef struct {
     int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
 } RayPacket;
 
-// A lane's rays before they are divided into passes. Directions may have any length; distances t are in units of these
-// lengths. All rays begin at the same 1/t (FAR if they begin at the origin) and end at the same 1/t (0 if they do not
-// end).
+// A lane's rays before they are divided into passes. Directions may have any length; the unit of a ray's t is the
+// length of its direction. All rays begin at the same 1/t (FAR if they begin at the origin) and end at the same 1/t (0
+// if they do not end).
 typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
 } Directions;
 
-// Returns the component of a ray's direction along the axis of a pass. Returns 0 if this component is too small for the
-// ray to join the pass (see ALONG_AXIS).
+// Returns the component of a ray's direction along the axis of a pass, or 0 if this component is too small for the ray
+// to join the pass (see ALONG_AXIS).
 INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
     const float depth = shaft->sign * component(x, y, z, shaft->along);
     return depth > ALONG_AXIS * (fabs(x) + fabs(y) + fabs(z)) ? depth : 0.0f;
@@ -90,12 +90,12 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 #include "tile_gpu/intersect/{intersector}.cl"
 
 // Returns the distance, in slopes (x and y per unit of z), between the leader's ray and the rays of neighbouring lanes.
-// `leader` is the lane whose ray determines the pass's axis. The result is the larger of two distances: to the nearer
-// neighbour in the leader's row, and to the nearer neighbour in the leader's column. If only one of these neighbours
-// has a ray, the result is the distance to this ray; if neither has a ray, the result is FAR. `distance` is the
-// distance of this lane's ray from the leader's ray (FAR without a ray). In a block of 8 x 4 lanes, the index of a
-// neighbour differs by 1 in a row, and by 8 in a column. At an edge of the block, the index wraps around to a more
-// distant lane.
+// `leader` is the lane whose ray determines the pass's axis. `distance` is the distance of this lane's ray from the
+// leader's ray (FAR without a ray). The result is the larger of two distances: to the nearer neighbour in the leader's
+// row, and to the nearer neighbour in the leader's column. If there is no neighbour with a ray in the row (or in the
+// column), only the other distance counts; without both, the result is FAR. In a block of 8 x 4 lanes, the index of a
+// neighbour differs by 1 in a row, and by 8 in a column. At the block's edge, the index wraps around to a more distant
+// lane.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -106,18 +106,19 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Begins a pass: chooses a leader (the ray that determines the pass's axis) and the rays of `todo` that join it, and
-// computes their shaft and packet. With `close`, only rays close to the leader's direction join. Returns this lane's
-// rays in the pass, one bit each. The leader's ray always joins, unless its direction is zero or not a number (NaN).
+// Begins a pass: chooses a leader (the ray that determines the pass's axis), finds the rays of `todo` that join the
+// leader, and computes the shaft and the packet of all rays that join. With `close`, only rays close to the leader's
+// direction join. Returns which of this lane's rays join, one bit each. The leader always joins, unless its direction
+// is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
-    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. The lane in the middle of the
-    // tile is chosen if it still has a ray, because its rays are closest to the other rays. Otherwise, the first lane
-    // that still has a ray is chosen.
+    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass: the lane in the middle of the
+    // tile if it still has a ray, because this lane's rays are closest to the other rays, or else the first lane that
+    // still has a ray.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // `first` has the bit of the leading ray, which is the first remaining ray of the lane `leader`. In every lane,
-    // `own` is the direction of the lane's own ray with this bit.
+    // `first` has a single bit, that of the leading ray in the lane `leader`. In every lane, `own` is the direction of
+    // the lane's own ray with this bit.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 direction = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) direction = uniform3(directions->x[ray], directions->y[ray], directions->z[ray]);
@@ -161,7 +162,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
         high_y = joins ? fmax(high_y, y) : high_y;
         packet->x[ray] = x;
         packet->y[ray] = y;
-        // In a pass, distances are stored as 1 / z, which is 1 / t divided by the z of the direction.
+        // In a pass, a distance is stored as 1 / z: 1 / t divided by the direction's component along the pass's axis.
         packet->nearest[ray] = joins ? directions->per_end * per_depth : FAR;
         packet->ceiling[ray] = fmin(directions->per_begin * per_depth, FAR);
     }

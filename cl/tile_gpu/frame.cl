@@ -2,7 +2,7 @@
 // casts shadow rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays,
 // and shades the hits.
 
-// The tiles of a work-group form a square if possible, so that they read the same part of the tree.
+// The tiles of a work-group form a square if possible, so that the tiles read the same part of the tree.
 #ifndef TILES_ACROSS
 #error "TILES_ACROSS: tiles of a work-group side by side"
 #endif
@@ -51,9 +51,10 @@ INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x 
 INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
 #define TILE_OUTSIDE 0xffffffffu // beyond every grid
 
-// Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only the `rough_count`
-// rough blocks of pixels, and no tile is larger than a block. The host then starts only as many work-groups as these
-// blocks need, and tiles are numbered block by block. For example, a block of 16 x 16 rays has four tiles of 8 x 8:
+// Returns the packed position of the group's own tile, or TILE_OUTSIDE if the group has no tile. If `rough_count` is
+// not 0, tiles cover only the `rough_count` rough blocks of pixels, and no tile is larger than a block. The host then
+// starts only as many work-groups as these blocks need, and tiles are numbered block by block. For example, a block of
+// 16 x 16 rays has four tiles of 8 x 8:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -62,7 +63,7 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
     if (!rough_count) return packed_tile(tile_in_row(group, row));
     const int across = side / TILE_X, tiles = across * (side / TILE_Y);
     const int number = (row * (int)get_num_groups(0) + (int)get_group_id(0)) * LOCAL_Y + group->number;
-    // The last work-groups may have nothing to do.
+    // The last groups may have no tile.
     if (number >= rough_count * tiles) return TILE_OUTSIDE;
     const uint block = rough[number / tiles];
     const int tile = number % tiles;
@@ -108,11 +109,11 @@ typedef struct {
 #endif
 } EyeRay;
 
-// Returns the ray at a position in the grid of the frame's rays. A pixel with enough samples is treated like a pixel
-// outside the image. A sub-pixel for which the frame has no sample is treated in the same way.
+// Returns the ray at a position in the grid of the frame's rays. The ray is not cast (`inside` is 0) if it lies outside
+// the image, if its pixel has enough samples, or if the frame has no sample for its sub-pixel.
 #if SAMPLED
 INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
-    // The lowest bits of a column and a row in the grid are the column and the row in the pixel.
+    // The lowest `bits` bits of a ray's column and row in the grid are its column and row in the pixel.
     const int last = (1 << group->bits) - 1, sample = (at.x & last) | (at.y & last) << group->bits;
     const int2 pixel = at >> group->bits;
     EyeRay ray;
@@ -138,7 +139,7 @@ INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
 #define RAY_AT_Y(ray) ((ray).y + 0.5f)
 #endif
 
-// Returns the position of a lane's ray in its tile, which consists of blocks of 8 x 4 rays.
+// Returns the position of a lane's ray in its tile. The tile consists of blocks of 8 x 4 rays.
 INLINED int2 position_in_tile(Group *group, int ray) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
@@ -163,22 +164,21 @@ INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
 // Returns the index of a ray from the eye in buffers with one element for each ray of the grid.
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
-// Returns a ray's direction. Its component along the view direction is 1, as in camera_ray before the direction is
-// scaled.
+// Returns a ray's direction. It has depth 1 (a component of 1 along the view direction), not length 1.
 INLINED Vec3 direction_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
     const float x = RAY_AT_X(eye_ray), y = RAY_AT_Y(eye_ray);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
                 corner.z + x * step_x.z + y * step_y.z);
 }
 
-// Returns this lane's rays that are inside the image, one bit each.
+// Returns which of this lane's rays are cast, one bit each.
 INLINED uint rays_inside(Group *group, int2 grid) {
     uint inside = 0;
     EACH_RAY(ray) inside |= tile_ray(group, ray, grid).inside ? 1u << ray : 0u;
     return inside;
 }
 
-// Computes the tile's rays from the eye. These rays begin at the near plane and never end.
+// Computes the directions of the tile's rays from the eye. These rays begin at the near plane and never end.
 INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Directions *directions) {
     EACH_RAY(ray) {
         const Vec3 direction = direction_of(corner, step_x, step_y, tile_ray(group, ray, grid));
@@ -189,13 +189,14 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 }
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
-// component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. For the pass's leader (the ray that
-// determines the axis), this component is at least a third of the 1-norm. Rays that remain after a pass can therefore
-// lead no other pass in the same direction. Rays whose direction is not a number (NaN) are in no pass.
+// component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. A pass's leader (the ray that
+// determines the axis) has its largest component, at least a third of the 1-norm, along this axis. A ray that remains
+// after a pass can therefore lead no later pass in the same direction of the same axis. Rays whose direction is not a
+// number (NaN) are in no pass.
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or
-// NO_HIT. Returns this lane's rays that hit, one bit each. `packet.leaf_index` keeps the nearest hits of all passes,
+// NO_HIT. Returns which of this lane's rays hit, one bit each. `packet.leaf_index` keeps the hits of earlier passes,
 // since a pass only changes the hits of its own rays.
 INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 grid, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
@@ -204,8 +205,8 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     RayPacket packet;
     EACH_RAY(ray) packet.leaf_index[ray] = NO_HIT;
     // The loop runs once, unless the tile is so wide that its rays run along several axes. All lanes leave the loop
-    // together, since the functions that the loop calls need the whole group. The loop has a single exit, since PoCL
-    // (OpenCL for CPUs) repeats the code after a loop with barriers for each of its exits.
+    // together, since the functions in the loop need the whole group. The loop has a single exit, since PoCL (OpenCL
+    // for CPUs) duplicates the code after a loop with barriers for each of the loop's exits.
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Directions directions;
         Shaft shaft;

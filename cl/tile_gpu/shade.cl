@@ -1,8 +1,8 @@
-// The end of a round of lights (see shadow.cl). After tiles have cast their shadow rays, the kernels in this file cast
+// The end of a round of lights (see shadow.cl): after tiles have cast their shadow rays, the kernels in this file cast
 // the leftover shadow rays, and shade the hits.
 
-// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. `leftover` is the pixel's word (see
-// shadow.cl), with a bit for each leftover shadow ray. Returns the bits of the rays whose lights reach the pixel.
+// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. `leftover` has a bit for each of these
+// rays (see shadow.cl). Returns the bits of the rays whose lights reach the pixel.
 INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float *surfaces,
                            CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index, const __global float *lights,
                            uint leftover, float bias, __local uint2 *stack) {
@@ -11,8 +11,8 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
 #if SOFT
-        // A ray to a light with a radius, or to the sky, starts at its own hit and needs no planes prepared for the
-        // light.
+        // A ray to a light with a radius, or to the sky, starts at the hit, not at the light, and needs no planes that
+        // were prepared for the light.
         if (lacks_common_origin(sources, light)) {
             const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
             SurfacePoint hit = surface_point_of(tree, surfaces, from_eye, leaf_index);
@@ -50,8 +50,8 @@ INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
 }
 
 #if LEFTOVER_KERNEL
-// Casts the leftover shadow rays. The queue contains each ray from the eye that has leftover shadow rays, once. One
-// group casts all leftover shadow rays of an entry of the queue.
+// Casts the leftover shadow rays. The queue has one entry for each ray from the eye that has leftover shadow rays. One
+// group casts all leftover shadow rays of an entry.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -63,7 +63,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         const uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                            ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x],
                                            lights + LIGHT_FLOATS * first_light, entry.y, bias, stack);
-        // Only this group writes the word of lights of this ray from the eye, so no atomic operation is needed.
+        // Only this group writes the pixel's word of this ray from the eye, so no atomic operation is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFTOVER) | reached;
     }
 }
@@ -128,7 +128,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index,
                          const __global float *lights, uint reached, float4 *sum) {
-    // Only the triangle's index was stored, so the hit is computed again.
+    // Only the triangle's index in leaf order was stored, so the hit is computed again.
     const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
     SurfacePoint surface_point = surface_point_of(tree, surfaces, from_eye, leaf_index);
     surface_point.normal = normalize_or_zero(surface_point.normal);
@@ -155,9 +155,10 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the value before the round, and `sum` the
-// round's sum over the samples of a frame. With several samples per pixel, the image contains the samples' mean. A
-// later round of the frame adds the part of its lights to the same samples.
+// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the value before the round. `sum` is the light
+// of the round, added up over the pixel's samples in this frame. With several samples per pixel, the value is the mean
+// of all samples so far. The first round of a frame adds the frame's samples to this mean; later rounds add light to
+// the same samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -168,8 +169,8 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) : (sum))
 #endif
 
-// Returns the ray from the eye through one sample of a lane's pixel (the pixel number `ray`). `row` is the row of
-// work-groups that contains the tile.
+// Returns the ray from the eye through one sample of a pixel. `ray` is the pixel's number among the lane's pixels.
+// `row` is the row of work-groups that contains the tile.
 INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
 #if SAMPLED
     const int last = (1 << group->bits) - 1;
@@ -180,10 +181,10 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// Shades the nearest hits by the lights of a round that reach them; AFTER_ROUND combines the result with the image. If
-// no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and
-// shade their pixels. The leftover shadow rays are few, but each takes long. Meanwhile, all other work-groups shade the
-// pixels without leftover shadow rays.
+// Shades the nearest hits by those lights of a round that reach the hits; AFTER_ROUND combines the result with the
+// image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these
+// rays and shade their pixels. Leftover shadow rays are few, but each takes long. Meanwhile, all other work-groups
+// shade the pixels without leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -214,7 +215,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
         const int2 grid = GRID_OF(image_size);
         float4 sum[RAYS];
-        uint waiting = 0; // one bit per pixel of this lane: set if it is in the queue, so that another group stores it
+        uint waiting = 0; // one bit per pixel of this lane: set if the pixel is queued; another group then stores it
         int pixels = 0; // number of this lane's pixels that get samples
         EACH_RAY(ray) {
             sum[ray] = (float4)(0.0f);

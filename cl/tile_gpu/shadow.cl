@@ -1,16 +1,16 @@
-// Casts the shadow rays of a round of lights. A round consists of the lights whose shadow rays one run of a kernel
-// casts. The rays run from each light to the hits that face it.
+// Casts the shadow rays of a round of lights: the lights whose shadow rays one run of a kernel casts. Shadow rays run
+// from each light to the hits that face it.
 
 // These two numbers limit the work for one tile and one light: the number of passes, and the number of nodes and leaves
-// that the passes together take from the stack. A pass casts rays that are close to each other. At silhouettes, some
-// rays remain when a limit is reached. The remaining rays are leftover shadow rays, which are later cast one at a time,
-// each by a whole group.
+// that all passes together take from the stack. A pass casts rays that are close to each other. At silhouettes, some
+// rays remain when a limit is reached. These rays are leftover shadow rays: later, whole groups cast them one at a
+// time.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word (the results of its shadow rays) has one bit for each pair of a light of the round and a ray of the
-// lane, ordered by light. The size of the word limits the number of lights per round. A pixel's word consists of every
-// RAYS-th bit of a lane's word, one for each light. Bit 31 of a pixel's word is set if some of the pixel's shadow rays
-// are leftover shadow rays.
+// A lane's word contains the results of the lane's shadow rays: a bit for each pair of a light of the round and a ray
+// of the lane, ordered by light. The size of the word limits the number of lights per round. A pixel's word contains
+// the results for one ray of the lane: every RAYS-th bit of the lane's word, one for each light. Bit 31 of a pixel's
+// word is set if some of the pixel's shadow rays are leftover shadow rays.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
@@ -82,8 +82,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit of a ray from the eye, of which only the point and the normal are valid. These two determine which
-// lights the surface faces, and where the shadow rays from these lights end.
+// Returns the hit of a ray from the eye. Callers may use only the point and the normal: they determine which lights the
+// surface faces, and where the shadow rays from these lights end.
 INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                                               EyeRay eye_ray, int leaf_index) {
 #if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
@@ -92,7 +92,7 @@ INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global f
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
     const Vec3 n0 = load_vec3(normals), n1 = load_vec3(normals + 3), n2 = load_vec3(normals + 6);
     const Vec3 direction = direction_of(corner, step_x, step_y, eye_ray);
-    // `inside` has four dot products: the three weights, which are not divided by their sum yet, and 1 / t.
+    // `inside` has four dot products: 1 / t, and the three weights, which are not yet divided by their sum.
     const float4 inside = along_x * direction.x + along_y * direction.y + along_z * direction.z;
     SurfacePoint surface_point;
     surface_point.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), direction);
@@ -104,8 +104,8 @@ INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global f
 #endif
 }
 
-// Returns 1 if a surface faces a light and is farther from the light than the bias, so that a shadow ray is needed, and
-// 0 otherwise. `offset` points from the hit to the light.
+// Returns 1 if a surface needs a shadow ray to a light, else 0: it must face the light, and its distance from the light
+// must exceed the bias. `offset` points from the hit to the light.
 INLINED int faces(SurfacePoint surface_point, Vec3 offset, float bias) {
     return (dot3(offset, surface_point.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
@@ -147,7 +147,7 @@ INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bia
 #define SOURCE_COUNT(light_count) light_count
 #endif
 
-// Computes the rays from a light to the tile's hits. Returns the hits of `wanted` whose ray must be cast, one bit each.
+// Computes the rays from a light to the tile's hits. Returns the hits of `wanted` that need a ray, one bit each.
 INLINED uint light_directions(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                               int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted,
                               Directions *directions) {
@@ -169,9 +169,9 @@ INLINED uint light_directions(Group *group, const Tree *tree, const __global flo
 }
 
 // Casts the shadow rays from a light to a tile's hits. Returns the rays that nothing blocks, one bit each. `*left`
-// receives the undecided rays, for which the tile did not find out whether something blocks them. For each pass, the
-// rays are computed again, and the indices of the hit triangles are read again. Storing them would take registers
-// during the traversal, and a second pass is rare.
+// receives the undecided rays, for which the tile did not find out whether something blocks them. Each pass computes
+// the rays again, and reads the indices of the hit triangles again. Storing these numbers would take registers during
+// the traversal, and a second pass is rare.
 INLINED uint unblocked(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                        int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -192,7 +192,7 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float *sur
             const int enough = walk(group, tree, &shaft, &packet, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
                 // If something blocks the ray, its `nearest` is FAR. If the budget (of nodes and leaves to visit) was
-                // not enough, all other rays are undecided.
+                // not enough, all rays that nothing has blocked so far are undecided.
                 const int open = HAS(active, ray) && packet.nearest[ray] < FAR;
                 clear |= open && enough ? 1u << ray : 0u;
                 *left |= open && !enough ? 1u << ray : 0u;
@@ -205,29 +205,29 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float *sur
 }
 
 #if SOFT
-// Returns the hits that face a source (a light or the sky), one bit each. Unoccluded light reaches all hits that face
-// its source.
+// Returns the hits that face a source (a light or the sky), one bit each. In unoccluded pictures, all these hits
+// receive the source's light.
 INLINED uint faces_source(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
     const int source = sources->first_light + light;
-    if (source >= sources->light_count) return hits; // the sky is on every side
+    if (source >= sources->light_count) return hits; // every hit faces the sky
     Directions directions;
     return light_directions(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
                             load_vec3(lights + LIGHT_FLOATS * source), bias, hits, &directions);
 }
 #endif
 
-// Adds this lane's pixel to the queue of leftover shadow rays if some shadow rays of the pixel are leftover. `lights`
-// has the bits of their lights. One lane reserves entries of the queue for all lanes of the group.
+// Adds this lane's ray from the eye to the queue if it has leftover shadow rays. `lights` has a bit for the light of
+// each leftover shadow ray. One lane reserves the queue's entries for all lanes of the group.
 INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
                      __global uint *queued) {
     const uint enqueuing = lane_ballot(group, lights != 0);
     // The function continues even if no lane has an entry: with barriers, one compiler failed after an early return
     // here.
     uint first = 0;
-    // One atomic operation per group is enough, since a lane with an entry finds its position in the queue by its rank
-    // among the lanes with entries.
+    // One atomic operation per group is enough: a lane with an entry finds its place in the queue by its rank among the
+    // lanes with entries.
     if (enqueuing && group->lane == 0) first = atomic_add(queued, popcount(enqueuing));
     first = lane_get(group, first, 0);
     if (lights) queue[first + BITS_BEFORE(group, enqueuing)] = (uint2)(index_of(eye_ray, grid), lights);
@@ -240,8 +240,8 @@ typedef struct {
     __global uint *queued; // number of entries in the queue
 } ShadowResults;
 
-// Casts the shadow rays of a round's lights, from `first_light` on. Sets a bit of a pixel's word if the pixel faces the
-// bit's light and nothing blocks this light. Adds leftover shadow rays to the queue.
+// Casts the shadow rays of a round's lights, from `first_light` on. A bit of a pixel's word is set if the pixel's hit
+// faces the bit's light, and nothing blocks this light. Adds leftover shadow rays to the queue.
 INLINED void find_lit(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                       int2 grid, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,

@@ -1,4 +1,4 @@
-// The axes of a pass (see entry.cl), and the box around the slopes (x and y per unit of z) of its rays.
+// The axes of a pass (see entry.cl), and the box around the slopes (x and y per unit of z) of the pass's rays.
 
 // MULTIPLY_ADD computes a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX, fma is as
 // fast, even if FP_FAST_FMAF is not defined.)
@@ -7,7 +7,7 @@
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// An interval of slopes is extended by this number times the largest component of the directions (see `widen`). The
+// `widen` extends an interval of slopes by this number times the largest component of the directions (x, y, 1). The
 // extension is several times the rounding error of the numbers that are compared with the interval.
 #define SLOPE_ROUNDING 1e-6f
 
@@ -41,9 +41,9 @@ typedef struct {
 
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
-// Chooses the axes of a pass so that z is the largest component of `leader`, the direction of one of its rays.
+// Chooses the axes of a pass: z is the axis of the largest component of `leader`, the direction of one of its rays.
 INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
-    // The axes across, down and along are permuted cyclically, so that front faces stay front faces.
+    // The axes across, down and along are permuted cyclically. Non-cyclic permutations would swap front and back faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
     const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
@@ -53,7 +53,7 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
     // These are the offsets of this lane's child in a node of 32 columns (common/tree.cl), for the pass's axes. They
-    // are computed once, so that a load needs only one addition.
+    // are computed once, so that finding an address takes only one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     // Rays that run backwards (towards smaller coordinates) reach a box's high side first.
@@ -88,9 +88,9 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
-// Loads the corners of the triangle at an index in leaf order, and returns 1. If the fourth component of a `float4` is
-// unused, some compilers load the other three components in two pieces, which takes twice as long. The return value
-// therefore depends on the fourth components of all three corners, although it is always 1.
+// Loads the corners of the triangle at an index in leaf order. Returns 1, but by a computation from the fourth
+// components of all three corners: if the fourth component of a `float4` is unused, some compilers load the other three
+// components in two pieces, which takes twice as long.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)index;
     const float4 first = row[0], second = row[1], third = row[2];
@@ -102,8 +102,8 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Unifor
 
 // Returns the largest value of v . (x, y, 1) over the slopes (x, y) of all rays of a shaft.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
-    // A linear function is largest at a corner of the box. For each axis, the larger of the values at both ends of the
-    // interval is taken.
+    // A linear function is largest at a corner of the box. For each axis, the larger of the values at the interval's
+    // two ends is used.
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
     return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
 }
@@ -115,7 +115,7 @@ INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
 
-// A leaf's triangle that a group's rays have to test, in the form in which the intersector's `prepare` stores it.
+// A leaf's triangle that a group's rays have to test. `prepare`, in the intersector's file, fills the numbers.
 typedef struct {
     float4 a, b, c;
 } Candidate;

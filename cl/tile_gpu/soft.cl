@@ -2,8 +2,8 @@
 // shadow rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
-// scene's lights, and `first_light` is the first light of the round (see shadow.cl). In functions, `light` is counted
-// from the first light of the round, and `source` from the first light of the scene.
+// scene's lights, and `first_light` is the first light of the round (see shadow.cl). In functions, `light` is a
+// source's number in the round, and `source` its number in the scene.
 typedef struct {
     Soft soft;
     int light_count, first_light;
@@ -53,8 +53,8 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 direction
     return stopped;
 }
 
-// The ray from a hit to a point of a light or to the sky, as it was chosen for this sample of the pixel: its unit
-// direction and its length.
+// The ray that a pixel's sample casts from the hit to a point of a light, or to the sky: its unit direction and its
+// length.
 typedef struct {
     Vec3 direction;
     float distance;
@@ -88,8 +88,8 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const SurfacePoint *surface_point, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, surface_point);
-    // A light that is nearer than the bias counts as hidden. The sky has no position, so only the direction of the ray
-    // to it is tested.
+    // A light that is nearer than the bias counts as hidden. The sky has no position, so only the direction of its ray
+    // is tested.
     const int faces_it =
         (dot3(sight.direction, surface_point->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
     return faces_it && !is_stopped(group, tree, along(surface_point->point, bias, sight.direction), sight.direction,

@@ -1,4 +1,4 @@
-// The traversal of the tree by a group, with a packet (the rays of a pass: see entry.cl) or with a single ray.
+// Traversals of the tree by a group: with a packet (a lane's rays of a pass: see entry.cl), or with a single ray.
 
 // The result of testing the shaft against this lane's child of a node.
 typedef struct {
@@ -8,7 +8,7 @@ typedef struct {
 } Child;
 
 // Tests whether the shaft meets this lane's child of a node at a z less than `reach`. Because of rounding, the test may
-// report a child that the shaft does not meet, but it never misses a child that the shaft meets.
+// report a child that the shaft misses, but it never overlooks a child that the shaft meets.
 INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // less than 2^32: a tree has at most 2^25 triangles, and far fewer nodes
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
@@ -23,10 +23,9 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Along x, the shaft lies between a low and a high side. At each z, a side lies at its slope times z, so the side's
-    // extreme positions within the child's box are those at z = near and at z = far. The shaft can meet the box only if
-    // the box overlaps the range from the low side's least position to the high side's greatest. The same holds along
-    // y.
+    // Along x, the shaft lies between two sides. Each side's x is its slope times z. Within the child's box, a side is
+    // therefore outermost at z = near or at z = far. The shaft can meet the box only if the box overlaps the range from
+    // the low side's least x to the high side's greatest x. The same holds along y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -46,7 +45,7 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
 //
 //     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
 //
-// If only one child was met, it is visited next, and the stack is unchanged.
+// If the shaft meets only one child, this child is visited next, and the stack is unchanged.
 //
 // If children are not sorted (because any hit is enough), a lane's rank is the number of set bits below the lane's own
 // bit: in the example, lane 1 has rank 0, lane 4 has rank 1, and lane 5 has rank 2.
@@ -70,7 +69,7 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
 
 #if CUTOUTS
 // Returns 1 if a ray hits the surface of a triangle, and 0 if the ray hits a hole. The ray has the slopes x and y, and
-// meets the triangle, whose index in leaf order is `index`.
+// is known to meet the triangle. `index` is the triangle's index in leaf order.
 INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, float x, float y) {
     Corners corners;
     load_corners(shaft, tree, index, &corners.a, &corners.b, &corners.c);
@@ -90,13 +89,13 @@ typedef struct {
 } Candidates;
 
 // Tests the packet against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
-// triangle is finished; otherwise the ray's nearest hit is stored. Returns 1 if any triangle was tested, else 0.
+// triangle is finished; otherwise the hit is stored if it is nearer. Returns 1 if any triangle was tested, else 0.
 INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, uint word, float worst,
                const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);
     Candidate own;
     int wanted = 0;
-    // Each lane prepares one triangle for the whole tile, and finds out whether the shaft meets this triangle at all.
+    // Each lane prepares one triangle for the whole tile, and finds out whether any ray of the shaft may hit it.
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
     const uint tested = lane_ballot(group, wanted);
     lane_sync(group); // all lanes have tested the previous leaf's triangles, which are now overwritten
@@ -132,8 +131,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPa
     return count != 0;
 }
 
-// Returns the smallest 1/z at which a hit matters to any ray of the group: the smallest 1/z of its rays' nearest hits.
-// For a ray that has hit nothing, the 1/z of its end counts (0 for rays from the eye).
+// Returns the smallest 1/z at which a hit matters: the smallest 1/z of the nearest hits of all rays of the group. A ray
+// that has hit nothing counts with the 1/z of its end (0 for rays from the eye).
 INLINED float worst_of(Group *group, const RayPacket *packet) {
     float worst = FAR;
     EACH_RAY(ray) worst = fmin(worst, packet->nearest[ray]);
@@ -151,7 +150,8 @@ INLINED int is_looking(const RayPacket *packet) {
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
 // Walks the tree with a pass's packet, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
-// entry taken from the stack uses up one unit of `budget`. Returns 1 if the budget was enough, else 0.
+// node or leaf that is taken from the stack and visited uses up one unit of `budget`. Returns 1 if the budget was
+// enough, else 0.
 INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {
     float worst = worst_of(group, packet), reach = reach_of(worst);
@@ -169,8 +169,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             reach = reach_of(worst);
         }
         if (met || !going) continue;
-        // Continues with the nearest waiting node or leaf. An entry of the stack that is now behind the nearest hits of
-        // all rays is dropped.
+        // Continues with the topmost node or leaf of the stack that is not behind the nearest hits of all rays. Entries
+        // above it are dropped.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];
@@ -178,16 +178,16 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // A few rays of a tile take long. If the budget is used up, these rays become leftover shadow rays, since it is
-        // faster if a whole group casts each of them.
+        // If the budget is used up, the remaining rays become leftover shadow rays. They are few, but take long, so it
+        // is faster if a whole group casts each of them.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read
     return enough;
 }
 
-// Returns 1 if anything blocks a single ray, else 0. All lanes work on this ray: each lane tests the ray against its
-// own child or triangle.
+// Returns 1 if anything blocks a single ray, else 0. All lanes work on this ray: lane i tests the ray against child i
+// of a node, or against triangle i of a leaf.
 INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);

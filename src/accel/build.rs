@@ -118,7 +118,7 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
-        // Tests keep the first of two hits at the same distance. If two triangles of a leaf lie in the same
+        // Kernels keep the first of two hits at the same distance. If two triangles of a leaf lie in the same
         // place, rays therefore hit the triangle that comes first in the mesh. Triangles in the same place
         // have equal centres, so only `halve` can put them into different leaves.
         work.order.sort_unstable();

@@ -80,7 +80,8 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// A good leaf size for most purposes; the ray tracing library Embree uses it too, at medium build quality.
+    /// A good leaf size for most purposes. The ray tracing library Embree uses the same leaf size at medium
+    /// build quality.
     pub const LEAF_SIZE: usize = 4;
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.

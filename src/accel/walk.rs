@@ -24,7 +24,7 @@ pub struct Walk {
 }
 
 impl WideBvh {
-    /// Returns the closest hit nearer than `reach`. Nearer boxes are visited first.
+    /// Finds the closest hit nearer than `reach`. Nearer boxes are visited first.
     ///
     /// `test(triangle, reach)` returns the distance at which the ray hits a triangle of the mesh. `test` returns
     /// `None` if the ray misses the triangle, or if the distance is not below `reach`. Of several closest hits at the

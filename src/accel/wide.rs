@@ -127,7 +127,7 @@ impl WideBvh {
     /// replaced, the one of largest surface area first. If slots are still unused, smaller children are
     /// replaced in the same order, since testing an unused slot costs as much as testing a used one. Leaves
     /// therefore become as small as the slots allow, but never smaller than the leaves of the binary tree.
-    /// Build the binary tree with the leaf size that is fastest.
+    /// The binary tree should therefore have the leaf size with which rays are cast fastest.
     ///
     /// # Errors
     ///

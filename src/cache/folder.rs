@@ -87,7 +87,7 @@ pub fn why_unusable(folder: &Path) -> Option<&'static str> {
     }
 }
 
-/// Returns the files in a folder; `None` if no such folder exists.
+/// Returns the files in a folder; `None` if `folder` does not exist or is not a folder.
 pub fn files(folder: &Path) -> std::io::Result<Option<ReadDir>> {
     match std::fs::read_dir(folder) {
         Ok(files) => Ok(Some(files)),

@@ -74,8 +74,7 @@ impl Cache {
         self.limit_bytes
     }
 
-    /// Returns true if the cache is in use: it has a folder from which later processes of raycl take what
-    /// this process stores.
+    /// Returns true if the cache has a folder that raycl can use.
     pub fn is_usable(&self) -> bool {
         self.folder.is_some() && self.why_unusable().is_none()
     }
@@ -98,10 +97,10 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry. Returns true if the cache then contains the entry. Stores nothing if another user
-    /// owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also stores
-    /// nothing if the folder cannot be listed, since old entries could then not be removed. If storing fails,
-    /// for example because the disk is full, the next run only takes longer.
+    /// Stores an entry. Returns true if the cache contains the entry afterwards. Stores nothing if another
+    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also
+    /// stores nothing if the folder cannot be listed, since old entries could then not be removed. If storing
+    /// fails, for example because the disk is full, the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);

@@ -154,7 +154,8 @@ fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> 
     })
 }
 
-/// If only one of the two pictures has an alpha channel, gives the other picture an opaque one.
+/// If only one of the two pictures has an alpha channel, adds an alpha channel with the value 1 (opaque) to
+/// the other.
 fn share_alpha(a: &mut Radiance, b: &mut Radiance) {
     if a.coverage.len() != b.coverage.len() {
         for picture in [a, b] {

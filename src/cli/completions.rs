@@ -15,7 +15,7 @@ pub struct Args {
     shell: Shell,
 }
 
-/// The line of the bash script that stores, in `prev`, the word before the one at the cursor.
+/// The line of the bash script that stores the word before the word at the cursor in `prev`.
 const PREVIOUS_WORD: &str = "    prev=\"$3\"\n";
 
 /// Prints the completion script.

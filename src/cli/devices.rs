@@ -187,6 +187,13 @@ mod tests {
     }
 
     #[test]
+    fn global_memory_is_in_gib() {
+        let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        assert_eq!(cpu.limits.global_bytes, 1 << 33);
+        assert_eq!(cells(&cpu)[6], "8.0");
+    }
+
+    #[test]
     fn json_names_units_and_limits() {
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
         let json = serde_json::to_value(listing(&[cpu], [&[], &[]], Some(0))).unwrap();

@@ -11,8 +11,8 @@ pub struct Args {
     /// The folder of raycl's repository
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
-    /// Change no file. List the numbers and the lines of tables in raycl's documents that differ from what
-    /// the stored records yield, and exit with code 1 if there are any
+    /// Change no file; list the numbers and the lines of tables in raycl's documents that differ from the
+    /// stored records. Exit with code 1 if there are any
     #[arg(long)]
     check: bool,
 }

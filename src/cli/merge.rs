@@ -30,9 +30,10 @@ pub struct Args {
     /// begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard: begun (just started; if this
-    /// state lasts, the process was killed when it started), going, hung (no progress within the limit of `raycl run
-    /// --hang-limit`), lost (killed, or its machine is down), or how the process ended
+    /// Merge nothing; print the state of each process that was started to measure a shard. The states are
+    /// begun (just started; if this state lasts, the process was killed when it started), going, hung (no
+    /// progress within the limit of `raycl run --hang-limit`), lost (killed, or its machine is down), and the
+    /// way in which the process ended
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
@@ -78,8 +79,8 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Merges the attempts in the folder `out`, and reads the merged folder. A point's 95% interval depends on
-/// all launches (worker processes), but a process that measured a shard had only the samples of its own
-/// launches. So this function computes the intervals again, from the samples of all launches.
+/// the samples of all launches, but a process that measured a shard had only the samples of its own launches.
+/// So this function computes the intervals again.
 fn merged(out: &Path, devices: &[String]) -> Result<(Merged, Folder)> {
     let merged = merge(out, devices)?;
     let folder = Folder::read(out)?;
@@ -111,8 +112,8 @@ fn counts(merged: &Merged) -> String {
     )
 }
 
-/// Returns an error if points of the experiment are missing or failed. Its help names the commands that measure these
-/// points.
+/// Returns an error if points of the experiment are missing or failed. The error's help names the commands
+/// that measure these points.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")

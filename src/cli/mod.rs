@@ -445,8 +445,8 @@ mod tests {
         assert!(seen > 0, "no example writes into a folder");
     }
 
-    /// The test gives each option a value that is too large for every option. raycl's error message then states the
-    /// option's range, which the help must state too.
+    /// The test gives each option a value that is too large for every option. For an option with a range,
+    /// raycl's error message then states this range. The option's help must state the range too.
     #[test]
     fn the_help_of_an_option_states_its_range() {
         let mut seen = 0;

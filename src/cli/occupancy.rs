@@ -182,6 +182,22 @@ mod tests {
     }
 
     #[test]
+    fn json_has_the_registers_of_a_work_item_and_the_numbers_of_each_local_size() {
+        let sm = multiprocessor("2.0").unwrap();
+        let question = Question { sm, registers: 20, local_bytes: 1000, local_bytes_per_item: 4 };
+        let json = question_json(&question, &[[16, 16]]);
+        assert_eq!(json["compute_capability"], "2.0");
+        assert_eq!(json["registers_per_item"], 20);
+        let (row, expected) = (&json["rows"][0], question.answer([16, 16]));
+        assert_eq!((&row["local_size"], &row["local_bytes"]), (&json!([16, 16]), &json!(2024)));
+        assert_eq!(row["groups"], json!(expected.groups));
+        assert_eq!(row["warps"], json!(expected.warps));
+        assert_eq!(row["threads"], json!(expected.threads));
+        assert_eq!(row["occupancy"], json!(expected.fraction));
+        assert!(row["reason"].is_null(), "{row}");
+    }
+
+    #[test]
     fn local_bytes_an_item_add_to_those_a_group() {
         let sm = multiprocessor("2.0").unwrap();
         let question = Question { sm, registers: 20, local_bytes: 1000, local_bytes_per_item: 108 };

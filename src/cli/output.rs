@@ -67,8 +67,8 @@ fn json_of(value: &impl Serialize) -> Result<String> {
         .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))
 }
 
-/// Returns an empty table with this header. The first `left` columns are left-aligned text, the others
-/// right-aligned numbers.
+/// Returns an empty table with this header. The first `left` columns are left-aligned; all other columns are
+/// right-aligned, for numbers.
 pub fn table(header: &[&str], left: usize) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(header);

@@ -53,8 +53,9 @@ pub struct Args {
 }
 
 /// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the
-/// file of `--out`, if one is given. If a device fails, the rates of the devices before it are printed. These
-/// rates are also written, unless the file exists already: an existing file keeps its earlier rates.
+/// file of `--out`, if one is given. If a device fails, the rates of the devices before it are printed. If
+/// the file of `--out` does not exist yet, these rates are also written to the file; an existing file keeps
+/// its earlier rates.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out FILE");
     let target = args.out.as_ref().map(|path| Target::new(path, choice));
@@ -137,8 +138,8 @@ pub(super) struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// Measures the peak rates in child processes, because the process of `raycl run` itself starts no
-    /// driver. While this process waits for a child process, it calls `observer.waits()`: otherwise, a shard
-    /// that waits for its peak rates would be taken for a shard that hangs.
+    /// driver. While this process waits for a child process, it calls `observer.waits()`. Without these
+    /// calls, `raycl merge --status` would report a shard that waits for its peak rates as hung.
     pub fn measured(&self, observer: &mut dyn Observer, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {

@@ -6,8 +6,8 @@ use crate::record::{Outcome, Record, ms};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::time::{Duration, Instant};
 
-/// A bar with the number of finished steps and the total, the time left, and the current work. A step is one launch
-/// (worker process) of one point.
+/// A bar with the number of finished steps and the total, the time left, and the current work. A step is one
+/// launch of one point.
 pub struct Bar {
     bar: ProgressBar,
 }
@@ -80,17 +80,18 @@ impl Observer for Bar {
     }
 }
 
-/// Prints a line to standard error for every finished point. All points of a group (points that are compared with each
-/// other) are finished at the same time, after the last launch (worker process). So a long time can pass before the
-/// next point is finished. After each minute without a line, a line about the current work is printed.
+/// Prints a line to standard error for every finished point. All points of a group (points that are compared
+/// with each other) are finished at the same time, after the group's last launch. So a long time can pass
+/// before the next point is finished. After each minute without a line, a line about the current work is
+/// printed.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
     done: usize,
     /// Number of points that earlier sessions have finished, as far as this is known.
     earlier: usize,
-    /// Number of steps of all points; a step is one point in one launch (worker process). `taken` is the number of
-    /// finished steps.
+    /// Number of steps of all points; a step is one launch of one point. `taken` is the number of finished
+    /// steps.
     steps: usize,
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then; `None` if no point has begun.
@@ -249,7 +250,8 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// Shows no progress. Only prints lines such as the one that the run waits for another process.
+/// Shows no progress. Prints only the lines that a run prints at once, such as the line which says that the
+/// run waits for another process.
 struct Notes;
 
 impl Observer for Notes {
@@ -259,9 +261,10 @@ impl Observer for Notes {
     fn ends(&mut self) {}
 }
 
-/// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows no progress.
-/// If `verbose` is true, or if standard error cannot show a bar (it is no terminal, or the terminal cannot move its
-/// cursor), the observer prints a line per point. Otherwise it shows a bar.
+/// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows no
+/// progress. If `verbose` is true, the observer prints a line per point. It also does so if standard error
+/// cannot show a bar, because standard error is no terminal or the terminal cannot move its cursor.
+/// Otherwise, the observer shows a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(Notes);

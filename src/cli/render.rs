@@ -16,7 +16,7 @@ use super::choice::whole;
 use super::subject::Subject;
 use super::watch::{Watched, folders, watch};
 use crate::clock::ms_since;
-use crate::device::DeviceInfo;
+use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
 use crate::image::{Radiance, check_target, layer_targets, save, save_layers, save_rgb8, shows_8_bits};
@@ -79,9 +79,10 @@ pub struct Args {
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long as one. A
-    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1; for a bare mesh without lights, 6
-    /// where neighbouring pixels differ and 1 elsewhere; with --plain or --devices, always 1]
+    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long
+    /// as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default:
+    /// 1; for a bare mesh without lights, 6 where neighbouring pixels differ and 1 elsewhere; with --plain or
+    /// --devices, always 1]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring
@@ -175,12 +176,7 @@ fn render(args: &Args) -> Result<()> {
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, mut notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    // The device's lane operations, by which work-items exchange values, need not be tested now if `hurry` may choose
-    // the strategy. The picture is then cast in one of two ways: with the preset hurry::QUICK, which uses no lane
-    // operations, or with a program that an earlier start of raycl has compiled after such a test.
-    if !hurry::may_cast(args, &device.info, &scene, sampling) {
-        device.test_lanes(&sources)?;
-    }
+    test_lanes(args, &mut device, &sources, &scene, sampling)?;
     let fastest = large_mesh::strategy(args, &device.info, args.subject.task(&scene, sampling.most))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).with_sampling(sampling);
     let tree_was_built = tree.is_some();
@@ -207,25 +203,32 @@ fn render(args: &Args) -> Result<()> {
     let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
     notes.extend(last_notes(&scene, sampling.most, verified.as_ref()).chain(keeping_notes));
     timeline.ends("keep");
-    let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
-    let (parts, total_ms) = timeline.into_parts();
     let report = Report {
-        load_ms: times[0],
-        discover_ms: times[1],
-        build_ms: times[2],
-        save_ms: times[3],
-        parts,
-        total_ms,
         frames: args.repeat,
-        host_bytes: prepared.host_bytes,
-        device_bytes: prepared.device_bytes(),
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
         notes: with_wrong_times(notes, &cast, &device.info),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
-    tell(args, &report, &device.info, wrong)
+    tell(args, &report.with_times(timeline), &device.info, wrong)
+}
+
+/// Tests the device's lane operations, by which work-items exchange values. The lane operations are not
+/// tested if `hurry` may choose the strategy. In this case, the picture is cast with the preset
+/// [`hurry::QUICK`], which uses no lane operations, or with a program that an earlier start of raycl compiled
+/// after it had tested the lane operations.
+fn test_lanes(
+    args: &Args,
+    device: &mut Device,
+    sources: &Sources,
+    scene: &Scene,
+    sampling: Sampling,
+) -> Result<()> {
+    if hurry::may_cast(args, &device.info, scene, sampling) {
+        return Ok(());
+    }
+    device.test_lanes(sources)
 }
 
 /// Checks a picture's values and, with `--verify`, compares it with the reference. Returns what the report says about

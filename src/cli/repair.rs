@@ -32,11 +32,11 @@ pub struct Args {
 }
 
 /// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and
-/// records of control points. Of each changed file, a copy of the original stays in the same folder. Files of
-/// other types, such as plan.json, cannot be repaired: if such a file cannot be read, the command says what
-/// to do. If the folder is that of an experiment in shards, the journals of all attempts are repaired too,
-/// except those of attempts that may be running. If an attempt has not reported its end, the repair takes
-/// five seconds, in which the attempt's counter shows whether the attempt is running.
+/// records of control points. A copy of each changed file's original stays in the same folder. Other files,
+/// such as plan.json, cannot be repaired. If one of them cannot be read, the command says what to do. If the
+/// folder is that of an experiment in shards, the journals of all attempts are repaired too, except those of
+/// attempts that may be running. If an attempt has not reported its end, the repair takes five seconds, in
+/// which the attempt's counter shows whether the attempt is running.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }
@@ -51,14 +51,15 @@ struct Findings {
     repaired: Vec<Repaired>,
     /// The errors about other files than journals that cannot be read.
     unreadable: Vec<Error>,
-    /// The folders of attempts that are still running, whose journals were therefore not repaired.
+    /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
 }
 
 impl Findings {
-    /// Repairs the journals of a folder: files to which a run appends lines, such as records.jsonl. If the folder is
-    /// that of an experiment in shards, also repairs the journals of all attempts that are not running. To find these
-    /// attempts, reads the attempts' counters twice; `between` is the time from the first reading to the second.
+    /// Repairs the journals of a folder: files to which a run appends lines, such as records.jsonl. If the
+    /// folder is that of an experiment in shards, also repairs the journals of all attempts that have ended
+    /// or were lost. To find these attempts, reads the attempts' counters twice; `between` is the time from
+    /// the first reading to the second.
     fn of(folder: &Path, between: Duration) -> Result<Self> {
         let has_shards = ShardPlan::read(folder)?.is_some();
         if !has_shards && !existing::is_file(&folder.join(RECORDS))? {
@@ -96,7 +97,7 @@ impl Findings {
     }
 
     /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each
-    /// running attempt.
+    /// attempt that may be running.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());
@@ -108,7 +109,7 @@ impl Findings {
         lines.extend(self.unreadable.iter().map(|error| format!("{error}; {}", error.remedy())));
         lines.extend(lines.is_empty().then(|| "no line is damaged".to_owned()));
         let running = |folder: &PathBuf| {
-            format!("{}: not repaired, since the attempt is still running", folder.display())
+            format!("{}: not repaired, since the attempt may still be running", folder.display())
         };
         lines.extend(self.running.iter().map(running));
         lines.join("\n")
@@ -183,7 +184,7 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].starts_with(&format!("{first}: removed damaged lines: 1, lines kept: 0")), "{text}");
         let folder = second.strip_suffix("/records.jsonl").unwrap();
-        assert_eq!(lines[1..], [format!("{folder}: not repaired, since the attempt is still running")]);
+        assert_eq!(lines[1..], [format!("{folder}: not repaired, since the attempt may still be running")]);
         assert_eq!(
             (&findings.json()["repaired"][0]["file"], &findings.json()["running"][0]),
             (&first.into(), &folder.into())

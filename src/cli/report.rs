@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Unless `quiet` is true, prints how many damaged lines of the folder's journals (files such as
-/// records.jsonl) are left out, and why the folder's peak rates cannot be read, if so.
+/// records.jsonl) are left out. If the folder's peak rates cannot be read, also prints the reason.
 fn tell_damage(folder: &Folder, quiet: bool) {
     if quiet {
         return;

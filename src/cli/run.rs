@@ -363,10 +363,10 @@ fn keep_peak(
     Ok(())
 }
 
-/// Returns a note that names the devices without rates in `peaks`, and the file in which their rates are
-/// missing: the file of `--peak=FILE` or, if `left_out` is not empty, the folder's file. Returns `None` if
-/// there is neither file, or if every device has rates. If `left_out` contains rates of a device with another
-/// driver or in another state, the note states the device's present driver and state.
+/// Returns a note that names the devices without rates in `peaks`. The note also names the file in which
+/// these rates are missing: the file of `--peak=FILE` or, if `left_out` is not empty, the folder's file.
+/// Returns `None` if there is neither file, or if every device has rates. If `left_out` contains rates of a
+/// device with another driver or in another state, the note states the device's present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;
@@ -393,7 +393,7 @@ fn choice(args: &Args) -> Choice {
     Choice::new(args.force, "--out DIR")
 }
 
-/// Returns the number of points and of steps in a run; a step is one point in one launch (worker process).
+/// Returns the number of points and of steps in a run; a step is one launch of one point.
 pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
     let experiment = distinct_scenes(config::load(&args.config, &args.set)?)?;
     let infos = chosen(args, &experiment, devices)?;

@@ -66,9 +66,9 @@ impl Subject {
         [self.width, self.height]
     }
 
-    /// Loads the scene. In three cases, raycl places the camera so that the whole scene is visible: if the scene is a
-    /// bare mesh without a camera, if the scene is a bare mesh and `up` is set, and if an azimuth or an elevation is
-    /// set. If `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
+    /// Loads the scene. raycl places the camera so that the whole scene is visible if an azimuth or an
+    /// elevation is set. For a bare mesh, raycl also does so if the mesh has no camera, or if `up` is set. If
+    /// `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
     /// turntable. If `dressed` is true, a bare mesh without lights gets a ground, soft light and a sky.
     ///
     /// # Errors
@@ -84,8 +84,8 @@ impl Subject {
         Ok(loaded)
     }
 
-    /// Returns the requested strategy. Without `--strategy`, this is `tile` with the requested values of axes: to cast
-    /// a scene with many triangles, raycl then chooses a strategy that needs a tree, as `tile` does.
+    /// Returns the requested strategy. Without `--strategy`, returns `tile` with the requested values of
+    /// axes. Like `tile`, the strategies that raycl chooses for scenes with many triangles need a tree.
     ///
     /// # Errors
     ///

@@ -95,7 +95,7 @@ struct Report {
     /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device time of
     /// these frames; null if there are none.
     rays_per_s: Option<f64>,
-    /// Notes about the scene as it was last read, such as a file that could not be read.
+    /// Notes about the scene from when it was last read, for example that a file could not be read.
     notes: Vec<String>,
 }
 

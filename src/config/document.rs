@@ -1,4 +1,5 @@
-//! The text of a config, with the `--set` values merged into it, and the locations of mistakes in both.
+//! The text of a config, with the `--set` values merged into it, and the locations of mistakes in the text
+//! and in these values.
 
 use std::ops::Range;
 
@@ -40,7 +41,7 @@ pub struct Document {
 /// One `--set` option, as a line of TOML.
 struct Override {
     line: String,
-    /// The start of the line's spans, which lie after those of the file and of earlier overrides.
+    /// The start of the line's spans, which lie after the spans of the file and of earlier overrides.
     start: usize,
 }
 

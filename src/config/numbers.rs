@@ -8,7 +8,8 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns `value` if it is in the range. In the error for any other value, `what` is the name of the value.
+/// Returns `value` if it is in `range`. Otherwise, returns an error at `span`, in which `what` names the
+/// value.
 pub fn whole(
     document: &Document,
     value: i64,
@@ -22,7 +23,8 @@ pub fn whole(
     }
 }
 
-/// Returns the value if it is in the range, or `default` if the config does not set a value.
+/// Returns the number in `value` if it is in `range`, and `default` if the config sets no number. For a
+/// number outside the range, returns an error, in which `what` names the number.
 pub fn real(
     document: &Document,
     value: &Option<Spanned<f64>>,

@@ -63,8 +63,9 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the kind of device that a preset is measured on. Returns `None` for every kind of device: if the
-/// preset is meant for every kind, if the config has `any_kind = true`, or if `--set` names the preset.
+/// Returns the only kind of device on which the preset `name` is measured. Returns `None` if the preset is
+/// measured on every kind of device: if it is meant for every kind, if the config has `any_kind = true`, or
+/// if `--set` names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for

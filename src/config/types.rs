@@ -32,7 +32,8 @@ pub struct Experiment {
     pub image_sizes: Vec<[u32; 2]>,
     /// The strategies to compare; no two names are equal.
     pub strategies: Vec<NamedStrategy>,
-    /// Casters on the host, measured in the same rounds as the kernels.
+    /// Casters on the host. They are measured in the same rounds as the kernels, unless the experiment is
+    /// divided into shards or distributed over several devices.
     pub baselines: Vec<Baseline>,
     /// Limits of a smaller device to imitate.
     pub emulate: Emulate,
@@ -45,8 +46,9 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Returns all names under which the config lists a strategy at a local size. `index` is the strategy's index in
-    /// the list of strategies.
+    /// Returns the elements of `strategies` that have the local size `local_size`, and the same value on
+    /// every axis as the element with the index `index`. There are several such elements if the config lists
+    /// a strategy under several names.
     pub fn names_of(&self, index: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
         let wanted = self.strategies.get(index).map(|named| named.strategy);
         let is_wanted = move |named: &&NamedStrategy| {
@@ -139,7 +141,7 @@ impl SceneChoice {
     ///
     /// # Errors
     ///
-    /// The same as those of [`load_scene_named_in`].
+    /// Returns the errors of [`load_scene_named_in`].
     pub fn load(&self, [width, height]: [u32; 2]) -> Result<Loaded> {
         let aspect = f64::from(width) / f64::from(height);
         let shot = Shot { aspect, most_triangles: self.most_triangles, ..Shot::SQUARE };
@@ -251,20 +253,20 @@ impl fmt::Display for Emulate {
 /// The number of samples of each point, and the time for them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Number of frames that each point casts in a launch (worker process) before the point's first sample. The number
-    /// is smaller if these frames take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch before the point's first sample. The number is
+    /// smaller if these frames take over a tenth of the time limit.
     pub warmup: u32,
-    /// Number of launches: worker processes that measure a group one after another. The group's samples are divided
-    /// among the launches. With one launch, results are only preliminary.
+    /// Number of launches: measurements of a group, each by new worker processes. The group's samples are
+    /// divided among the launches. With one launch, results are only preliminary.
     pub launches: u32,
     /// Smallest number of samples of a point, unless the time is up.
     pub min_samples: u32,
-    /// Largest number of samples of a point. A group stops when its points have this many samples.
+    /// Largest number of samples of a point. Each launch takes an equal part, but usually at least five
+    /// samples.
     pub max_samples: u32,
     /// Limit, in milliseconds, of the time for the samples of a point, averaged over the points of its group.
     pub time_limit_ms: f64,
-    /// Seed for two random orders: that of the groups' launches (worker processes), and that of the points in each
-    /// round.
+    /// Seed of two random orders: that of the groups in a launch, and that of the points in a round.
     pub seed: u64,
     /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
     /// the launch, divided by their mean, is below this value.

@@ -14,7 +14,7 @@ use super::{scenes, strategies, wire};
 use crate::accel::WideBvh;
 use crate::error::{Error, Result, meant};
 
-/// The largest number of launches (worker processes) of a group.
+/// The largest number of launches of a group.
 pub(super) const MOST_LAUNCHES: i64 = 100;
 /// The largest number of samples of a point.
 pub(super) const MOST_SAMPLES: i64 = 1_000_000;

@@ -57,7 +57,8 @@ pub struct Experiment {
     /// Also measure presets on kinds of devices that they are not meant for [default: false].
     #[serde(default)]
     pub any_kind: bool,
-    /// Casters on the host, measured in the same rounds as the kernels.
+    /// Casters on the host. They are measured in the same rounds as the kernels, unless the experiment is
+    /// divided into shards or distributed over several devices.
     #[serde(default)]
     #[schemars(with = "Vec<BaselineName>")]
     pub baselines: Vec<Spanned<String>>,
@@ -106,24 +107,25 @@ pub struct Emulate {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Number of frames that each point casts in a launch (worker process) before the point's first sample
-    /// [default: 2]. The number is smaller if these frames take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch before the point's first sample [default: 2]. The
+    /// number is smaller if these frames take over a tenth of the time limit.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
-    /// Number of launches: worker processes that measure a point at different times [default: 4]. The point's samples
-    /// are divided among the launches. With 1 launch, the 95% intervals are too narrow.
+    /// Number of launches [default: 4]. In each launch, new worker processes measure the points. A point's
+    /// samples are divided among the launches. With 1 launch, the 95% intervals are too narrow.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
     /// Smallest number of samples of a point, unless the time is up [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Largest number of samples of a point [default: 100]. A group stops when its points have this many samples.
+    /// Largest number of samples of a point [default: 100]. Each launch takes an equal part, usually at least
+    /// five.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
     /// Time limit in milliseconds for the samples of a point, averaged over the points of its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
-    /// Seed of two random orders: that of the groups' launches (worker processes), and that of the points in each round
+    /// Seed of two random orders: that of the groups in a launch, and that of the points in a round
     /// [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
@@ -142,7 +144,7 @@ pub enum Size {
 /// A value of an axis: a name or a number.
 pub struct Choice(pub String);
 
-/// One choice or a list of them.
+/// One value of an axis, or a list of values.
 pub enum Choices {
     One(String),
     List(Vec<Spanned<Choice>>),

@@ -24,8 +24,8 @@ pub(super) fn may_be_usable_soon(reason: &str) -> bool {
     !lasting.iter().any(|start| reason.starts_with(start))
 }
 
-/// Returns why a device with this version of OpenCL cannot be used, such as "OpenCL 1.1 A Driver"; `None` if
-/// the device can be used.
+/// Returns why a device with the OpenCL version `version` (such as "OpenCL 1.1 A Driver") cannot be used;
+/// `None` if the device can be used.
 fn unsuitable_version(version: &str) -> Option<String> {
     match numbers_of(version) {
         None => Some(format!("{UNREADABLE}: '{version}'")),
@@ -70,7 +70,7 @@ impl Asked {
             compute_units: self.number(Query::MaxComputeUnits) as u32,
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
             is_cpu,
-            lane_operations: LaneOperations::Barriers, // the caller may replace them by faster ones
+            lane_operations: LaneOperations::Barriers, // the caller may choose faster operations
         }
     }
 

@@ -1,5 +1,6 @@
-//! Finds devices' names as people know them, such as "AMD EPYC 9B45, PoCL" for the device that PoCL calls
-//! "cpu-znver4-AMD EPYC 9B45 96-Core Processor". Files that raycl writes for other programs keep the driver's names.
+//! Derives the names under which people know devices, such as "AMD EPYC 9B45, PoCL" for the device that PoCL
+//! calls "cpu-znver4-AMD EPYC 9B45 96-Core Processor". Files that raycl writes for other programs keep the
+//! driver's names.
 
 use std::collections::HashMap;
 
@@ -20,8 +21,8 @@ pub fn common_name(name: &str) -> String {
     }
 }
 
-/// Returns the common name of a device and, if it differs, the driver's name in brackets. Other devices can have the
-/// same common name.
+/// Returns the common name of a device and, if it differs, the driver's name in brackets, since other devices
+/// can have the same common name.
 pub fn both_names(name: &str) -> String {
     let common = common_name(name);
     if common == name { common } else { format!("{common} ({name})") }

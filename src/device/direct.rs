@@ -123,8 +123,8 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     }
     match status {
         0 => Ok(Program::from(program)),
-        // `noted` stores the error at once: the program is freed before the caller gets the error, and
-        // freeing may panic.
+        // The program is freed before the caller gets the error. If freeing panics, the message of the panic
+        // needs the error, so `noted` stores the error at once.
         _ => Err(CallError {
             status: named(status),
             ..CallError::new(noted(returned("clBuildProgram", status)))

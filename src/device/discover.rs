@@ -32,9 +32,9 @@ pub struct Survey {
 
 impl Survey {
     /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in
-    /// kernel files of the user: a mistake must not stop a command that uses another device. A device on
-    /// which a file causes an error stays untested. If this device is chosen, [`Device::test_lanes`] is
-    /// called again and returns the error.
+    /// kernel files of the user: a mistake must not stop a command that uses another device. If a kernel file
+    /// of the user causes an error on a device, this device stays untested. If this device is chosen,
+    /// [`Device::test_lanes`] is called again and returns the error.
     pub(super) fn test_lanes(&mut self, sources: &Sources) {
         for device in &mut self.devices {
             let _ = device.test_lanes(sources);
@@ -193,8 +193,9 @@ const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
-/// Returns the error if there is no platform; `limit_bytes` is the limit of this process's address space. The loader
-/// silently leaves out drivers that it cannot load, for example because the address space is too small.
+/// Returns the error if there is no platform; `limit_bytes` is the limit of this process's address space, or
+/// `None` if there is no limit. The loader silently leaves out drivers that it cannot load, for example
+/// because the address space is too small.
 fn no_platform(limit_bytes: Option<u64>) -> Error {
     let Some(bytes) = limit_bytes else {
         return Error::run(
@@ -239,8 +240,9 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Assigns a unique label to each device: its name if that is unique, else its name for files (`slug`). Devices with
-/// the same name must already be numbered (by [`number_twins`]).
+/// Assigns a unique label to each device: the device's name if no other device has this name, else the
+/// device's name for files (`slug`). Devices with the same name must already be numbered (by
+/// [`number_twins`]).
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();
     let mut namesakes: HashMap<String, usize> = HashMap::new();

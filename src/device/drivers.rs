@@ -23,7 +23,7 @@ pub fn crash_advice(others: usize) -> &'static str {
     if others > 0 { USE_OTHERS } else { CORRECT_DRIVER }
 }
 
-/// A driver, as loaders find drivers.
+/// What a loader reads to find a driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
     /// An .icd file, which names the driver's library.
@@ -61,9 +61,9 @@ pub fn installed() -> Vec<Driver> {
     drivers_at(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
-/// Returns the drivers that a loader finds in the usual folder. If `named_path` names another folder, an .icd
-/// file or a library, returns only the drivers that it names. An .icd file whose name has no slash is first
-/// searched for in the usual folder.
+/// Returns the drivers that a loader finds in the usual folder. If `named_path` is not `None`, returns
+/// instead the drivers in the folder `named_path`, or the driver that the .icd file or library `named_path`
+/// names. An .icd file whose name has no slash is first searched for in the usual folder.
 fn drivers_at(named_path: Option<&Path>, usual: &Path) -> Vec<Driver> {
     let folder = named_path.unwrap_or(usual);
     if named_path.is_none() || folder.is_dir() {
@@ -130,6 +130,16 @@ mod tests {
         assert_eq!(drivers_at(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         let library = Driver::Library("libone.so.1".into());
         assert_eq!(drivers_at(Some(Path::new("libone.so.1")), folder.path()), [library]);
+    }
+
+    #[test]
+    fn more_than_ten_drivers_keep_their_order() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let libraries: Vec<String> = (0..11).map(|number| format!("lib{number}.so")).collect();
+        let drivers: Vec<Driver> = libraries.iter().cloned().map(Driver::Library).collect();
+        only(&drivers, folder.path()).expect("files");
+        let read = |file: &PathBuf| std::fs::read_to_string(file).expect("a file").trim().to_owned();
+        assert_eq!(icd_files(folder.path()).iter().map(read).collect::<Vec<_>>(), libraries);
     }
 
     #[test]

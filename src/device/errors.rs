@@ -79,7 +79,8 @@ const MOST_LINES: usize = 100;
 const MOST_BYTES: usize = 16 * 1024;
 
 /// Returns a compiler's messages without blank lines. If there are too many lines or bytes, returns only the
-/// first lines, and then the number of the lines that were left out.
+/// first lines, and then the number of the lines that were left out. If the first line alone has too many
+/// bytes, returns the beginning of this line.
 pub fn compiler_log(log: &str) -> String {
     let lines: Vec<_> = log.lines().filter(|line| !line.trim().is_empty()).collect();
     let (mut shown, mut bytes) = (0, 0);

@@ -37,7 +37,7 @@ impl Hardware {
         self.uuid.as_deref().or(self.pci_bus.as_deref())
     }
 
-    /// Queries a device that has these extensions. `ask` returns the bytes of an answer, or `None` if the
+    /// Queries a device with the given `extensions`. `ask` returns the bytes of an answer, or `None` if the
     /// query fails.
     pub fn ask(extensions: &[String], ask: impl Fn(u32) -> Option<Vec<u8>>) -> Self {
         let has = |name: &str| extensions.iter().any(|extension| extension == name);

@@ -50,7 +50,8 @@ fn advice_for(free_bytes: u64, folder: &Path) -> Option<String> {
     })
 }
 
-/// Returns the free space on a folder's disk; `None` if the folder is missing, or if the system reports no disk.
+/// Returns the free bytes on a folder's disk; `None` if the folder is missing, or if the system reports no
+/// disk.
 #[cfg(unix)]
 fn free_bytes(folder: &Path) -> Option<u64> {
     let disk = rustix::fs::statvfs(folder).ok().filter(|disk| disk.f_blocks > 0)?;

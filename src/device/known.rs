@@ -25,12 +25,13 @@ const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 /// The note that is added to the name of an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
-/// Platforms whose drivers list every accelerator of a vendor, with the start of the names under which the system shows
-/// these accelerators. The drivers of other platforms list only devices that the user names (as rusticl does), or list
-/// no platform if they have no device.
+/// Platforms whose drivers list every accelerator of a vendor. Each pair has a part of the platform's name,
+/// and the start of the names under which the system shows these accelerators. The drivers of other platforms
+/// list only devices that the user names (as rusticl does), or list no platform if they have no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
-/// A stored list of devices that may soon change is used for this long. If it were not used at all, every
-/// process would start all drivers and query all devices, even while another process measures.
+/// A stored list of devices is used for this long if the list may soon change. If the stored list were not
+/// used at all, every process would start all drivers and query all devices, even while another process
+/// measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
 /// Linux's file with an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";

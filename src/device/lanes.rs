@@ -177,10 +177,10 @@ fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
         .with_help("correct the file; comments in raycl's cl/common/lanes.cl explain the operations")
 }
 
-/// Returns the implementations that may work, fastest first. Compilers that produce PTX also accept inline PTX.
-/// For a CPU, none is returned: one thread of a CPU executes a whole work-group, and drivers emulate
-/// sub-groups by barriers. Kernels that use such sub-groups in loops crash or hang on PoCL 5.0, although the
-/// test passes on PoCL 5.0.
+/// Returns the implementations that may work, fastest first. Compilers that produce PTX also accept inline
+/// PTX. Returns none if a work-group cannot have as many work-items as the test needs. Also returns none for
+/// a CPU: one thread of a CPU executes a whole work-group, and drivers emulate sub-groups by barriers.
+/// Kernels that use such sub-groups in loops crash or hang on PoCL 5.0, although the test passes on PoCL 5.0.
 fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     if info.limits.is_cpu || info.limits.work_group_size < LANES * GROUPS {
         &[]

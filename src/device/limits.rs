@@ -10,7 +10,7 @@ pub struct DeviceLimits {
     pub local_bytes: u64,
     /// Bytes of `__constant` memory of a kernel.
     pub constant_bytes: u64,
-    /// True if `local_bytes` is not the device's limit, but that of a smaller device that an experiment imitates.
+    /// True if `local_bytes` is the limit of a smaller device that an experiment imitates.
     #[serde(skip)]
     pub local_is_emulated: bool,
     /// True if `constant_bytes` is the limit of a smaller device that an experiment imitates.

@@ -46,7 +46,7 @@ use crate::sources::Sources;
 use crate::words::counted;
 use serde::{Deserialize, Serialize};
 
-/// Returns true if `platform`, a text that begins with a platform's name, is about PoCL.
+/// Returns true if the text `platform` begins with the name of PoCL's platform.
 pub(crate) fn is_pocl(platform: &str) -> bool {
     platform.to_lowercase().starts_with("portable computing language")
 }
@@ -102,7 +102,8 @@ impl DeviceKind {
     }
 }
 
-/// What a device's compiler supports beyond OpenCL C 1.2. Kernels use a built-in only if the compiler supports it.
+/// What a device's compiler supports beyond OpenCL C 1.2. Kernels use a built-in function only if the
+/// compiler supports this function.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Builtins {
     /// `__builtin_reduce_or` on vectors.
@@ -219,7 +220,8 @@ impl DeviceInfo {
         if self.limits.is_cpu { self.twins_before } else { 0 }
     }
 
-    /// Returns a text of everything that affects what the device's driver compiles from a source.
+    /// Returns a text that names everything on which the compiled code of a source depends: the device, its
+    /// driver, and the driver's variables that affect compiled code.
     pub fn compiler(&self) -> String {
         let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
@@ -241,8 +243,8 @@ impl DeviceInfo {
             .join(" | ")
     }
 
-    /// Returns which built-ins kernels may use with the device's compiler. For reductions, the kernel also asks the
-    /// compiler itself (`__has_builtin`).
+    /// Returns which built-in functions kernels may use with the device's compiler. For reductions, the
+    /// kernel also asks the compiler itself (`__has_builtin`).
     pub fn builtins(&self) -> Builtins {
         // Oclgrind's compiler aborts on reductions and on prefetches, and NVIDIA's refuses a prefetch of global memory.
         let simulated = self.platform.to_lowercase().contains("oclgrind");

@@ -58,8 +58,8 @@ pub struct Occupancy {
     pub threads: u64,
     /// Resident warps divided by the largest possible number, 0 to 1.
     pub fraction: f64,
-    /// The limit that prevents more work-groups. If several limits do, this is the first of them in the order
-    /// of [`Limiter`].
+    /// The limit that prevents more work-groups. If several limits prevent this, `limiter` is the first of
+    /// these limits in the order of [`Limiter`].
     pub limiter: Limiter,
 }
 

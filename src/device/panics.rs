@@ -51,9 +51,9 @@ pub fn report_panics() {
 ///
 /// # Errors
 ///
-/// Fails if the crate `ocl` panics in `work`. Other panics go on. If a second object cannot be freed while the first
-/// panic frees objects, Rust aborts the process, and nothing can prevent this. It is also possible that the program has
-/// replaced the hook that the first call of this function sets; then panics of the crate `ocl` go on, too.
+/// Fails if the crate `ocl` panics in `work`. Other panics go on. If a second object cannot be freed while
+/// the first panic frees objects, Rust aborts the process, and nothing can prevent this. If the program has
+/// replaced the hook that the first call of this function sets, panics of the crate `ocl` go on, too.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {
     hide_caught_panics();
     forget_failures();

@@ -26,7 +26,8 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// Starts the time limit if another process handles the exit of this process.
+    /// Starts the time limit if another process handles the exit of this process. Returns `None` if no other
+    /// process does.
     ///
     /// # Errors
     ///

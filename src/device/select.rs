@@ -10,11 +10,12 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// Returns the usable devices that match the patterns, each once, in the order of the patterns. Without patterns,
 /// returns every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or
-/// of a device's name or vendor. A pattern can also be a device's whole name for files (`slug`). If several
-/// devices have the same name, each device's label is its name for files. The case of letters does not
-/// matter. A pattern that matches no usable device is a user error. A mistake in a kernel file of the user is
-/// a user error, too, if a selected device fails the test of its lane operations because of this mistake.
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's
+/// name or version, or a device's name, common name or vendor. A pattern can also be a device's whole name
+/// for files (`slug`). If several devices have the same name, each device's label is its name for files. The
+/// case of letters does not matter. A pattern that matches no usable device is a user error. A mistake in a
+/// kernel file of the user is a user error, too, if a selected device fails the test of its lane operations
+/// because of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
@@ -24,9 +25,9 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
 }
 
 /// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators,
-/// and accelerators before CPUs. Of several devices of the same kind, the device with the most compute units
-/// comes first. Of devices with equally many compute units, the first in `infos` is chosen. Returns `None` if
-/// no device is usable.
+/// accelerators before CPUs, and CPUs before devices of other kinds. Of several devices of the same kind, the
+/// device with the most compute units comes first. Of devices with equally many compute units, the first in
+/// `infos` is chosen. Returns `None` if no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -100,8 +101,8 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
     Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
 }
 
-/// For a pattern that matches no device, returns the most similar word that would match one. Returns `None` if the
-/// pattern is a kind of device, which is not a misspelling.
+/// For a pattern that matches no device, returns the most similar word that would match a device; `None` if
+/// no word is similar. Also returns `None` if the pattern is a kind of device, since a kind is not misspelt.
 fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let pattern = pattern.trim().to_lowercase();
     if KINDS.contains(&pattern.as_str()) {

@@ -15,7 +15,7 @@ const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 /// `COUNTS`: the newer variable, and the older variable.
 const LEAST_COUNTS: [&str; 2] = ["POCL_CPU_MIN_CU_COUNT", "POCL_PTHREAD_MIN_THREADS"];
 
-/// Returns true if the environment variable with this name sets the number of PoCL's threads.
+/// Returns true if `name` is one of the variables in `COUNTS`, which set the number of PoCL's threads.
 pub fn sets_threads(name: &str) -> bool {
     COUNTS.contains(&name)
 }

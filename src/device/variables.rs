@@ -149,19 +149,21 @@ pub fn all() -> Vec<Setting> {
 /// The user's own variables, which were set before raycl set its own variables.
 static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
 
-/// Returns the variables with which a command of the user must be repeated, sorted by name. These are the
-/// variables that the user had set when this function was first called. The first call must be before raycl
-/// sets variables of drivers.
+/// Returns the variables with which a command of the user must be repeated, sorted by name. The function
+/// remembers the variables that are set at its first call. This call must be before raycl sets variables of
+/// drivers.
 pub fn of_user() -> &'static [Setting] {
     OF_USER.get_or_init(|| settings(variables(), is_to_be_repeated))
 }
 
-/// Returns those of a device's variables that raycl itself has set, because the user had not set them.
+/// Returns the variables among `settings`, the variables of a device, that raycl has set because the user had
+/// not set them.
 pub fn set_by_raycl(settings: &[Setting]) -> Vec<Setting> {
     not_of(settings, of_user())
 }
 
-/// Returns those of `settings` that raycl sets and that the user's variables `of_user` do not contain.
+/// Returns the variables among `settings` that raycl sets, unless the user's variables, `of_user`, contain
+/// them.
 fn not_of(settings: &[Setting], of_user: &[Setting]) -> Vec<Setting> {
     let is_own = |setting: &&Setting| is_set_by_raycl(name_of(setting)) && !of_user.contains(*setting);
     settings.iter().filter(is_own).cloned().collect()

@@ -114,8 +114,9 @@ fn shared_path() -> PathBuf {
     temporary.join("raycl-locks")
 }
 
-/// Makes a folder that every user can write to, unless something has its path. The folder gets its name only when every
-/// user can write to it: otherwise, a process that is killed could leave a folder that only one user can write to.
+/// Makes a folder that every user can write to. Does nothing if something exists at `path`. The folder gets
+/// its name only when every user can write to it: otherwise, a process that is killed could leave a folder
+/// that only one user can write to.
 fn make_shared(path: &Path) -> std::io::Result<()> {
     if path.symlink_metadata().is_ok() {
         return Ok(());

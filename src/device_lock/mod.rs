@@ -39,7 +39,7 @@ pub struct Held {
 /// What a process reports while it waits for a lock. A process that waits for another of its own threads
 /// reports only `Still`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Waiting<'a> {
+pub enum LockWait<'a> {
     /// The wait begins, or another process has taken the lock during the wait. The line describes the process that
     /// holds the lock.
     For(&'a str),
@@ -80,13 +80,13 @@ impl Locks {
         Self { folder: Folder::named(folder), wait }
     }
 
-    /// Takes a device's lock as soon as no other process and no other thread holds the lock. If `wait` is false and
-    /// another process holds the lock, returns an error instead of waiting. While waiting, this function calls `tells`.
-    /// An interruption ends the wait.
+    /// Takes a device's lock as soon as no other process and no other thread holds the lock. If `wait` is
+    /// false and another process holds the lock, returns an error instead of waiting. While waiting, this
+    /// function calls `tells`. An interruption ends the wait with an error.
     pub fn take(
         &self,
         device: &LockName,
-        tells: &mut dyn FnMut(Waiting<'_>),
+        tells: &mut dyn FnMut(LockWait<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Held> {
         let claim = self.claim(device, tells, interrupted)?;
@@ -104,7 +104,7 @@ impl Locks {
                 return Err(refused(&holder, device));
             }
             if reported.as_ref() != Some(&holder) {
-                tells(Waiting::For(&format!("waiting for {holder}, which is measuring on {device}")));
+                tells(LockWait::For(&format!("waiting for {holder}, which is measuring on {device}")));
                 reported = Some(holder);
             }
             pause(device, tells, interrupted).map_err(|error| error.with_help(
@@ -118,7 +118,7 @@ impl Locks {
     fn claim(
         &self,
         device: &LockName,
-        tells: &mut dyn FnMut(Waiting<'_>),
+        tells: &mut dyn FnMut(LockWait<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Claim> {
         let file = self.folder.path(device.file());
@@ -148,8 +148,8 @@ impl Locks {
         says: &mut dyn FnMut(&str),
         interrupted: &AtomicBool,
     ) -> Result<Vec<Held>> {
-        let mut tells = |waiting: Waiting<'_>| {
-            if let Waiting::For(line) = waiting {
+        let mut tells = |waiting: LockWait<'_>| {
+            if let LockWait::For(line) = waiting {
                 says(line);
             }
         };
@@ -163,7 +163,7 @@ impl Locks {
     pub fn take_all_telling(
         &self,
         mut devices: Vec<LockName>,
-        tells: &mut dyn FnMut(Waiting<'_>),
+        tells: &mut dyn FnMut(LockWait<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Vec<Held>> {
         devices.sort();
@@ -192,12 +192,12 @@ impl Locks {
 }
 
 /// Waits for a moment for a device's lock. An interruption causes an error.
-fn pause(device: &LockName, tells: &mut dyn FnMut(Waiting<'_>), interrupted: &AtomicBool) -> Result<()> {
+fn pause(device: &LockName, tells: &mut dyn FnMut(LockWait<'_>), interrupted: &AtomicBool) -> Result<()> {
     if interrupted.load(Ordering::Relaxed) {
         return Err(Error::interrupted(format!("raycl was waiting for {device}")));
     }
     std::thread::sleep(LOOK_UP);
-    tells(Waiting::Still);
+    tells(LockWait::Still);
     Ok(())
 }
 
@@ -241,9 +241,9 @@ mod tests {
 
         let mut held = Some(held);
         let mut said = Vec::new();
-        let mut tells = |waiting: Waiting<'_>| match waiting {
-            Waiting::For(line) => said.push(line.to_owned()),
-            Waiting::Still => {
+        let mut tells = |waiting: LockWait<'_>| match waiting {
+            LockWait::For(line) => said.push(line.to_owned()),
+            LockWait::Still => {
                 said.push("still".to_owned());
                 held = None;
             }
@@ -310,8 +310,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let locks = Locks::in_folder(folder.path(), false);
         let mut held = Some(locks.take(&cpu(), &mut |_| {}, &OFF).unwrap());
-        let mut tells = |waiting: Waiting<'_>| {
-            assert_eq!(waiting, Waiting::Still);
+        let mut tells = |waiting: LockWait<'_>| {
+            assert_eq!(waiting, LockWait::Still);
             held = None;
         };
         assert!(locks.take(&cpu(), &mut tells, &OFF).is_ok() && held.is_none());
@@ -338,7 +338,7 @@ mod tests {
                 let folder = folder.path();
                 scope.spawn(move || {
                     let (locks, mut waits) = (Locks::in_folder(folder, false), 0);
-                    let mut tells = |_: Waiting<'_>| {
+                    let mut tells = |_: LockWait<'_>| {
                         waits += 1;
                         assert!(waits < 1200, "the threads wait for each other");
                     };

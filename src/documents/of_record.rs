@@ -20,7 +20,7 @@ pub enum Form {
 pub enum Figure {
     /// A number.
     Number(f64, Form),
-    /// Words.
+    /// A text.
     Words(String),
     /// The reason why there is no figure, such as "infeasible"; empty if no record matches the query.
     Nothing(String),

@@ -107,7 +107,7 @@ impl Page {
         bare += rest;
         for phrase in unrecorded(&bare, &sheet.facts, fences) {
             let records_say =
-                "nothing: no query follows it, and docs/figures.toml does not list it as a fact".to_owned();
+                "nothing: no query follows this number, and docs/figures.toml does not list it as a fact".to_owned();
             self.wrong.push(Difference { line: number, stands: phrase, records_say });
         }
         self.push(&made);
@@ -151,13 +151,15 @@ fn block_length<'a>(lines: impl Iterator<Item = &'a str>) -> Option<usize> {
 }
 
 /// Returns the text before a line's first comment, the comment's text, and the text after the comment.
+/// Returns `None` if the line has no comment.
 fn next_comment(line: &str) -> Option<(&str, &str, &str)> {
     let (before, rest) = line.split_once("<!-- ")?;
     let (comment, after) = rest.split_once(" -->")?;
     Some((before, comment, after))
 }
 
-/// Returns the number at the end of a text. The number may have a decimal point, a minus sign and an exponent.
+/// Returns the number at the end of a text; empty if the text does not end with a number. The number may have
+/// a decimal point, a minus sign and an exponent.
 fn number_at_end(text: &str) -> &str {
     let start = text.trim_end_matches(|c: char| c.is_ascii_digit() || ".-e".contains(c)).len();
     let number = &text[start..];
@@ -253,7 +255,7 @@ mod tests {
     #[test]
     fn what_no_query_answers_stays_and_is_reported() {
         for (text, stands, says) in [
-            ("It took 7 ms.", "7", "nothing: no query follows it"),
+            ("It took 7 ms.", "7", "nothing: no query follows this number"),
             (
                 "It took <!-- published: teapot naive 8x8 --> ms.",
                 "",

@@ -80,13 +80,13 @@ impl<'a> Query<'a> {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
             [one] => {
                 let side = operand(sources, one)?;
-                let few = side.few();
-                (side.value, few)
+                let remark = side.remark();
+                (side.value, remark)
             }
             [] => (Figure::Nothing(String::new()), String::new()),
         };
         Ok(match answered {
-            (Figure::Number(value, form), few) => Figure::Words(self.written(value, form) + &few),
+            (Figure::Number(value, form), remark) => Figure::Words(self.written(value, form) + &remark),
             (other, _) => other,
         })
     }
@@ -112,13 +112,13 @@ struct Side {
 impl Side {
     /// Returns the reason why the median has no 95% interval, such as " (n = 3)". Returns an empty text if
     /// the median has an interval, or if the value is not a median.
-    fn few(&self) -> String {
-        let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
-        few.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
+    fn remark(&self) -> String {
+        let unranked = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
+        unranked.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
     }
 
-    /// Returns the reason why the value cannot be used in a ratio: there is no value, or too few samples.
-    /// Otherwise, returns `None`.
+    /// Returns the reason why the value cannot be used in a ratio: there is no value, or the median has too
+    /// few samples or times of 0. Otherwise, returns `None`.
     fn obstacle(&self) -> Option<String> {
         match &self.value {
             Figure::Nothing(why) => Some(why.clone()),
@@ -302,9 +302,9 @@ mod tests {
             let record = crate::record::fixtures::judged([record]).remove(0);
             Side { value: Figure::Nothing(String::new()), median_of: Some(record) }
         };
-        assert_eq!(side(3).few(), " (n = 3)");
-        assert_eq!(side(5).few(), "");
-        assert_eq!(Side { median_of: None, ..side(3) }.few(), "");
+        assert_eq!(side(3).remark(), " (n = 3)");
+        assert_eq!(side(5).remark(), "");
+        assert_eq!(Side { median_of: None, ..side(3) }.remark(), "");
     }
 
     #[test]
@@ -327,7 +327,7 @@ mod tests {
             let unknown = Figure::Nothing(why.into());
             assert_eq!([quotient(&timed, operand), quotient(operand, &timed)], [unknown.clone(), unknown]);
         }
-        assert_eq!([refused.few(), zero.few()], ["", " (times below the timer's resolution)"]);
+        assert_eq!([refused.remark(), zero.remark()], ["", " (times below the timer's resolution)"]);
     }
 
     #[test]

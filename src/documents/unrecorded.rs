@@ -58,7 +58,8 @@ fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }
 
-/// Returns a line without its code spans. Spans that contain a number with a unit remain.
+/// Returns a line in which the word "code" replaces each code span. Spans that contain a number with a unit
+/// stay, without their backticks.
 fn without_code(line: &str) -> String {
     let part = |(index, part): (usize, &str)| {
         let is_code = index % 2 == 1 && !has_unit(part);

@@ -275,15 +275,16 @@ impl Ahead {
         state.waiting.remove(index)
     }
 
-    /// Returns the index of the first waiting program that the builder `number` may begin to build: more than `number`
-    /// builders with the program's scene fit into memory, and no other process measures on the program's device.
+    /// Returns the index of the first waiting program that the builder `number` may begin to build. More than
+    /// `number` builders with the program's scene must fit into memory, and no other process may be measuring
+    /// on the program's device. Returns `None` if there is no such program.
     fn index_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =
             |order: &Order| number < order.room.builders && self.is_free(state, order.program.job);
         state.waiting.iter().position(may_begin)
     }
 
-    /// Returns true if builders may begin programs on a job's device.
+    /// Returns true if builders may begin to build programs on a job's device.
     fn is_free(&self, state: &State, job: usize) -> bool {
         self.locks.get(job).is_none_or(|lock| state.free.contains(lock))
     }
@@ -308,7 +309,7 @@ impl Ahead {
         locked(&self.state).ordered.len()
     }
 
-    /// Returns true if builders may begin programs on a job's device.
+    /// Returns true if builders may begin to build programs on a job's device.
     #[cfg(test)]
     pub(super) fn may_build_on(&self, job: usize) -> bool {
         self.is_free(&locked(&self.state), job)

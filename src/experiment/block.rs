@@ -44,7 +44,8 @@ type Priced = (f64, Block);
 /// of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// With smaller pieces, control points are measured more often: once in each piece of a group. Smaller pieces
-/// are therefore used only if the shard that takes longest then takes less time, by more than this fraction.
+/// are therefore used only if they shorten the time of the shard that takes longest by more than this
+/// fraction.
 const WORTHWHILE: f64 = 0.05;
 
 /// Cuts groups of comparable points into blocks for this number of shards. Equal arguments always result in equal

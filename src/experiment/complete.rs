@@ -1,4 +1,4 @@
-//! Completes a point's record from its frames.
+//! Completes a point's record from its samples.
 
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, StoppingRule, Summary, median_of, utilization, without_preempted};
@@ -6,21 +6,21 @@ use crate::record::{LaunchEnd, Outcome, Record, significant};
 use crate::sensor::SensorReading;
 use std::collections::BTreeSet;
 
-/// A timed frame: the launch in which it was measured, the moment of its measurement, and its times.
+/// A sample: the launch in which it was taken, the moment at which it was taken, and its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
     /// The launch's number in the folder of results.
     pub launch: u32,
     /// Milliseconds since the launch's rounds began.
     pub at_ms: f64,
-    /// The core-to-core latency around the frame in nanoseconds; `None` if the latency was not measured.
+    /// The core-to-core latency around the sample in nanoseconds; `None` if the latency was not measured.
     pub core_to_core_ns: Option<f64>,
-    /// The frame's times.
+    /// The sample's times, per frame.
     pub times: FrameTimes,
 }
 
 impl Taken {
-    /// Returns the ratio of the frame's processor time to its elapsed time; `None` if the processor time is
+    /// Returns the ratio of the sample's processor time to its elapsed time; `None` if the processor time is
     /// unknown.
     fn utilization(&self) -> Option<f64> {
         utilization(self.times.processor_ms, self.times.host_ms)
@@ -31,9 +31,9 @@ impl Taken {
 /// ended. `points` has the key and the samples of each point. `end_of` returns the stored end of a launch,
 /// which states the number of samples of each point that did not fail in this launch. A launch is incomplete
 /// if a point has fewer than `rule.least()` samples in it, or if the stored end lacks a point. Otherwise, the
-/// launch is complete if the points have exactly the numbers of samples that the stored end states. If
-/// earlier versions of raycl stored no end, or if samples were lost, `rule` decides whether the samples are
-/// enough.
+/// launch is complete if the points have exactly the numbers of samples that the stored end states. If no end
+/// is stored (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the
+/// samples are enough.
 pub fn complete_launches(
     points: &[(&str, &[Taken])],
     end_of: impl Fn(u32) -> Option<LaunchEnd>,
@@ -130,9 +130,10 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     })
 }
 
-/// Computes the rates of a record: rays per second, and tests of rays against triangles per second. If a strategy has
-/// no separate pass for primary rays, the rates of primary rays and of tests are computed from the time of the whole
-/// frame.
+/// Computes the rates of a record: rays per second, and tests of rays against triangles per second. The rate
+/// of tests is only computed for strategies that test every ray against every triangle. If a strategy has no
+/// separate pass for primary rays, the rates of primary rays and of tests are computed from the time of the
+/// whole frame.
 fn rates(record: &mut Record) {
     let pixels = record.pixels();
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };

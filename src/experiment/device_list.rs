@@ -35,8 +35,8 @@ fn failed(why: impl std::fmt::Display) -> Error {
         .with_help(crash_advice(installed().len().saturating_sub(1)))
 }
 
-/// Lists the devices in a child process with these environment variables. Returns `None` if the process sends
-/// a valid answer, and otherwise the reason why it sends none.
+/// Lists the devices in a child process that has the environment variables `variables`. Returns `None` if the
+/// process sends a valid answer, and otherwise the reason why it sends none.
 ///
 /// # Errors
 ///

@@ -30,7 +30,7 @@ pub struct Hashed {
     pub scene: Arc<Scene>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub notes: Vec<String>,
-    /// [`Scene::content_hash`].
+    /// The scene's hash ([`Scene::content_hash`]).
     pub hash: String,
     /// The image size for whose shape raycl placed the camera; `None` if the camera suits images of all shapes.
     pub framed_for: Option<[u32; 2]>,
@@ -152,8 +152,8 @@ impl Drafter<'_> {
     }
 }
 
-/// Returns a record that only identifies a scene: by its name, its content, its file, and the values that the config
-/// sets in the file.
+/// Returns a record that only identifies a scene: by its name, the hash of its content, its file, and the
+/// values that the config sets in the file.
 pub(super) fn of_scene(chosen: &SceneChoice, at: &Hashed) -> Record {
     let value = |set: &Setting| format!("{} = {}", set.path, set.value);
     Record {
@@ -286,7 +286,7 @@ mod tests {
         let dropped = Arc::downgrade(&scene);
         drop(scene);
         assert!(dropped.upgrade().is_some(), "the scene is still held");
-        // The other scene cannot be loaded. The first one was dropped nevertheless, since it was dropped before.
+        // The second scene cannot be loaded. The first scene was dropped before the attempt.
         let missing = Point { scene: 1, ..first };
         assert!(held.of(&experiment, &missing).is_err());
         assert!(dropped.upgrade().is_none() && !held.is_of(&first));

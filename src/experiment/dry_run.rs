@@ -49,8 +49,8 @@ pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     Ok(points.into_iter().flatten().map(forecast).collect())
 }
 
-/// Returns the bytes that a point needs, and why the point does not fit, if it does not. Returns `None` for a caster on
-/// the host.
+/// Returns the bytes that a point needs, and the reason why the point does not fit (`None` if it fits).
+/// Returns `None` instead of both for a caster on the host.
 fn needs_of(
     pending: &PendingPoint,
     run: &Run<'_>,

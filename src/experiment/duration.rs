@@ -104,7 +104,9 @@ impl Run<'_> {
 
     /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
     /// comparable points. A point's time comes from an `earlier` record. If there is no such record, the time
-    /// is estimated from the amount of computation. Each cost states the index of its point in the plan.
+    /// is estimated from the amount of computation. A point without a record whose preset is meant for
+    /// another kind of device is skipped, so it costs only the start of a worker. Each cost states the index
+    /// of its point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = self.plan_of_one_device();
         let earlier = ByName::of(earlier);
@@ -173,9 +175,9 @@ impl Run<'_> {
     }
 
     /// Returns the longest time, in milliseconds, that a group may need beyond `group_ms` for this many
-    /// launches. In this case, all launches of the group are replaced, and every launch takes more rounds and
-    /// waits during its rounds. (Each launch may also wait for one second before its first round. This second
-    /// is not included.)
+    /// launches. In the worst case, all launches of the group are replaced, and every launch takes more
+    /// rounds and waits during its rounds. The second that each launch may wait before its first round is not
+    /// included.
     fn most_additional_ms(&self, points: &[Known], launches: usize) -> f64 {
         let replaced = most_additional(self.launches());
         let most_rounds = f64::from(MOST_ROUNDS);
@@ -183,7 +185,8 @@ impl Run<'_> {
         replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
     }
 
-    /// Returns the time for a launch of a group in which pictures are not compared with the reference.
+    /// Returns the time, in milliseconds, for a launch of a group in which pictures are not compared with the
+    /// reference.
     fn launch_ms(&self, points: &[Known]) -> f64 {
         if points.is_empty() {
             return 0.0;
@@ -197,7 +200,7 @@ impl Run<'_> {
         START_MS + sum(&warm) + self.rounds_ms(points) + sum(&|point| point.check_ms[0])
     }
 
-    /// Returns the time for the rounds of a launch in which all samples count.
+    /// Returns the time, in milliseconds, for the rounds of a launch in which all samples count.
     fn rounds_ms(&self, points: &[Known]) -> f64 {
         let rule = self.stopping_rule();
         let round_ms = points.iter().map(|point| point.sample_ms).sum::<f64>();

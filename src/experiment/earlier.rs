@@ -11,8 +11,8 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The results of earlier attempts. The results consist of one record of each point that has a record, and of
-/// the data of every launch in which an unfinished point was measured.
+/// The results of earlier attempts. The results are at most one record per point, and the data of every
+/// launch in which an unfinished point was measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest

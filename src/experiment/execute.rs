@@ -62,8 +62,8 @@ impl Run<'_> {
         let own = || groups.iter().flatten().filter(|pending| !pending.record.is_control);
         results.plan(&CurrentPlan::of(own().map(|pending| &pending.record)))?;
         let count = own().map(|pending| &pending.record.key).collect::<HashSet<_>>().len();
-        let mut missing = Missing { taken: self.done(own(), results.past()) };
-        let done = missing.taken.len();
+        let mut unrecorded = Unrecorded { taken: self.done(own(), results.past()) };
+        let done = unrecorded.taken.len();
         let launches = self.launches();
         let controls = groups.iter().flatten().filter(|pending| pending.record.is_control).count();
         observer.begins(count, (count + controls) * launches);
@@ -72,7 +72,7 @@ impl Run<'_> {
         let mut sink = FolderSink { results, observer, names, done };
         let groups: Result<Vec<_>> = groups
             .into_iter()
-            .map(|group| pass_over(missing.of(group), launches, &mut sink).map(OpenGroup::new))
+            .map(|group| pass_over(unrecorded.of(group), launches, &mut sink).map(OpenGroup::new))
             .collect();
         let end = groups.and_then(|groups| {
             if let Some(ahead) = self.ahead.filter(|_| self.builds_while_timing()) {
@@ -117,12 +117,12 @@ impl Run<'_> {
         points.filter(is_done).map(|pending| pending.record.key.clone()).collect()
     }
 
-    /// Returns true if `record` is a record of the point because of which the point is not measured again. If
-    /// the run retries failed points, it measures two kinds of points again: points that failed, and points
-    /// that did not fit only because too little memory was free. Every run measures a point again in three
-    /// cases. First, the point was skipped, since its preset is meant for another kind of device, but this
-    /// run should measure the point. Second, the point exceeded a limit of the device in an earlier session,
-    /// but fits now. Third, a device other than the point's own measured the point.
+    /// Returns true if `record`, an earlier record of the point, makes another measurement of the point
+    /// unnecessary. If the run retries failed points, it measures two kinds of points again: points that
+    /// failed, and points that did not fit only because too little memory was free. Every run measures a
+    /// point again in three cases. First, the point was skipped, since its preset is meant for another kind
+    /// of device, but this run should measure the point. Second, the point exceeded a limit of the device in
+    /// an earlier session, but fits now. Third, a device other than the point's own measured the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);
@@ -141,12 +141,12 @@ impl Run<'_> {
 
 /// Finds the points that have no record yet. If several points of the plan have the same key, only one of
 /// these points is measured.
-struct Missing {
+struct Unrecorded {
     /// The keys of the points that have a record, and of the points that [`Self::of`] has already returned.
     taken: HashSet<String>,
 }
 
-impl Missing {
+impl Unrecorded {
     /// Returns the points of a group that have no record yet. If there is such a point, the control point of
     /// the block is also returned, even if the control point has a record.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {

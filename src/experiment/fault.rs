@@ -8,7 +8,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// The file that a hanging worker creates.
+/// The file that a worker with the fault `hang` or `hold` creates in the folder of results.
 const HANGS: &str = ".hangs";
 
 /// How and when a worker fails. For example, `segv@cast:3` makes a worker crash when it casts point 3, and

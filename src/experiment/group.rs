@@ -1,12 +1,13 @@
-//! A group of points that are compared with each other, including casters on the host. In every launch (by new
-//! worker processes), each point is checked. The points that pass are then timed together.
+//! A group of points that are compared with each other, including casters on the host. In every launch, each
+//! point is checked, and the points that pass are then timed together. No worker process measures two
+//! launches of a group.
 
+mod locks;
 #[cfg(test)]
 mod tests;
 mod timed;
 
 use super::Run;
-use super::asleep;
 use super::complete::{Taken, complete, complete_launches};
 use super::moved_processors::{Launch, are_enough, leave_out_moved};
 use super::pending::PendingPoint;
@@ -17,13 +18,12 @@ use super::supervisor::{Checked, Supervisor, Task};
 use crate::clock::ms_since;
 use crate::config::SceneChoice;
 use crate::device::{DeviceInfo, DeviceKind};
-use crate::device_lock::{Held, LockName, Waiting};
 use crate::error::Result;
 use crate::load::Watch;
 use crate::measure::StopReason;
 use crate::record::{LaunchEnd, Record, judge};
+use locks::{lock_names, take_locks};
 use std::collections::{HashMap, HashSet};
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use timed::{Latency, Timed};
 
@@ -35,8 +35,7 @@ pub struct OpenGroup {
     points: Vec<PendingPoint>,
     /// The complete launches, in which every point was sampled.
     whole: Vec<Launch>,
-    /// How often this session has visited the group. A visit measures one launch of the group. Each launch has its own
-    /// worker processes.
+    /// How often this session has visited the group. A visit measures one launch of the group.
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
@@ -113,8 +112,8 @@ impl OpenGroup {
         if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
 
-    /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
-    /// While points are timed, no other process measures on their devices.
+    /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole
+    /// launch. While points are timed, no other raycl process measures on their devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -224,15 +223,10 @@ impl OpenGroup {
             match supervisor.check(pending.task())?.map(|checked| named(checked, &pending.record)) {
                 Ok((record, true)) => {
                     // Only the record of the check in the first launch is used. In a later launch, the check
-                    // casts the same picture, or it also compares its picture with the reference.
+                    // either casts the same picture as before, or compares another picture with the
+                    // reference.
                     if pending.verified.is_none() {
-                        pending.verified.clone_from(&record.image_hash);
-                        pending.record = *record;
-                        pending.record.check_ms = Some(ms_since(start));
-                        if let Some(built) = &pending.built {
-                            pending.record.build_ms = Some(built.build_ms);
-                            pending.record.build_from_cache = Some(built.from_cache);
-                        }
+                        use_check(&mut pending, *record, ms_since(start));
                     }
                     self.points.push(pending);
                     continue;
@@ -347,45 +341,24 @@ pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a
 }
 
 /// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual
-/// latency, because the host had moved this virtual machine's processors to other cores. These samples are
-/// left out if processors cast the rays of all points of the group, by a caster on the host or by an OpenCL
-/// driver. If `keeps_moved_samples` is set, the run keeps these samples.
+/// latency. At such samples, the host had moved this virtual machine's processors to other cores. The samples
+/// are left out if this machine's processors cast every point of the group (by a caster on the host, or by an
+/// OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps these samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
     !run.keeps_moved_samples && points.iter().all(is_on_processors)
 }
 
-/// Returns the names of the locks for the devices of some points.
-fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
-    let awake = points
-        .iter()
-        .filter(|pending| device_of(run, pending).is_none_or(|device| !asleep::is_asleep(device)));
-    awake.map(|pending| LockName::of(device_of(run, pending))).collect()
-}
-
-/// Takes locks of devices. While other processes hold these locks, the sink (the receiver of results and messages) is
-/// told that the run waits, and builders (processes that compile programs) begin no programs for these devices. The
-/// work of builders would disturb the measurements of the other processes.
-fn take_locks(
-    run: &Run<'_>,
-    devices: Vec<LockName>,
-    sink: &mut impl ResultSink,
-    interrupted: &AtomicBool,
-) -> Result<Vec<Held>> {
-    let mut tells = |waiting: Waiting<'_>| match waiting {
-        Waiting::For(line) => {
-            run.ahead.into_iter().for_each(|ahead| ahead.pause(&devices));
-            sink.says(line);
-        }
-        Waiting::Still => sink.waits(),
-    };
-    let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
-    // Builders (processes that compile programs) may begin programs again, even if the locks could not be taken. With
-    // `--spread`, each device has a thread of its own, and the run ends only when all these threads have ended. The
-    // thread of another device with the same lock may be waiting for a program that a builder has to build.
-    run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
-    held
+/// Replaces the record of a point by the record of the point's check, which took `check_ms`.
+fn use_check(pending: &mut PendingPoint, record: Record, check_ms: f64) {
+    pending.verified.clone_from(&record.image_hash);
+    pending.record = record;
+    pending.record.check_ms = Some(check_ms);
+    if let Some(built) = &pending.built {
+        pending.record.build_ms = Some(built.build_ms);
+        pending.record.build_from_cache = Some(built.from_cache);
+    }
 }
 
 /// Copies values that workers do not know to the record that a point's check returned: the names, the notes,

@@ -32,7 +32,8 @@ impl Identity {
     }
 }
 
-/// Returns a text that identifies this kind of host, from the properties that are in the keys of its baselines.
+/// Returns a text with the host's properties that are in the keys of baselines: the processor's model, the
+/// numbers of cores and threads, and a hash of the program.
 pub fn host_identity() -> String {
     let Identity { device, state, program } = Identity::of_this_process();
     format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])

@@ -1,6 +1,6 @@
-//! The order of launches. A *visit* of a group of points measures one launch of the group. Each launch has new worker
-//! processes. A group is visited again only after every group has been visited equally often. The first visits follow
-//! the plan's order; the order of later visits is random.
+//! The order of launches. A *visit* of a group of points measures one launch of the group. No worker process
+//! measures two launches of a group. A group is visited again only after every group has been visited equally
+//! often. The first visits follow the plan's order; the order of later visits is random.
 
 use super::Run;
 use super::group::OpenGroup;
@@ -48,8 +48,8 @@ impl Waiting {
 }
 
 /// Visits groups until they are finished. Each visit measures one launch of a group. If `device` is `None`,
-/// all groups are visited, otherwise only groups that may be measured on this device. After an error, no
-/// other group is visited.
+/// all groups are visited. Otherwise, only groups that may be measured on the device `device` are visited.
+/// After an error, no other group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

@@ -12,8 +12,9 @@ use std::path::Path;
 
 /// The name of the lock's file.
 const LOCK: &str = ".lock";
-/// The number of attempts to lock a file that is still in its place afterwards. Usually, the first attempt
-/// succeeds. If a file system changes the numbers of its files, no file ever seems to be in its place.
+/// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
+/// On a file system that changes the inode numbers of its files, every attempt would fail. The last attempt
+/// therefore does not check whether the file was removed.
 const ATTEMPTS: u32 = 10;
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
@@ -45,8 +46,9 @@ impl Lock {
         }
     }
 
-    /// Locks the open file of a folder's lock. If `must_be_there` is true and somebody removed the file after
-    /// it was opened, returns `None`: the lock would not stop other processes, which lock a new file.
+    /// Locks the open file of a folder's lock. Returns `None` if `must_be_there` is true and somebody removed
+    /// the file after it was opened. A lock on the removed file would not stop other processes, since they
+    /// lock a new file.
     fn of_file(mut file: File, path: &Path, must_be_there: bool) -> Result<Option<Self>> {
         let failed = |error: std::io::Error| Error::unwritable(path, &error);
         let is_locked = match file.try_lock() {

@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
-/// The processors ran on cores further apart than usual if the core-to-core latency around a sample is more than this
-/// many times the latency of near processors. Readings of the latency between the same two cores differ by a factor of
-/// up to 1.7.
+/// If the core-to-core latency around a sample is more than this many times the latency of near processors,
+/// the processors ran on cores further apart than usual. Readings of the latency between the same two cores
+/// differ by a factor of up to 1.7.
 const FAR: f64 = 2.0;
 /// If the latency around a sample is less than this many times the latency of near processors, two processors shared a
 /// core. On the machines of docs/log.md (2026-11-26), processors that share a core have 0.45 to 0.5 times the latency

@@ -16,7 +16,7 @@ pub trait Observer: Send {
     fn advances(&mut self, _steps: usize) {}
     /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);
-    /// Prints a line at once, for example that the run waits for another process.
+    /// Prints a line at once, for example a line which says that the run waits for another process.
     fn says(&mut self, line: &str) {
         printer::tell(printer::plain(line));
     }

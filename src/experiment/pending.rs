@@ -80,9 +80,9 @@ impl PendingPoint {
     }
 
     /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
-    /// A point that has been cast before does not exceed a limit of the device, but only lacks memory that
-    /// other programs or other points use at the moment. The point then counts as failed, not as infeasible,
-    /// since its earlier launches would otherwise be lost unnoticed.
+    /// A point that has been cast before fits on the device; it only lacks memory that other programs or
+    /// other points use at the moment. Such a point counts as failed, not as infeasible, since its earlier
+    /// launches would otherwise be lost unnoticed.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {

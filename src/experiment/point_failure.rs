@@ -30,7 +30,8 @@ impl PointFailure {
         Self::new(Outcome::WrongImage, reason)
     }
 
-    /// Returns the failure of a point that was refused. `device` is the worker's device, if it has one.
+    /// Returns the failure of a point that could not be built or cast for the reason `refused`. `device` is
+    /// the worker's device; `None` if the worker has no device.
     pub fn of(refused: &Refused, device: Option<&DeviceInfo>) -> Self {
         let outcome = match refused {
             Refused::Launch { error: LaunchError::WorkGroup { .. }, .. }

@@ -186,8 +186,8 @@ impl Worker for WorkerProcess {
     fn send(&mut self, request: &Request) {
         match line_of(request) {
             Ok(line) => self.write(&line),
-            // A worker without a request would let the run wait for the time limit. At the end of its standard input,
-            // it ends, and the run notices its end.
+            // Without a request, the worker would send no reply, and the run would wait until the time limit.
+            // Closing the worker's standard input ends the worker, which the run notices at once.
             Err(_) => self.requests = None,
         }
     }

@@ -31,7 +31,7 @@ pub struct Job {
     pub device: Option<String>,
     /// The UUID and the PCI address of the worker's device, as far as they are known. If a device of the same
     /// model disappears, the remaining devices are numbered anew. A device may then get the identity of
-    /// another device, but never its UUID.
+    /// another device, but never the other device's UUID.
     #[serde(default)]
     pub hardware: Hardware,
     /// The device whose name is in records, if points are distributed over several devices of the same model.
@@ -43,7 +43,7 @@ pub struct Job {
     pub folder: PathBuf,
     /// For tests: how the worker fails.
     pub fault: Option<Fault>,
-    /// For tests: every frame waits for this long, and no device is opened.
+    /// For tests: every frame only waits for this many milliseconds, and no device is opened.
     #[serde(default)]
     pub asleep_ms: Option<f64>,
 }
@@ -210,7 +210,7 @@ pub enum Reply {
     /// Reply to a cast that failed, or to any request during which the device broke down. If the device broke
     /// down, the worker then ends.
     Refused(PointFailure),
-    /// Reply to any request: an error. The error ends the run, unless it is an error of the anchor.
+    /// Reply to any request: an error. The error ends the run, except an error of the anchor or of a builder.
     Failed {
         /// The problem.
         message: String,
@@ -220,7 +220,7 @@ pub enum Reply {
 }
 
 impl Reply {
-    /// Makes the reply for an error that ends the run.
+    /// Makes the reply that reports an error.
     pub fn of_error(error: &Error) -> Self {
         Self::Failed { message: error.to_string(), help: error.remedy().to_owned() }
     }

@@ -13,7 +13,8 @@ pub struct ReferenceCache {
 }
 
 impl ReferenceCache {
-    /// Returns the reference for the scene numbered `number`.
+    /// Returns the reference for a scene, an image size and a culling. `number` is the scene's number in the
+    /// experiment; scenes with equal numbers are taken to be equal.
     pub fn reference(
         &mut self,
         number: usize,

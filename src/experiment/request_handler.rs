@@ -98,8 +98,8 @@ impl<'a> RequestHandler<'a> {
         if record.key != key {
             return Err(changed(device));
         }
-        // A control point is checked in each block that measures it. The buffers of its earlier check are freed before
-        // this check.
+        // A control point is checked in each block that measures it. The buffers of the point's earlier check
+        // are freed before this check.
         self.entries.remove(&number);
         let ready = match self.checker.check(&point, &at.scene, verified, &mut record)? {
             Ok(ready) => {
@@ -188,9 +188,9 @@ fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -
     (result, is_on_processors.then_some(used.as_secs_f64() * 1e3))
 }
 
-/// The largest number of attempts to take a sample whose times are possible. Times are impossible, for
-/// example, if the machine was suspended during the sample: the host's clock then stood still, but the
-/// device's clock may have gone on.
+/// The largest number of attempts to take a sample whose times are possible. For example, times are
+/// impossible if the machine was suspended during the sample: the host's clock stood still, but the device's
+/// clock may have gone on.
 const ATTEMPTS: usize = 3;
 
 /// Takes a sample with `take`. If `why` returns a reason why the sample's times are impossible, takes another
@@ -220,8 +220,8 @@ struct Warmed {
 
 impl Warmed {
     /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0
-    /// steps of the timer, the host's clock limits the batch: the sample takes at most a tenth of the time
-    /// limit, or consists of a single frame.
+    /// steps of the timer, the host's clock limits the number: the sample then takes at most a tenth of the
+    /// time limit, unless a single frame takes longer.
     fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
         let batch = batch_size(self.pass_ms, timer_ns);
         if self.pass_ms > 0.0 {
@@ -231,9 +231,10 @@ impl Warmed {
     }
 }
 
-/// Casts frames that are not recorded. If frames are long, the warm-up ends after a tenth of the time limit.
-/// The check has already cast one frame, so a short warm-up is enough. If a frame fails, the warm-up ends.
-/// The sample after the warm-up then fails too, and reports the failure.
+/// Casts up to `frames` frames that are not recorded, and returns their shortest times. If frames are long,
+/// the warm-up ends after a tenth of the time limit. A short warm-up is enough, since the check has already
+/// cast one frame. If a frame fails, the warm-up ends. The sample after the warm-up then fails too, and
+/// reports the failure.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
     frames: u32,

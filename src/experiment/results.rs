@@ -21,9 +21,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A folder of results: the plan, the journals (files to which a run appends lines, such as records), the pictures, the
-/// environment, and, at the end of the run, the summaries, the report and the plots. docs/format.md documents each
-/// file.
+/// A folder of results. During a run, the folder has the plan, the journals (files to which a run appends
+/// lines, such as records), the pictures and the environment. At the end of the run, the summaries, the
+/// report and the plots are added. docs/format.md documents each file.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,
@@ -350,9 +350,9 @@ fn keep_environment(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> R
         number += 1;
     }
     let kept = earlier(number);
-    // The old file gets a second name, and keeps its first name until the new file replaces it: if the disk
-    // is full, or if this process is killed now, the folder still has its environment. On a file system
-    // without second names, the old file is renamed.
+    // The old file gets a second name, and keeps its first name until the new file replaces it. The folder
+    // therefore still has its environment if the disk is full, or if this process is killed now. On a file
+    // system without second names, the old file is renamed.
     let linked = std::fs::hard_link(&path, &kept);
     linked.or_else(|_| std::fs::rename(&path, &kept)).map_err(|error| Error::unwritable(&kept, &error))?;
     write(&path).inspect_err(|_| {

@@ -10,9 +10,8 @@ pub trait Rounds {
     /// Takes one sample of a point: casts a frame or a batch of frames. Returns `None` if the worker process was lost
     /// or the point failed. A failed point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample. Returns true if the sample counts. A sample does not count if the
-    /// processors of a virtual machine shared a core during the sample, or ran on cores that were further
-    /// apart than during other samples.
+    /// Is called after each sample. Returns true if the sample counts. A sample does not count if, during the
+    /// sample, the processors of a virtual machine shared a core or ran on cores further apart than usual.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
@@ -35,17 +34,17 @@ pub enum End {
     Broken,
 }
 
-/// The largest number of samples of a launch in which some samples do not count, as a multiple of the number
-/// that the launch would need if all samples counted. The launch ends at the latest after the round in which
-/// it reaches this number.
+/// The largest number of samples of a launch, as a multiple of the number that the launch would need if all
+/// samples counted. If some samples do not count, the launch ends at the latest after the round in which it
+/// reaches this number.
 pub(super) const MOST: u32 = 2;
 
-/// A sample's time, and whether the sample counts.
-type Timed = (f64, bool);
+/// A sample's time in milliseconds, and true if the sample counts.
+type TimedSample = (f64, bool);
 
 /// The samples of all points. If a round took a sample of a point twice, the list has only the second sample.
 /// `None` stands for a point that failed.
-type Samples = [Option<Vec<Timed>>];
+type Samples = [Option<Vec<TimedSample>>];
 
 /// Returns a number that no other round of any launch has. The random order of the points in a round depends
 /// on this number, so each launch has its own orders. The order affects a point's time, for example through
@@ -68,7 +67,7 @@ pub fn measure(
     seed: u64,
     rounds: &mut impl Rounds,
 ) -> Result<End> {
-    let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
+    let mut samples: Vec<Option<Vec<TimedSample>>> = vec![Some(Vec::new()); points];
     let (mut elapsed_ms, mut casts) = (0.0, 0);
     // The number of rounds after which the launch would end if all samples counted, and the reason.
     let mut usual: Option<(u32, StopReason)> = None;
@@ -82,7 +81,7 @@ pub fn measure(
         casts += round_ms.len();
         elapsed_ms += round_ms.iter().sum::<f64>();
         rounds.ended(round)?;
-        let left: Vec<&Vec<Timed>> = samples.iter().flatten().collect();
+        let left: Vec<&Vec<TimedSample>> = samples.iter().flatten().collect();
         if left.is_empty() {
             break;
         }
@@ -161,8 +160,10 @@ fn sample(
 }
 
 /// Returns, for each point, the times of the samples for which `is_meant` is true.
-fn times_ms(points: &[&Vec<Timed>], is_meant: fn(&Timed) -> bool) -> Vec<Vec<f64>> {
-    let of = |samples: &&Vec<Timed>| samples.iter().filter(|one| is_meant(one)).map(|(ms, _)| *ms).collect();
+fn times_ms(points: &[&Vec<TimedSample>], is_meant: fn(&TimedSample) -> bool) -> Vec<Vec<f64>> {
+    let of = |samples: &&Vec<TimedSample>| {
+        samples.iter().filter(|one| is_meant(one)).map(|(ms, _)| *ms).collect()
+    };
     points.iter().map(of).collect()
 }
 

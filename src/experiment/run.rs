@@ -43,14 +43,13 @@ pub struct Run<'a> {
     /// program.
     pub ahead: Option<&'a Ahead>,
     /// True if all samples count. If false, groups that are measured on CPUs leave out samples whose
-    /// core-to-core latency was far from the run's usual latency, because the host of a virtual machine had
-    /// moved the machine's processors to other cores.
+    /// core-to-core latency was far from the run's usual latency. At such samples, the host of a virtual
+    /// machine had moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
 /// If this environment variable is `keep`, all samples count. Otherwise, groups that are measured on CPUs
-/// leave out samples whose core-to-core latency was far from the run's usual latency, because the host of a
-/// virtual machine had moved the machine's processors to other cores.
+/// leave out some samples (see [`Run::keeps_moved_samples`]).
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
 /// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
@@ -124,7 +123,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the number of launches (worker processes) of each group of points.
+    /// Returns the number of launches of each group of points.
     pub fn launches(&self) -> usize {
         self.experiment.timing.launches as usize
     }

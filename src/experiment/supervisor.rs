@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 const ATTEMPTS: u32 = 2;
 /// After raycl has given up on this many points, no other point is tried twice.
 const PATIENCE: usize = 3;
-/// The remedy if a worker cannot open its device.
+/// The help for the user if a worker cannot open its device, or if its device broke down.
 const STILL_RESPONDS: &str =
     "`raycl devices` shows whether the device still responds; finished measurements are saved";
 
@@ -35,7 +35,7 @@ pub trait Spawner {
 pub trait Worker {
     /// Sends a request. If the worker is dead, the next call of `wait` reports the death.
     fn send(&mut self, request: &Request);
-    /// Waits for the reply.
+    /// Waits for the reply to the last request, for at most `limit`.
     fn wait(&mut self, limit: Duration) -> Wait;
     /// Tells the worker that no request will follow, so that it ends. The call does not wait for the end, so
     /// several workers can end at the same time.
@@ -47,7 +47,7 @@ pub trait Worker {
 pub enum Wait {
     /// The reply.
     Reply(Reply),
-    /// No reply yet.
+    /// No reply came within the limit.
     Silence,
     /// The worker is dead and will not reply.
     Dead(Death),
@@ -62,8 +62,9 @@ pub struct Death {
     pub last_words: String,
 }
 
-/// Waits for a worker's reply, for at most `limit`. Returns `None` if `interrupted` becomes true while the worker is
-/// silent; without this flag, the wait goes on after an interruption.
+/// Waits for a worker's reply. Returns the inner error if the worker dies, or does not reply within `limit`.
+/// Returns `None` if the flag `interrupted` becomes true while the worker is silent. Without a flag, an
+/// interruption does not end the wait.
 pub fn reply_of(
     worker: &mut dyn Worker,
     limit: Duration,
@@ -82,9 +83,9 @@ pub fn reply_of(
 }
 
 /// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
-/// `limit`, if `limit` is shorter). If a wait takes more than twice `LOOK_UP`, raycl and its workers were
-/// stopped during the wait (by Ctrl-Z, or by a scheduler that suspends jobs), so only twice `LOOK_UP` is
-/// added.
+/// `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, only twice `LOOK_UP` is
+/// added. The reason is that raycl and its workers were stopped during this wait, by Ctrl-Z or by a scheduler
+/// that suspends jobs.
 struct Quiet {
     /// The longest time that a worker may take to reply.
     limit: Duration,
@@ -107,7 +108,7 @@ impl Quiet {
     }
 }
 
-/// Why a worker did not reply: it died, or it did not reply within this time limit.
+/// Why a worker did not reply: it died, or the time limit passed.
 pub enum Loss {
     Died(Death),
     HungFor(Duration),
@@ -141,8 +142,9 @@ struct Post {
     ready: HashSet<usize>,
 }
 
-/// The result of a check, in which a worker casts a point once and compares its picture with the reference:
-/// the point's record, and whether the point can be cast. If the point cannot be cast, the record says why.
+/// The result of a check: the point's record, and true if the point can be cast. If the point cannot be cast,
+/// the record says why. In a check, a worker casts the point once and compares the picture with the
+/// reference.
 pub type Checked = (Box<Record>, bool);
 
 /// Sends requests to workers, and replaces workers that are lost.
@@ -198,16 +200,17 @@ impl<'a> Supervisor<'a> {
         dismiss(workers);
     }
 
-    /// Begins a group of points in a launch. Within a launch, workers continue from group to group. Each launch has
-    /// new workers.
+    /// Prepares the workers for the launch number `launch` of a group of points. The workers of an earlier
+    /// group continue if its launch had the same number. Otherwise, all workers end, so that no worker
+    /// measures two launches of a group.
     pub fn turn_to<'t>(&mut self, launch: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.launch != launch {
             self.retire();
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker keeps its scene if the scene is still needed. If no worker has a needed scene, a worker of the same
-        // job whose scene is no longer needed takes this scene over.
+        // A worker keeps its scene if the scene is still needed. If no worker has a needed scene, a worker of
+        // the same job takes this scene over. That worker's own scene is no longer needed.
         let (needed, mut free): (Vec<_>, Vec<_>) =
             self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(needed);
@@ -238,8 +241,8 @@ impl<'a> Supervisor<'a> {
         self.losses
     }
 
-    /// Casts a point once and compares its image with the reference. Returns the point's record or, as the
-    /// inner error, the point's failure if its worker was lost.
+    /// Casts a point once and compares its image with the reference. Returns the point's record. Returns the
+    /// point's failure as the inner error if the worker was lost or its device broke down.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, PointFailure>> {
         let verified = task.verified.map(str::to_owned);
         let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };

@@ -80,8 +80,8 @@ fn ignore_interrupts() -> Result<()> {
     Ok(())
 }
 
-/// Reads standard input line by line. The end of standard input means that the run has ended. The process
-/// then ends at once. Otherwise, a worker that hangs in a driver would never end.
+/// Reads standard input line by line. At the end of standard input, the run has ended or no longer needs this
+/// worker, so the process ends at once. Otherwise, a worker that hangs in a driver would never end.
 fn input_lines() -> Result<Receiver<String>> {
     let (sender, lines) = channel();
     let read = move || {

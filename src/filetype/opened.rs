@@ -135,8 +135,8 @@ fn half_of_memory() -> u64 {
     Available::read().bytes / 2
 }
 
-/// Appends a stream of unknown length to `bytes`. Returns an error if `bytes` then has more than `most`
-/// bytes.
+/// Appends a stream of unknown length to `bytes`. Returns an error if `bytes` has more than `most` bytes
+/// afterwards.
 fn within_memory(stream: impl Read, most: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
     let left = most.saturating_sub(bytes.len() as u64);
     stream.take(left.saturating_add(1)).read_to_end(bytes)?;

@@ -110,7 +110,7 @@ fn first_statement(head: &[u8]) -> Option<&[u8]> {
     lines(head).find(|line| !line.is_empty() && !line.starts_with(b"#"))
 }
 
-/// Returns true if a line is a vertex of an OBJ. An MTL file has no such line.
+/// Returns true if one of the lines is a vertex of an OBJ file. An MTL file has no vertices.
 fn has_vertex(head: &[u8]) -> bool {
     lines(head).any(|line| line.starts_with(b"v ") || line.starts_with(b"v\t"))
 }

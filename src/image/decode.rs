@@ -1,6 +1,6 @@
 //! Opens the bytes of pictures for decoding. Every picture that a user or a folder of results names is opened
-//! by [`picture_reader`]. This function refuses two kinds of damaged files before the decoders of the crate
-//! `image` get them.
+//! by [`picture_reader`]. This function refuses two kinds of damaged files that the decoders of the crate
+//! `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 use image::{ImageError, ImageFormat, ImageReader};

@@ -70,7 +70,7 @@ impl Shown {
 /// Computes the display transform of one channel.
 pub fn transform(radiance: f32, display: Display) -> u8 {
     let exposed = (f64::from(display.exposure) * f64::from(radiance)).clamp(0.0, 1.0);
-    (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // truncates; NaN is 0
+    (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates, and turns NaN into 0
 }
 
 /// The display transform of one channel, as tables. A power or a binary search for every channel would take longer than
@@ -110,8 +110,9 @@ impl Thresholds {
     }
 }
 
-/// Returns the smallest radiance shown as `value` or brighter. The bits of positive floats are ordered like the
-/// floats, and the transform is monotonic, so a binary search over the bits finds this radiance.
+/// Returns the smallest radiance that is displayed as `value` or as a greater value. The bits of positive
+/// floats are ordered like the floats, and the transform is monotonic, so a binary search over the bits finds
+/// this radiance.
 fn smallest(value: u8, display: Display) -> f32 {
     let (mut below, mut reached) = (0, f32::INFINITY.to_bits());
     while reached - below > 1 {

@@ -15,7 +15,8 @@ use std::io::{BufWriter, Error, Result, Write as _};
 
 /// The JPEG quality that the paper uses for its figures.
 pub const JPEG_QUALITY: u8 = 95;
-/// Length of a JPEG's first two segments: the start and JFIF's header. raycl inserts its comment after them.
+/// Length of a JPEG's first two segments: the start and JFIF's header. raycl inserts its comment after these
+/// segments.
 const JPEG_BEGIN_BYTES: usize = 20;
 /// The first line of an HDR file.
 const HDR_SIGNATURE: &str = "#?RADIANCE\n";
@@ -69,15 +70,16 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
 }
 
 /// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with factors up to 255. All
-/// channels share the step, a power of two that follows from the largest channel. The encoder itself truncates to such
-/// multiples, so every picture would become darker without this rounding. A pixel below the normal numbers of f32
-/// becomes black, since the encoder has no exponent for it.
+/// channels share the step, a power of two that follows from the largest channel. Without this rounding,
+/// every picture would become darker, since the encoder itself truncates to multiples of the step. A pixel
+/// below the normal numbers of f32 becomes black, since the encoder has no exponent for it.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {
         return [0.0; 3];
     }
-    // The format cannot hold values much larger than a quarter of `f32::MAX`, so such pixels are not rounded.
+    // The format cannot hold values much larger than a quarter of `f32::MAX`, so pixels with larger values
+    // are not rounded.
     if most > f32::MAX / 4.0 {
         return pixel;
     }
@@ -88,8 +90,8 @@ fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     pixel.map(|value| (value / step).round() * step)
 }
 
-/// The encoding of an EXR: fast compression without loss, line by line. Simple readers cannot read an EXR of
-/// tiles.
+/// The encoding of an EXR: fast compression without loss, line by line. The encoding has no tiles, because
+/// simple readers of EXR files cannot read tiles.
 const LINES: Encoding =
     Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 

@@ -67,7 +67,7 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
 }
 
 /// Refuses an image that has no pixels, whose lists do not match its size, or whose numbers the file's format cannot
-/// hold. Images that raycl casts are never refused; a program can change them.
+/// hold. An image that raycl has cast is refused only if a program that uses the library has changed it.
 pub fn check_image(image: &Radiance, target: &Target) -> Result<()> {
     let Radiance { width, height, pixels, coverage } = image;
     let refused = |why: String, remedy: &str| {
@@ -207,7 +207,7 @@ pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut reader::open(path).ok()?)
 }
 
-/// Checks a target of [`save_rgb8`] for which PNG is the only permitted format.
+/// Returns a user error if a target of [`save_rgb8`] is not a .png file, or if the file may not be written.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();

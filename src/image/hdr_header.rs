@@ -19,7 +19,8 @@ pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// The numbers by which a program has multiplied the radiance before it wrote a picture: for each channel, the product
-/// of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For all other pictures, they are 1.
+/// of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For all other pictures, the three
+/// numbers are 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HdrExposure([f64; 3]);
 

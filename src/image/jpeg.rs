@@ -69,7 +69,7 @@ impl Encoding {
         }
     }
 
-    /// Returns the bytes of the file after all bands are encoded.
+    /// Waits until all bands are encoded, and returns the bytes of the file.
     pub fn finish(self) -> ImageResult<Vec<u8>> {
         let (sender, receiver) = self.done;
         drop(sender);
@@ -129,7 +129,7 @@ fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;
     let mut file = first[..scan].to_vec();
-    // Skips the segment's marker, its length and a byte of precision; the height follows.
+    // The height follows the segment's marker (2 bytes), its length (2 bytes) and a byte of precision.
     let of_height = segment(first, START_OF_FRAME)? + 5;
     file.get_mut(of_height..of_height + 2)?.copy_from_slice(&u16::try_from(height).ok()?.to_be_bytes());
     let [high, low] = u16::try_from(blocks).ok()?.to_be_bytes();

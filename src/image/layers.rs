@@ -15,9 +15,14 @@ use std::io::{BufWriter, Error as IoError, Result as IoResult, Write as _};
 /// Suffixes of the PNG files' names, one per layer.
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
-/// Returns the files to which layers are written; their names follow from the target's name. Fails if a file cannot be
-/// written. If the target is an EXR, this one file has all layers and the picture, so it may be the same file as
-/// `picture`.
+/// Returns the files to which layers are written. A target NAME.exr is the only file: it gets all layers and
+/// the picture, so it may be the same file as `picture`. For a target NAME.png, each layer has a file of its
+/// own, such as NAME-depth.png.
+///
+/// # Errors
+///
+/// Returns a user error if the target has another extension, if the file of a layer would replace `picture`,
+/// or if a file may not be written.
 pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     let path = target.path();
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -64,7 +69,8 @@ pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Res
     targets.iter().zip(&pictures).try_for_each(|(target, picture)| save_rgb8(picture, target))
 }
 
-/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP). Simple readers cannot read an EXR of tiles.
+/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP). The blocks are not tiles, because
+/// simple readers of EXR files cannot read tiles.
 fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
     let floats = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let words = |name: &str, values: &[u32]| AnyChannel::new(name, FlatSamples::U32(values.to_vec()));

@@ -54,8 +54,8 @@ impl Radiance {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize], coverage: Vec::new() }
     }
 
-    /// Adds another image, which must have the same size: the pixels of both lists are added in their order, whatever
-    /// the sizes are, and the coverage gets the other image's length.
+    /// Adds the values of another image, pixel by pixel. Both images must have the same size; the function
+    /// does not check this. If this image has no coverage, its coverage counts as 0.
     pub fn add(&mut self, other: &Self) {
         let (sums, values) = (self.pixels.as_flattened_mut(), other.pixels.as_flattened());
         sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
@@ -63,7 +63,7 @@ impl Radiance {
         self.coverage.iter_mut().zip(&other.coverage).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Divides the image by `parts`. The sum of `parts` images thus becomes their mean.
+    /// Divides all values by `parts`. The sum of `parts` images thus becomes their mean.
     #[must_use]
     pub fn part(mut self, parts: usize) -> Self {
         let part = 1.0 / parts.max(1) as f32;

@@ -40,7 +40,8 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let header = headers.iter().find(|header| is_decoded(header));
     // A picture without a layer that can be decoded is a Radiance HDR picture, or has no chromaticities.
     let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
-    // Some programs write eight zeros instead of chromaticities. Such a header counts as one without chromaticities.
+    // Some programs write eight zeros instead of chromaticities. A header with eight zeros counts as a header
+    // without chromaticities.
     let differs = |stated: &[f32; 8]| {
         let is_close = stated.iter().zip(SRGB).all(|(value, usual)| (value - usual).abs() <= CLOSE);
         !is_close && stated.iter().any(|value| *value != 0.0)
@@ -63,8 +64,8 @@ fn exr_headers(bytes: &[u8]) -> Vec<Header> {
         .map_or_else(|_| Vec::new(), |data| data.headers.into_vec())
 }
 
-/// Returns true if the decoder of the crate `image` can read this layer. The decoder reads the first such
-/// layer of a file.
+/// Returns true if the decoder of the crate `image` can read this layer. The decoder reads a file's first
+/// layer for which this function returns true.
 fn is_decoded(header: &Header) -> bool {
     let has = |name: &&str| header.channels.find_index_of_channel(&Text::from(*name)).is_some();
     !header.deep && ["R", "G", "B"].iter().all(has)

@@ -105,8 +105,8 @@ impl<'a> Argument<'a> {
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
 /// The name of a parameter that kernels have only for scenes with cut-outs.
 pub(super) const MASK_ROWS: &str = "mask_rows";
-/// The name of a parameter that kernels have only for scenes with soft light: a sky, or lights with a radius that are
-/// sampled.
+/// The name of a parameter that kernels have only for scenes with soft light: a sky, or lights with a radius
+/// if pixels get several samples.
 pub(super) const SOFT: &str = "soft";
 /// The name of a parameter that kernels have only for frames with several samples per pixel.
 pub(super) const WANTED: &str = "wanted";

@@ -1,5 +1,5 @@
-//! Runs a kernel to find out which macros and built-ins a device's compiler defines. OpenCL itself reports only
-//! extensions.
+//! Runs a kernel to find out which macros and built-in functions a device's compiler defines. OpenCL itself
+//! reports only extensions.
 
 use super::Queue;
 use crate::error::{Error, Result};
@@ -11,8 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The answer for a name that the compiler does not define.
 const ABSENT: i64 = i64::MIN;
 
-/// Preprocesses a program as the device's compiler would. If the condition of an `#if` uses a macro that the compiler
-/// itself defines, a kernel is run to find the macro's value.
+/// Preprocesses a program as the device's compiler would. If the condition of an `#if` uses a name that
+/// neither the source nor the options define, a kernel is run to find out whether the compiler defines the
+/// name, and with which value.
 pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
     let (mut given, mut absent) = (BTreeMap::new(), BTreeSet::new());
     loop {
@@ -35,8 +36,8 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
     }
 }
 
-/// Returns one number for each name: the value of a macro, 1 for a built-in that exists, or [`ABSENT`] if the compiler
-/// does not define the name.
+/// Returns one number for each name: the value of a macro, 1 for a built-in function that exists, or
+/// [`ABSENT`] if the compiler does not define the name.
 fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<Vec<i64>, String> {
     let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
     let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");

@@ -78,8 +78,8 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
 
 /// Returns the rows of pixels of each device's part: the first row, and the row after the last. `ends` are
 /// the ends of the parts, as [`balance`] returns them. `height` is the frame's height in pixels, and
-/// `group_heights` are the heights in pixels of the devices' work-groups. A part that is not empty begins
-/// with a whole row of its device's work-groups.
+/// `group_heights` are the heights in pixels of the devices' work-groups. A part that is not empty begins at
+/// a multiple of the height of its device's work-groups.
 pub fn rows(ends: &[f64], height: u32, group_heights: &[u32]) -> Vec<[u32; 2]> {
     let mut starts = vec![0_u32];
     for (end, group) in ends.iter().zip(&group_heights[1..]) {

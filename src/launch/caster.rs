@@ -90,20 +90,7 @@ impl Caster {
             .with_any("prepared", prepared.as_ref());
         let tile = strategy.shared_tile().filter(|_| band.is_none());
         let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
-        let mut steps = match strategy.passes {
-            _ if strategy.shares_tiles() => {
-                let rays = workload.nearest_count(strategy);
-                let nearest = allocate::<i32>(queue, rays)?;
-                let shared = Shared::allocate(queue, rays)?;
-                Rounds::new(&parts, &image, &nearest, &shared).cast()?
-            }
-            Passes::Fused => parts.cast_fused(&image)?,
-            Passes::Separate => {
-                let nearest = allocate::<i32>(queue, workload.nearest_count(strategy))?;
-                parts.cast_separate(&image, &nearest)?
-            }
-        };
-        steps.extend(parts.show_sky(&image, steps.last().map_or(Phase::Whole, |(phase, _)| *phase))?);
+        let steps = steps(&parts, &image)?;
         let mark = samples.as_ref().map(|samples| samples.mark_kernel(&parts, &image)).transpose()?;
         let samples = samples.zip(mark).map(|(samples, kernel)| samples.marked_by(kernel));
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
@@ -295,6 +282,27 @@ impl Caster {
     pub fn kernels(&self) -> impl Iterator<Item = &Kernel> {
         self.steps.iter().filter_map(|(_, step)| step.kernel())
     }
+}
+
+/// Returns the commands of a frame. They cast its rays and, if the sky is a picture that rays can see, show this
+/// picture.
+fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError> {
+    let Setup { queue, strategy, workload, .. } = parts.setup;
+    let mut steps = match strategy.passes {
+        _ if strategy.shares_tiles() => {
+            let rays = workload.nearest_count(strategy);
+            let nearest = allocate::<i32>(queue, rays)?;
+            let shared = Shared::allocate(queue, rays)?;
+            Rounds::new(parts, image, &nearest, &shared).cast()?
+        }
+        Passes::Fused => parts.cast_fused(image)?,
+        Passes::Separate => {
+            let nearest = allocate::<i32>(queue, workload.nearest_count(strategy))?;
+            parts.cast_separate(image, &nearest)?
+        }
+    };
+    steps.extend(parts.show_sky(image, steps.last().map_or(Phase::Whole, |(phase, _)| *phase))?);
+    Ok(steps)
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {

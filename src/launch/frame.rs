@@ -49,10 +49,10 @@ pub struct FrameTimes {
 /// A frame's time on the device's clock is impossible if it exceeds this multiple of the time on the host's
 /// clock.
 const IMPOSSIBLY_LONG: f64 = 1.5;
-/// On the two clocks, the times of a sample may always differ by this many milliseconds.
+/// A sample's times on the device's clock and on the host's clock may differ by this many milliseconds.
 const TOLERANCE_MS: f64 = 1.0;
-/// If a sample takes more than this many steps of the device's timer on the host's clock, a device time of 0
-/// is impossible.
+/// A device time of 0 is impossible if, by the host's clock, the sample took more than this many steps of the
+/// device's timer.
 const MANY_STEPS: f64 = 1000.0;
 
 /// Returns the duration of a finished command in milliseconds, on the device's clock.
@@ -91,15 +91,15 @@ impl FrameTimes {
         }
     }
 
-    /// Returns the time of the sample to which these times belong: the time for all frames of the sample's
-    /// batch, in milliseconds on the host's clock.
+    /// Returns how long the sample took by the host's clock, in milliseconds: the time of all frames of the
+    /// sample's batch.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }
 
-    /// Returns why the driver's times are impossible; `None` if these times are possible. The host's time
-    /// includes the device's time. `timer_ns` is a step of the device's timer in nanoseconds; `None` if it is
-    /// unknown.
+    /// Returns why the driver's times are impossible; `None` if these times are possible. The device's time
+    /// cannot be much longer than the host's time, which includes it, and cannot be 0 for a long sample.
+    /// `timer_ns` is a step of the device's timer in nanoseconds; `None` if it is unknown.
     pub fn why_impossible(&self, timer_ns: Option<u64>) -> Option<String> {
         let (device_ms, host_ms, frames) = (self.frame_ms, self.host_ms, f64::from(self.batch.unwrap_or(1)));
         if device_ms > IMPOSSIBLY_LONG * host_ms && (device_ms - host_ms) * frames > TOLERANCE_MS {
@@ -188,6 +188,15 @@ mod tests {
         assert_eq!(why(0.0, 2.0, None), None);
         let batch = FrameTimes { batch: Some(256), ..FrameTimes::whole(0.0, 0.05) };
         assert!(batch.why_impossible(Some(1)).is_some());
+    }
+
+    /// A difference that is possible for a single frame is impossible for each frame of a batch.
+    #[test]
+    fn the_differences_of_all_frames_of_a_batch_count_together() {
+        let why = |batch| FrameTimes { batch, ..FrameTimes::whole(0.9, 0.1) }.why_impossible(None);
+        assert_eq!(why(None), None);
+        let long = why(Some(2)).expect("it is impossible");
+        assert!(long.contains("a frame takes 0.900 ms, but by the host's clock"), "{long}");
     }
 
     #[test]

@@ -77,7 +77,7 @@ impl HalfLight {
         Ok(Self { lit, unoccluded, filter, apply, whole_size: setup.workload.image_size })
     }
 
-    /// Casts the half pictures. Returns the sums of their times.
+    /// Casts the half pictures. Returns the sums of the times of both half pictures.
     pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let camera = camera.covering(self.whole_size);
         let cast = |caster: &Caster, light| caster.cast_round(&camera, &sampling.of_half_light(light), None);
@@ -110,7 +110,7 @@ impl HalfLight {
         self.unoccluded.read_hit_shares()
     }
 
-    /// Reads the half pictures: lit, unoccluded.
+    /// Reads the half picture with shadows, and the half picture with unoccluded light.
     pub fn read(&self) -> Result<[Radiance; 2], LaunchError> {
         Ok([self.lit.read()?.0, self.unoccluded.read()?.0])
     }

@@ -12,8 +12,8 @@ use ocl::Buffer;
 /// Size of a `float` in kernels, in bytes.
 const FLOAT: u64 = 4;
 
-/// Runs a kernel with two parameters: a list of `len` results, and a buffer. From a result that is an
-/// address, the kernel subtracts the address of the buffer's start.
+/// Returns the results of a kernel with two parameters: a list of `len` results, and a buffer. From a result
+/// that is an address, the kernel subtracts the address of the buffer's start.
 fn results_of(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
     let buffer: Buffer<f32> = allocate(&device.queue, 1).unwrap();
     device.results(len, |results| device.kernel(kernel, 1).arg(results).arg(&buffer).build())
@@ -47,8 +47,9 @@ fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
     assert_eq!(addresses_of_vectors(&sizes), expected);
 }
 
-/// The last work-item of a band (some of a frame's rows of work-groups) that has 4 rows of 10 work-items and begins in
-/// row 20: the rows above the band have no vectors.
+/// A band consists of some of a frame's rows of work-groups. This band has 4 rows of 10 work-items and begins
+/// in row 20. The test looks at its last work-item. The work-items above the band have no vectors in the
+/// buffer.
 #[test]
 fn the_working_vectors_of_a_band_are_counted_from_its_first_work_item() {
     const ITEMS: u64 = 4 * 10;

@@ -29,8 +29,8 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Returns a kernel with as many work-items as the frame's pixels need ([`Self::pixel_items`]), or with `items`
-    /// work-items across and down.
+    /// Returns a kernel with `items` work-items across and down. If `items` is `None`, the kernel gets as
+    /// many work-items as the frame's pixels need ([`Self::pixel_items`]).
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -49,15 +49,18 @@ impl<'a> Parts<'a> {
         Ok(built)
     }
 
-    /// Returns the number of work-items, across and down, that the pixels of the frame or band need: one per block of
-    /// pixels, or 32 per tile.
+    /// Returns the number of work-items, across and down, that the pixels of the frame or band need. Each
+    /// work-item casts the rays of one block of pixels
+    /// ([`Strategy::block`](crate::strategy::Strategy::block)); tiles that work-items share need 32
+    /// work-items each.
     pub fn pixel_items(&self) -> [usize; 2] {
         let [across, down] = self.setup.workload.global_size(self.setup.strategy);
         let rows = |band: &Band| band.len() * self.setup.workload.local_size[1] as usize;
         [across, self.band.as_ref().map_or(down, rows)]
     }
 
-    /// Returns [`LaunchError::WorkGroup`] if the built kernel does not support the local size.
+    /// Returns [`LaunchError::WorkGroup`] if the local size has more work-items than the built kernel
+    /// supports.
     fn check_work_group(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
         let items = self.setup.workload.local_size.iter().product::<u32>() as usize;
         match kernel.wg_info(self.setup.queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
@@ -98,8 +101,8 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// Returns the steps of a frame with separate passes: the first finds the nearest hits, the second casts
-    /// shadow rays and shades.
+    /// Returns the steps of a frame with separate passes: the first pass finds the nearest hits, the second
+    /// pass casts shadow rays and shades.
     pub fn cast_separate(
         &self,
         image: &'a Buffer<Float4>,

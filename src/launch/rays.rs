@@ -63,8 +63,8 @@ impl Prepared {
 }
 
 /// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support arbitrary
-/// rays. Also returns an error if the strategy was not prepared for arbitrary rays: its program then lacks
-/// the kernel.
+/// rays. Also returns an error if the program lacks the kernel, because the strategy was not prepared for
+/// arbitrary rays.
 fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, LaunchError> {
     if !matches!(setup.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
         return Err(LaunchError::GivenRays(

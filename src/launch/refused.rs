@@ -40,7 +40,7 @@ const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
 /// The remedy if a kernel file of the user lacks a kernel, or changes its parameters.
-const OWN_KERNEL: &str = "if a file replaces a built-in file, each kernel in it must keep its name and its parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
+const OWN_KERNEL: &str = "if a file replaces a built-in file, the file's kernels must keep their names and their parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
 /// The remedy if a kernel file of the user states too few bytes.
 const OWN_HEADER: &str =
     "docs/own-kernels.md describes the keys of a file's header, such as `memory` and `bytes_per_ray`";

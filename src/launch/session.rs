@@ -84,9 +84,9 @@ impl Session {
         Self { programs, ..self }
     }
 
-    /// Sets the number of devices in this process that have the same name as the session's device, but a
-    /// lower number. If there are such devices, this session's programs get an additional define, so that
-    /// they differ from the other devices' programs. PoCL 5.0 is aborted by an assertion
+    /// Sets how many of the devices that precede the session's device in the list of devices have the same
+    /// name. If there are any, this session's programs get an additional define, so that these programs
+    /// differ from the other devices' programs. PoCL 5.0 is aborted by an assertion
     /// (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
@@ -315,7 +315,8 @@ impl Session {
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Strategies share global memory, but no other memory of a device.
+            // Other strategies use only the device's global memory, so their bytes matter only if global
+            // memory is missing.
             let shared = refused.cause == Cause::GlobalMemory;
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;

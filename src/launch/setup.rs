@@ -21,13 +21,10 @@ use std::sync::Arc;
 pub(super) struct Setup<'a> {
     /// The device, ready for commands.
     pub queue: &'a Queue,
-    /// The strategy's program.
     pub program: &'a BuiltProgram,
-    /// The strategy.
     pub strategy: &'a Strategy,
     /// The sizes and features of the scene, the image and the work-groups.
     pub workload: &'a Workload,
-    /// The scene.
     pub scene: &'a Scene,
     /// The scene on the device.
     pub uploaded: &'a DeviceScene,
@@ -121,8 +118,9 @@ pub(super) enum Working {
     None,
     /// A buffer in which each work-item has a fixed place for its vectors.
     Scratch(Buffer<f32>),
-    /// A pool from which work-items allocate their vectors, and a counter of what they have allocated. `size` is
-    /// the number of varyings in the pool (a varying has one float for each ray of a work-item).
+    /// A pool from which work-items allocate their vectors, and a counter of the varyings that they have
+    /// allocated. `size` is the number of varyings in the pool (a varying has one float for each ray of a
+    /// work-item).
     Heap { pool: Buffer<f32>, top: Buffer<i32>, size: u32 },
 }
 

@@ -1,5 +1,5 @@
-//! The parts of a scene that the strategies of a session share: layouts and trees on the device. Each of them
-//! is made when a strategy first needs it.
+//! The parts of a scene that the strategies of a session share: layouts and trees on the device. A layout or
+//! tree is made when a strategy first needs it.
 
 use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
 use crate::scene::Scene;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 /// Identifies an upload of a scene: the layout, and true if the upload includes the triangles.
 pub(super) type LayoutKind = (Layout, bool);
-/// Identifies a tree of a scene, with its triangles and normals.
+/// Identifies a tree of a scene, with the triangles and normals that are uploaded with the tree.
 pub(super) type TreeKind = (Traversal, NodeWidth, LeafSize, Layout);
 
 /// Identifies the parts of a scene that a strategy uses.

@@ -101,21 +101,7 @@ impl ShowProgram {
         let (smallest, at_least) = (upload(queue, smallest)?, upload(queue, at_least)?);
         let counts = allocate::<u32>(queue, 2)?;
         counts.write(&[0, 0][..]).enq()?;
-        let kernel = Kernel::builder()
-            .program(&self.built.program)
-            .name(KERNEL)
-            .queue(queue.commands.clone())
-            .global_work_size(items.next_multiple_of(queue.group))
-            .local_work_size(queue.group)
-            .arg(image)
-            .arg_named("first", 0_u64)
-            .arg_named("count", 0_u32)
-            .arg(&smallest)
-            .arg(&at_least)
-            .arg(&rows)
-            .arg(&counts)
-            .build()
-            .map_err(|error| LaunchError::of_kernel(KERNEL, &self.own_files, error))?;
+        let kernel = self.kernel(queue, items, image, (&smallest, &at_least), &rows, &counts)?;
         let show = |piece: Range<usize>| -> ocl::Result<(Buffer<u8>, usize)> {
             kernel.set_arg("first", (piece.start * width) as u64)?;
             kernel.set_arg("count", (piece.len() * width) as u32)?;
@@ -134,6 +120,34 @@ impl ShowProgram {
         let mut counted = [0_u32; 2];
         counts.read(&mut counted[..]).enq()?;
         Ok((counted[1] == 0).then_some(counted[0] as usize))
+    }
+
+    /// Builds the kernel for pieces of at most `items` work-items. The kernel reads pixels of `image` and the two
+    /// tables that [`Shown::tables`] returns, writes the displayed pixels to `rows`, and counts pixels in `counts`.
+    fn kernel(
+        &self,
+        queue: &Queue,
+        items: usize,
+        image: &Buffer<Float4>,
+        (smallest, at_least): (&Buffer<f32>, &Buffer<u8>),
+        rows: &Buffer<u8>,
+        counts: &Buffer<u32>,
+    ) -> std::result::Result<Kernel, LaunchError> {
+        Kernel::builder()
+            .program(&self.built.program)
+            .name(KERNEL)
+            .queue(queue.commands.clone())
+            .global_work_size(items.next_multiple_of(queue.group))
+            .local_work_size(queue.group)
+            .arg(image)
+            .arg_named("first", 0_u64)
+            .arg_named("count", 0_u32)
+            .arg(smallest)
+            .arg(at_least)
+            .arg(rows)
+            .arg(counts)
+            .build()
+            .map_err(|error| LaunchError::of_kernel(KERNEL, &self.own_files, error))
     }
 }
 

@@ -84,8 +84,8 @@ impl Staging {
     }
 
     /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together`
-    /// rows. `enqueue` gets the rows of a piece; it returns the buffer that will contain these rows, and the
-    /// index of their first value in this buffer. `take` receives the rows.
+    /// rows. `enqueue` gets the rows of a piece. It returns the buffer that will contain these rows, and the
+    /// index of the rows' first value in this buffer. `take` receives the rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,

@@ -7,7 +7,7 @@ use crate::scene::Sample;
 use crate::strategy::{MOST_SUBPIXEL_BITS as MOST_BITS, Passes, Traversal};
 use ocl::prm::Float16;
 
-/// The rays of a vector form a square. This is the number of rays across, and down.
+/// The rays of a vector form a square of `SIDE` x `SIDE` rays.
 const SIDE: usize = 4;
 /// A pixel's centre.
 const CENTRE: f32 = 0.5;

@@ -9,6 +9,7 @@
 mod constants;
 mod define_lists;
 mod families;
+mod kernels;
 #[cfg(test)]
 mod labels;
 mod parameters;
@@ -218,7 +219,6 @@ impl Family {
         parameters.into_iter().any(|parameter| parameter.when == fact)
     }
 
-    /// Returns the family's kernel of this name.
     fn kernel_named(&self, name: &str) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.name == name)
     }

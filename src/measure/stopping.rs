@@ -64,7 +64,7 @@ impl StoppingRule {
         }
     }
 
-    /// Returns the least number of rounds that a launch needs to be used.
+    /// Returns the least number of rounds that a launch must have for its samples to be used.
     pub fn least(&self) -> usize {
         MIN_SAMPLES.min(self.max_samples)
     }
@@ -116,7 +116,7 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
 }
 
 /// Returns true if the last [`SETTLING`] noise values agree (see [`SETTLED`]). Returns false if there are
-/// fewer values than that.
+/// fewer than [`SETTLING`] values.
 fn settled(noise: &[f64]) -> bool {
     noise.last_chunk::<SETTLING>().is_some_and(|last| {
         let (mean, sigma) = super::mean_and_sigma(last);

@@ -35,8 +35,8 @@ use serde::Serialize;
 /// The name of the source in line tables.
 const FILE: &str = "kernel.cl";
 
-/// Options that make compilers add a line table. The first option is for NVIDIA's compiler, whose
-/// optimisation `-g` would also switch off. The second option is for all other compilers.
+/// Options that make compilers add a line table. The first option is for NVIDIA's compiler: with `-g`, this
+/// compiler would not optimise. The second option is for all other compilers.
 const LINE_TABLE: [&str; 2] = ["-nv-line-info", "-g"];
 
 /// The instructions of a program's kernels, by source line.

@@ -68,8 +68,7 @@ fn numbered(line: &str, file: &str) -> Option<u32> {
 struct Reader<'a> {
     /// The name of the kernel, with which the names of its arguments begin.
     kernel: &'a str,
-    /// The number that the PTX text gives to the source file; `None` if the text has no line
-    /// numbers for it.
+    /// The number that the PTX text gives to the source file; `None` if the PTX text does not name this file.
     file: Option<u32>,
     line: Option<u32>,
     part: String,

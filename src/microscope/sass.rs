@@ -1,5 +1,5 @@
 //! Reads kernels from SASS, the machine code of NVIDIA's GPUs. `ptxas` translates PTX to SASS, and
-//! `nvdisasm` prints it:
+//! `nvdisasm` prints the SASS:
 //!
 //! ```text
 //! .text.cast_frame:

@@ -62,23 +62,8 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     if name.is_empty() || is(&FILLERS) || text.starts_with("xchg   %ax,%ax") {
         return Vec::new();
     }
-    match name {
-        // These instructions copy between the stack and their operand, which may be memory.
-        "push" | "pushq" => {
-            let read = memory(&rest, frames).map(Kind::Load);
-            return read.into_iter().chain([Kind::Store(Memory::Private)]).collect();
-        }
-        "pop" | "popq" | "leave" => {
-            let written = memory(&rest, frames).map(Kind::Store);
-            return [Kind::Load(Memory::Private)].into_iter().chain(written).collect();
-        }
-        "call" | "callq" => return vec![Kind::Call],
-        "ret" | "retq" | "hlt" => return vec![Kind::Branch],
-        "mfence" | "lfence" | "sfence" => return vec![Kind::Barrier],
-        _ if name.starts_with('j') => return vec![Kind::Branch],
-        // The operand of `lea` looks like memory, but the instruction only computes the address.
-        _ if name.starts_with("lea") => return vec![Kind::Arithmetic],
-        _ => {}
+    if let Some(kinds) = kinds_by_name(name, &rest, frames) {
+        return kinds;
     }
     let operands = operands(&rest);
     let memories: Vec<Option<Memory>> = operands.iter().map(|operand| memory(operand, frames)).collect();
@@ -106,6 +91,29 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
         kinds.push(Kind::Move);
     }
     kinds
+}
+
+/// Returns the kinds of an instruction whose operands need not be told apart, such as a branch; `None` for any other
+/// instruction. `operand` is the text of all operands.
+fn kinds_by_name(name: &str, operand: &str, frames: &[&str]) -> Option<Vec<Kind>> {
+    Some(match name {
+        // These instructions copy between the stack and their operand, which may be memory.
+        "push" | "pushq" => {
+            let read = memory(operand, frames).map(Kind::Load);
+            read.into_iter().chain([Kind::Store(Memory::Private)]).collect()
+        }
+        "pop" | "popq" | "leave" => {
+            let written = memory(operand, frames).map(Kind::Store);
+            [Kind::Load(Memory::Private)].into_iter().chain(written).collect()
+        }
+        "call" | "callq" => vec![Kind::Call],
+        "ret" | "retq" | "hlt" => vec![Kind::Branch],
+        "mfence" | "lfence" | "sfence" => vec![Kind::Barrier],
+        _ if name.starts_with('j') => vec![Kind::Branch],
+        // The operand of `lea` looks like memory, but the instruction only computes the address.
+        _ if name.starts_with("lea") => vec![Kind::Arithmetic],
+        _ => return None,
+    })
 }
 
 /// Splits the operands at commas outside brackets.

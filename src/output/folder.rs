@@ -55,7 +55,8 @@ impl OutFolder {
         self.choice
     }
 
-    /// Returns true if raycl wrote into the folder before.
+    /// Returns true if raycl wrote into the folder before: the folder is a folder of results, or has a list
+    /// with entries.
     pub fn is_known(&self) -> bool {
         self.results || !self.made.is_empty()
     }

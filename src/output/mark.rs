@@ -126,7 +126,7 @@ fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     bytes
 }
 
-/// Passes bytes on to a writer, and inserts `piece` after the first `left` bytes.
+/// Passes bytes on to the writer `inner`, and inserts `piece` after the next `left` bytes.
 pub struct Insert<W> {
     inner: W,
     left: usize,

@@ -54,9 +54,9 @@ pub(super) enum Name {
     Replaceable,
 }
 
-/// Returns whether a path is free, or in use by a file that may be replaced. Returns an error for paths that
-/// no file can have, and for folders and devices. Without `--force`, also returns an error for links, for
-/// files that raycl did not make, and for files that somebody has changed.
+/// Finds out whether a path is free, or in use by a file that may be replaced. Returns an error for paths
+/// that no file can have, and for folders and devices. Without `--force`, also returns an error for links,
+/// for files that raycl did not make, and for files that somebody has changed.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,

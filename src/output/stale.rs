@@ -39,8 +39,8 @@ pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     }
 }
 
-/// Returns true if a report gives such a name to a plot, or to an export that not every report has. The plots
-/// of `raycl reproduce` and `raycl compare` have other names, so they are not removed.
+/// Returns true if `name` is the name of a report's plot, or of an export that not every report has. The
+/// plots of `raycl reproduce` and `raycl compare` have other names, so they are not removed.
 pub fn is_of_report(name: &str) -> bool {
     let in_folder = FOLDERS.iter().find_map(|folder| name.strip_prefix(folder)?.strip_prefix('/'));
     in_folder.is_some_and(|name| {

@@ -34,8 +34,8 @@ impl Unfinished {
         }
     }
 
-    /// Gives the complete file its final name, if it has no name yet, and if no other file has the final name. Returns
-    /// false if the file must have a temporary name first: it has one already, or it cannot get a name without a copy.
+    /// Gives the complete file the final name `path`, and returns true. Returns false if the file already has
+    /// a temporary name, or can get a name only by being copied.
     ///
     /// # Errors
     ///

@@ -302,8 +302,8 @@ fn chase_global(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     Ok(latency(&seconds))
 }
 
-/// Returns entries at a distance of `stride`, each of which contains the index of the next in one random
-/// cycle.
+/// Returns a list in which `lines` entries, `stride` elements apart, form one random cycle: each entry
+/// contains the index of the next entry of the cycle.
 fn cycle(lines: usize, stride: usize) -> Vec<i32> {
     let mut order: Vec<usize> = (1..lines).collect();
     order.shuffle(&mut ChaCha8Rng::seed_from_u64(1));

@@ -185,7 +185,7 @@ impl Peak {
             && (earlier.state.is_none() || earlier.state == self.state)
     }
 
-    /// Adds to `all` those of the rates `more` whose devices have no rates in `all` yet.
+    /// Adds the rates `more` to `all`, except the rates of devices that already have rates in `all`.
     pub fn add_new(all: &mut Vec<Self>, more: Vec<Self>) {
         for peak in more {
             if all.iter().all(|known| known.device != peak.device) {

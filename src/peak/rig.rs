@@ -57,7 +57,7 @@ impl<'a> Rig<'a> {
     }
 
     /// Returns the number of work-items per work-group. The number is 1 on a CPU, whose lanes are elements of
-    /// vectors. It is large on other devices, whose lanes are work-items.
+    /// vectors. The number is large on other devices, whose lanes are work-items.
     pub fn group(&self) -> usize {
         if self.device.info.limits.is_cpu { 1 } else { self.large_group() }
     }
@@ -290,6 +290,8 @@ mod tests {
         for (from, to, said) in [
             ("void nothing(", "void something(", "defines no kernel `nothing`"),
             ("const int mark)", "const int mark, int more)", "has other parameters than raycl's kernel"),
+            // The driver refuses the argument, since it has another size than the parameter.
+            ("const int mark)", "const long mark)", "has other parameters than raycl's kernel"),
         ] {
             assert_eq!(text.matches(from).count(), 1, "{from}");
             std::fs::write(&file, text.replace(from, to)).expect("a file");

@@ -3,9 +3,9 @@
 use crate::record::Record;
 use crate::strategy::{Axis as _, Copied, Intersector, Layout, Triangles, Vectors, WorkingMemory};
 
-/// Bytes of the two working vectors that a kernel reads for each test of a primary ray: the ray's origin and direction,
-/// three floats each. The kernel also reads the origin for a common-origin test, which does not need it, because
-/// accesses to the working vectors are volatile.
+/// Bytes of the two working vectors that a kernel reads for each test of a primary ray: the ray's origin and
+/// direction, three floats each. A common-origin test does not need the origin. The kernel reads the origin
+/// nevertheless, because accesses to the working vectors are volatile.
 const RAY_BYTES: f64 = 24.0;
 /// Bytes of a triangle's three corners.
 const CORNER_BYTES: f64 = 36.0;
@@ -28,10 +28,9 @@ pub struct Traffic<'a> {
 
 impl<'a> Traffic<'a> {
     /// Returns the bytes that one ray-triangle test of a measured point reads. These bytes come from the
-    /// point's record, if the record states them. Records of earlier versions do not; then the bytes follow
-    /// from the headers of the kernel files that this process has read, and the result is `None` where
-    /// [`Self::by_headers`] returns `None`. Also returns `None` if a record states only some of the bytes and
-    /// memories.
+    /// point's record, if the record states them. Records of earlier versions of raycl do not state these
+    /// bytes. For such a record, the result is that of [`Self::by_headers`]. Returns `None` if a record
+    /// states only some of the bytes and memories.
     pub fn of(record: &'a Record) -> Option<Self> {
         let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
         Some(Self {
@@ -42,10 +41,11 @@ impl<'a> Traffic<'a> {
         })
     }
 
-    /// Returns the bytes that each test of a record's strategy reads, by the headers of the kernel files that implement
-    /// the strategy's values. Returns `None` for baselines, and if this version of raycl does not know one of the
-    /// strategy's values. Also returns `None` for strategies that do not test every ray against every triangle. Their
-    /// number of tests is unknown, so the bytes per test do not yield the bytes of a frame.
+    /// Returns the bytes that each test of a record's strategy reads, by the headers of the kernel files that
+    /// implement the strategy's values. Returns `None` for baselines, and if this version of raycl does not
+    /// know one of the strategy's values. Also returns `None` for strategies that do not test every ray
+    /// against every triangle. The number of tests of these strategies is unknown, so the bytes per test do
+    /// not yield the bytes of a frame.
     pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

@@ -35,10 +35,10 @@ pub struct BuildError {
 }
 
 impl BuildError {
-    /// Replaces the names of kernel files in the log by their paths, and finds out whose mistake the error
-    /// is. The compiler names a file relative to `cl/` or to the user's folder, or only states a line number
-    /// in the whole program. An error that may not occur again (`may_pass`), such as missing memory, says
-    /// nothing about the program, so its log stays as it is.
+    /// Replaces the names of kernel files in the log by their paths, and sets `has_own_file`. The compiler
+    /// names a file relative to `cl/` or to the user's folder, or only states a line number in the whole
+    /// program. An error that may not occur again (`may_pass`), such as missing memory, says nothing about
+    /// the program, so its log stays as it is.
     pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {
         if self.may_pass {
             return self;
@@ -69,8 +69,8 @@ pub struct BuiltProgram {
 }
 
 impl BuiltProgram {
-    /// Takes the program from raycl's cache, or else compiles it. A compiled program is stored at once if the
-    /// driver can return its binary without further work.
+    /// Takes the program from raycl's cache, or compiles the program if the cache does not contain it. A
+    /// compiled program is stored at once if the driver can return its binary without further work.
     pub fn build(
         context: &Context,
         device: Device,
@@ -184,8 +184,8 @@ impl BuiltProgram {
 }
 
 /// Returns a program's compiler options, and the option that makes the device's compiler print the kernels'
-/// resources. A compiler that cannot print resources gets another option, if it has one: the option that
-/// stops its output to the terminal.
+/// resources. A compiler that cannot print resources gets, if it has one, the option that stops its output to
+/// the terminal.
 fn options(device: Device, spec: &ProgramSpec) -> String {
     let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
     format!("{} {more}", spec.options).trim_end().to_owned()

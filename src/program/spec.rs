@@ -94,10 +94,10 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     }
     let text = sources.read(&file)?;
     let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
-    // The compiler must report the error at the line of `copied`. `#line` states the number of the line after
-    // it: the `#if`. The `#error` has the next higher number, so the `#if` must get the number of the line
-    // before `copied`. This number is `key`, because `key` counts lines from 0 and `#line` counts them from
-    // 1.
+    // The compiler must report the error at the line of `copied`. A directive `#line` states the number of
+    // the next line, which is the `#if`. The `#error` has the next higher number, so the `#if` must get the
+    // number of the line before `copied`. This number is `key`, because `key` counts lines from 0 and `#line`
+    // counts them from 1.
     let line = key.unwrap_or(0).max(1);
     let copied = strategy.triangles.copied();
     let macros = [

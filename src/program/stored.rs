@@ -5,9 +5,10 @@ use crate::device::DeviceInfo;
 
 /// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
-/// The kind of entries that map a program's name to its key. If the program uses a tree, the program's key is known
-/// only once the tree is built. The program's name is known earlier. With the name, raycl finds out before the tree is
-/// built whether the program is stored.
+/// The kind of the cache entries that contain a program's key. Such an entry is found by the program's name,
+/// a text that identifies the program before its key is known. If a program uses a tree, one of its defines
+/// (the stack size), and thus its key, is known only once the tree is built. With the name, raycl finds out
+/// before the tree is built whether the program is stored.
 const NAME_KIND: &str = "name";
 
 /// The environment variable with which raycl starts a process again after a crash that a stored program may

@@ -148,6 +148,16 @@ mod tests {
         assert_eq!(anchors.map(|anchor| anchor.device), ["pocl-cpu", "pocl-cpu", "intel-cpu", "cpu"]);
     }
 
+    /// The device's time does not include the time in which the process waits for the device.
+    #[test]
+    fn an_anchors_utilization_is_relative_to_the_time_on_the_hosts_clock() {
+        let sample =
+            AnchorSample { ms: 4.0, host_ms: Some(5.0), processor_ms: Some(10.0), ..AnchorSample::default() };
+        let samples = vec![sample; 3];
+        let anchors = AnchorTimes::of_launches(&HashSet::from([0]), &samples);
+        assert_eq!(anchors[0].utilization, Some(AnchorUtilization { remaining: 2.0, overall: 2.0 }));
+    }
+
     #[test]
     fn preempted_samples_of_an_anchor_are_left_out_and_count_only_in_its_overall_utilization() {
         let sample = |ms: f64| AnchorSample {

@@ -33,17 +33,17 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the level (the logarithm of a time) by which a record is ranked within its family (the records
-    /// whose levels can be compared). If the record's block has a control point, the control point's level in
-    /// this block is subtracted, so that the speeds of the blocks' machines cancel.
+    /// Returns the level (the logarithm of a time) by which a record is ranked. Only levels of records with
+    /// the same [`Self::family`] can be compared. If the record's block has a control point, the control
+    /// point's level in this block is subtracted, so that the speeds of the blocks' machines cancel.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control
     }
 
-    /// Returns the name of the record's family. Only levels of records of one family can be compared. All
-    /// records whose blocks have the same control point are one family. Records without a control point are
-    /// one family if they were measured in the same rounds.
+    /// Returns a text that is equal for two records if their levels can be compared. The text is the key of
+    /// the control point of the record's block. If the block has no control point, the text identifies the
+    /// rounds in which the record was measured.
     pub(super) fn family(&self) -> String {
         self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
@@ -63,8 +63,9 @@ impl RelativeTimes {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ranking::ranking;
+    use super::super::ratios::ratio;
     use super::super::summary::tests::{judged, sampled};
-    use super::super::together::{ranking, ratio};
     use super::*;
 
     /// Returns a record with ten samples near `ms`, five in each of the two launches of a block.

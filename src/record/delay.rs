@@ -9,9 +9,9 @@
 
 use super::types::Record;
 
-/// Returns the largest possible error of the change of a point's time between two runs. The change is the
-/// ratio of the times, both relative to the anchor. The error is the logarithm of the factor by which the
-/// change may be too large because of other programs. The error is negative if the change may be too small,
+/// Returns how wrong the change of a point's time between two runs may be because of other programs. The
+/// change is the ratio of the two times, each relative to the anchor's time. The result is the logarithm of
+/// the factor by which the change may be too large. The result is negative if the change may be too small,
 /// and 0 if nothing shows an error.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)

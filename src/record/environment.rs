@@ -10,7 +10,7 @@ use super::whole::write_json;
 use crate::device::{DeviceInfo, common_name, variables};
 use crate::error::Result;
 
-/// Everything that may affect a result and is not in a record.
+/// The contents of `environment.json`: the conditions of a run that are not in its records.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// raycl's version.
@@ -21,8 +21,8 @@ pub struct Environment {
     /// How raycl was built: profile, optimisation, target and the target's features, flags, compiler.
     #[serde(default)]
     pub build: String,
-    /// All environment variables of OpenCL drivers and loaders that are set, as `NAME=VALUE`, even if they do not
-    /// affect results.
+    /// All environment variables of OpenCL drivers and loaders that are set, as `NAME=VALUE`, including
+    /// variables that do not affect results.
     #[serde(default)]
     pub variables: Vec<String>,
     /// When the run began, in the format of RFC 3339.

@@ -6,8 +6,8 @@ use super::summary::Group;
 /// the ending and for words that are added to the name, such as the kind of a plot.
 const LONGEST_NAME: usize = 200;
 
-/// Returns a name that is valid as a single file name on every system: all characters except ASCII letters, digits and
-/// "-_." become dashes. If the name is too long, its end is replaced by a hash of the whole name, so that different
+/// Turns a name into a file name without folders: all characters except ASCII letters, digits and "-_."
+/// become dashes. If the name is too long, its end is replaced by a hash of the whole name, so that different
 /// long names stay different.
 pub fn file_name(name: &str) -> String {
     let valid = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };

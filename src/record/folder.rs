@@ -1,24 +1,24 @@
 //! Reads folders of results. All code that displays results reads them through [`Folder`], which contains only records
 //! of the folder's current plan (the list of the points of its latest run).
 
+mod notes;
+
 use super::anchors::{AnchorSample, name_devices};
-use super::hosts::hosts_that_differ;
 use super::journal::{FOLDER, read_lines_if_any};
 use super::journals::{ANCHORS, CONTROLS, ENVIRONMENT, RECORDS, ROUNDS, SHARDS, SUMMARY};
 use super::plan::CurrentPlan;
-use super::revision::{DIRTY, is_dirty};
-use super::rounds::{RoundLoad, disturbance, moved_processors, preempted};
+use super::rounds::RoundLoad;
 use super::scenes::tell_scenes_apart;
-use super::together::{how_sure, judge};
+use super::together::judge;
 use super::types::Record;
-use super::verification::hardly_verified_images;
 use super::{Lines, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
 use crate::existing;
 use crate::reader;
 use crate::words::{path_word, quote};
+use notes::{NO_ENVIRONMENT, TORN, certainty, dirty, of_merge};
 use serde_json::Value;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 /// The file in which `raycl merge` describes the attempts that it merged into a folder.
@@ -54,66 +54,41 @@ impl Folder {
     /// Reads a folder of results; `path` names the folder or its journal of records. If there is no journal of records,
     /// returns an input error (a mistake of the user).
     pub fn read(path: &Path) -> Result<Self> {
-        let is_journal = existing::is_file(path)?;
-        let (folder, journal) = match is_journal {
-            true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
-            false => (path, path.join(RECORDS)),
-        };
-        if !existing::is_file(&journal)? {
-            return Err(no_results(path));
-        }
-        let lines = match is_journal {
-            true => read_lines::<Record>(&journal)?.refuse_if_all_damaged(&journal)?,
-            false => read_records(folder)?,
-        };
-        let lines_damage = lines.damage(RECORDS);
-        let (environment, unknown) = environment(folder);
+        let (folder, lines) = read_journal(path)?;
+        let environment = environment(folder);
         let plan = CurrentPlan::read(folder)?;
+        let plan = plan.as_ref();
         let controls = read_lines_if_any::<Record>(&folder.join(CONTROLS))?;
-        let anchors = anchors(folder, plan.as_ref(), lines.lines.iter().chain(&controls.lines))?;
-        let Shown { mut records, notes } = Shown::of(lines.lines, plan.as_ref());
-        let count = records.len();
-        let lines_damage = lines_damage.into_iter().chain(controls.damage(CONTROLS));
-        records.extend(shown_controls(controls.lines, plan.as_ref()));
-        judge(&mut records);
-        let controls = records.split_off(count);
-        let rounds = read_lines_if_any(&folder.join(ROUNDS))?;
-        let damage: Vec<_> =
-            lines_damage.chain(rounds.damage(ROUNDS)).chain(anchors.damage(ANCHORS)).collect();
+        let anchors = anchors(folder, plan, lines.lines.iter().chain(&controls.lines))?;
+        let rounds = read_lines_if_any::<RoundLoad>(&folder.join(ROUNDS))?;
+        let damage: Vec<String> = lines
+            .damage(RECORDS)
+            .into_iter()
+            .chain(controls.damage(CONTROLS))
+            .chain(rounds.damage(ROUNDS))
+            .chain(anchors.damage(ANCHORS))
+            .collect();
+        let Shown { records, notes: of_shown } = Shown::of(lines.lines, plan);
+        let (records, controls) = judged(records, shown_controls(controls.lines, plan));
         let rounds = rounds.lines;
-        let mut sure = how_sure(&records);
-        sure.extend(hosts_that_differ(&records, &controls));
-        sure.extend(disturbance(&rounds, &records));
-        sure.extend(hardly_verified_images(&records));
-        sure.extend(preempted(&records));
-        if hosts(&records) <= 1 {
-            // The core-to-core latencies of different machines are not compared: these latencies differ even
-            // if no virtual machine's processors were moved to other cores.
-            sure.extend(moved_processors(&rounds, &records));
-        }
-        let torn = lines.torn.then(|| {
-            "The last record is incomplete, for example because raycl was killed while it wrote the record. It is left \
-             out; `raycl run --resume` measures its point again."
-                .to_owned()
-        });
-        let dirty = dirty(&records, environment["git_revision"].as_str());
+        let notes = certainty(&records, &controls, &rounds)
+            .into_iter()
+            .chain(of_merge(folder))
+            .chain(of_shown)
+            .chain(dirty(&records, environment.as_ref()))
+            .chain(lines.torn.then(|| TORN.to_owned()))
+            .chain(damage.iter().cloned())
+            .chain(environment.is_none().then(|| NO_ENVIRONMENT.to_owned()))
+            .collect();
         Ok(Self {
             path: folder.to_owned(),
             label: label(folder),
             records,
             controls,
-            environment,
+            environment: environment.unwrap_or_default(),
             rounds,
             anchors: anchors.lines,
-            notes: sure
-                .into_iter()
-                .chain(of_merge(folder))
-                .chain(notes)
-                .chain(dirty)
-                .chain(torn)
-                .chain(damage.iter().cloned())
-                .chain(unknown)
-                .collect(),
+            notes,
             damage,
         })
     }
@@ -156,18 +131,27 @@ pub fn no_results(path: &Path) -> Error {
     Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
 }
 
-/// Returns the notes that `raycl merge` stored in a folder; empty if the folder has no readable `merge.json`.
-fn of_merge(folder: &Path) -> Vec<String> {
-    let merge: Option<Value> = reader::bytes(&folder.join(MERGE), reader::Kind::Results)
-        .ok()
-        .and_then(|text| serde_json::from_slice(&text).ok());
-    let notes = merge.and_then(|merge| Some(merge["notes"].as_array()?.clone())).unwrap_or_default();
-    notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
+/// Reads the journal of records of a folder of results; `path` names the folder or the journal. Also returns the
+/// folder's path.
+fn read_journal(path: &Path) -> Result<(&Path, Lines<Record>)> {
+    let is_journal = existing::is_file(path)?;
+    let (folder, journal) = match is_journal {
+        true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
+        false => (path, path.join(RECORDS)),
+    };
+    if !existing::is_file(&journal)? {
+        return Err(no_results(path));
+    }
+    let lines = match is_journal {
+        true => read_lines(&journal)?.refuse_if_all_damaged(&journal)?,
+        false => read_records(folder)?,
+    };
+    Ok((folder, lines))
 }
 
 /// Reads a folder's journal of records. Returns an input error (a mistake of the user) if the folder has no
-/// plan (`plan.json`) and no line of the journal can be read. The file was then probably not written by
-/// raycl.
+/// plan (`plan.json`) and no line of the journal can be read. In this case, raycl probably did not write the
+/// file.
 pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     let journal = folder.join(RECORDS);
     let lines = read_lines(&journal)?;
@@ -186,6 +170,12 @@ fn anchors<'a>(
         name_devices(&mut anchors.lines, plan, records);
     }
     Ok(anchors)
+}
+
+/// Returns the contents of `environment.json`; `None` if the file cannot be read.
+fn environment(folder: &Path) -> Option<Value> {
+    let text = reader::bytes(&folder.join(ENVIRONMENT), reader::Kind::Results).ok()?;
+    serde_json::from_slice(&text).ok()
 }
 
 /// The records that a folder shows, and notes on the records that it does not show.
@@ -236,40 +226,19 @@ fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record>
     }
 }
 
-/// Returns the number of machines on which the records were measured; 0 if the records name none.
-fn hosts(records: &[Record]) -> usize {
-    records.iter().flat_map(Record::hosts).collect::<HashSet<_>>().len()
+/// Computes the relative times of records and of control points. All of them are compared with each other.
+fn judged(mut records: Vec<Record>, controls: Vec<Record>) -> (Vec<Record>, Vec<Record>) {
+    let count = records.len();
+    records.extend(controls);
+    judge(&mut records);
+    let controls = records.split_off(count);
+    (records, controls)
 }
 
 /// Returns the count, followed by the text `one` if the count is 1, and otherwise by `several`; `None` for
 /// zero.
 fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
-}
-
-/// Returns the contents of `environment.json`. If the file cannot be read, returns null and a note that says so.
-fn environment(folder: &Path) -> (Value, Option<String>) {
-    let path = folder.join(ENVIRONMENT);
-    let text = reader::bytes(&path, reader::Kind::Results).ok();
-    match text.and_then(|text| serde_json::from_slice(&text).ok()) {
-        Some(environment) => (environment, None),
-        None => (
-            Value::Null,
-            Some(
-                "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown."
-                    .into(),
-            ),
-        ),
-    }
-}
-
-/// Returns a note on the records that come from a raycl program built from uncommitted sources. Nobody can
-/// build this program again. If a record has no revision, `revision` (from `environment.json`) is used.
-/// Returns `None` if there are no such records.
-fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
-    let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
-    let count = records.iter().filter(|record| of(record)).count();
-    (count > 0).then(|| format!("{count} of {} records come from {}.", records.len(), DIRTY))
 }
 
 fn label(path: &Path) -> String {

@@ -2,7 +2,8 @@
 //! same group, each of them measures the group's control point.
 
 use super::numbers::{by, duration, significant};
-use super::together::{interval, median, ratio_apart};
+use super::point_times::{interval, median};
+use super::ratios::ratio_apart;
 use super::types::Record;
 use std::collections::BTreeMap;
 
@@ -22,12 +23,12 @@ pub struct AtHost {
     pub host: String,
     /// Number of blocks that measured the point on this machine.
     pub blocks: usize,
-    /// The smallest of the medians that these blocks measured.
+    /// The smallest of the medians that the machine's blocks measured.
     pub median_ms: f64,
-    /// The 95% interval of this median; `None` with too few samples.
+    /// The 95% interval of `median_ms`; `None` with too few samples.
     pub interval_ms: Option<[f64; 2]>,
-    /// Ratio of this median to the median of the fastest machine: the estimate, then the lower and the upper
-    /// end of its 95% interval. `None` with too few samples.
+    /// Ratio of the machine's time to the time of the fastest machine: the estimate, then the lower and the
+    /// upper end of its 95% interval. `None` with too few samples.
     pub slower: Option<[f64; 3]>,
 }
 

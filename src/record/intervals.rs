@@ -1,7 +1,8 @@
 //! Brings the intervals in a journal of records up to date.
 
-use super::together::interval;
-use super::types::{Outcome, Record};
+use super::outcome::Outcome;
+use super::point_times::interval;
+use super::types::Record;
 use super::write_whole;
 use crate::error::{Error, Result};
 use std::collections::HashMap;

@@ -22,8 +22,8 @@ use crate::words::counted;
 pub struct JsonLines<T> {
     path: PathBuf,
     file: File,
-    /// True if the path led to the file when it was opened. If a file system changes the numbers of its
-    /// files, the path seems to lead to another file.
+    /// True if the path led to the file when the file was opened. On a file system that changes the numbers
+    /// of its files (inodes), the path may seem to lead to another file.
     is_recognised: bool,
     line_type: PhantomData<fn(&T)>,
 }
@@ -70,9 +70,9 @@ impl<T: Serialize> JsonLines<T> {
             .map_err(|error| Error::unwritable(&self.path, &error))
     }
 
-    /// Returns an error if the file is no longer at its path. Then somebody has removed or replaced the file
-    /// or its folder, and nobody would find the lines that are appended now. If the system does not say where
-    /// the file is, there is no error, since lines can still be appended.
+    /// Returns an error if the file is no longer at its path, because somebody has removed or replaced the
+    /// file or its folder. Nobody would find lines that are appended to such a file. If the system does not
+    /// say where the file is, there is no error, since lines can still be appended.
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
             Ok(false) if self.is_recognised => {
@@ -141,7 +141,7 @@ impl<T> Lines<T> {
     }
 
     /// Returns an input error (a mistake of the user) if the file has complete lines, but no line can be
-    /// read. The file is then probably not a journal. `path` is the file's path.
+    /// read. In this case, the file is probably not a journal. `path` is the file's path.
     pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
         match (&self.lines[..], &self.damaged[..]) {
             ([], [.., last]) => {
@@ -335,6 +335,25 @@ mod tests {
         assert_eq!((read.lines, read.damaged), (["a", "c"].map(record).to_vec(), Vec::new()));
     }
 
+    /// The disk becomes full after the first of two lines.
+    #[test]
+    fn after_a_failed_write_none_of_its_lines_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let mut journal = JsonLines::append_to(&path).unwrap();
+        journal.append(&record("a")).unwrap();
+        let lines = [record("b"), record("c")].map(|line| serde_json::to_string(&line).unwrap() + "\n");
+        let disk_full = append_or_nothing(&mut journal.file, lines.concat().as_bytes(), |file| {
+            file.write_all(lines[0].as_bytes())?;
+            file.write_all(&lines[1].as_bytes()[..9])?;
+            Err(ErrorKind::StorageFull.into())
+        });
+        assert_eq!(disk_full.unwrap_err().kind(), ErrorKind::StorageFull);
+        journal.append(&record("d")).unwrap();
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines, read.damaged), (["a", "d"].map(record).to_vec(), Vec::new()));
+    }
+
     #[test]
     fn after_a_failed_write_the_lines_of_another_process_stay() {
         let folder = tempfile::tempdir().unwrap();
@@ -377,14 +396,15 @@ mod tests {
         let path = folder.path().join("records.jsonl");
         assert!(read_lines_if_any::<Record>(&path).unwrap().lines.is_empty());
         std::os::unix::fs::symlink(&path, &path).unwrap();
-        // The link leads to itself. Like a disk that fails, it causes an error other than "not found".
+        // The link leads to itself. Like a disk that fails, such a link causes an error other than "not
+        // found".
         for read in [read_lines_if_any::<Record>, read_lines::<Record>] {
             let error = read(&path).unwrap_err();
             let expected = format!("cannot read {}: ", path.display());
             assert!(error.exit_code() == 1 && error.to_string().starts_with(&expected), "{error}");
             assert_ne!(error.remedy(), FOLDER);
         }
-        // A folder is there, so the journal is not missing.
+        // A folder has the journal's path, so the journal does not count as missing.
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();
         let error = read_lines_if_any::<Record>(&path).unwrap_err();

@@ -5,9 +5,10 @@
 use serde_json::{Map, Value, json};
 
 use super::file_names::file_names;
+use super::outcome::Outcome;
 use super::parameters::{joined, parameters};
 use super::summary::{Group, groups};
-use super::types::{HOST, Outcome, Record};
+use super::types::{HOST, Record};
 
 /// Returns the name without extension and the text of each cache file. Baselines, which run on no OpenCL
 /// device, are left out.

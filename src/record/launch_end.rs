@@ -12,6 +12,6 @@ pub struct LaunchEnd {
     pub launch: u32,
     /// The rule that ended the sampling.
     pub stop_reason: StopReason,
-    /// The number of samples of each point that did not fail, by the point's key.
+    /// For each point that did not fail: the point's key and its number of samples.
     pub samples: BTreeMap<String, usize>,
 }

@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use super::modes::{to_mind, two_modes};
 use super::numbers::{align_points, by, duration, ms, significant};
+use super::point_times::{interval, launches, median};
+use super::ratios::ratio;
+use super::smallest_difference::smallest_difference_note;
 use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
-use super::together::median;
-use super::together::{interval, launches, ratio, smallest_difference_note};
 use super::types::{HOST, Record};
 use crate::device::common_names;
 use crate::printer::{line, markdown};
@@ -64,7 +65,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes of kernels are device times of whole frames; times of baselines, which run on the host, are from the host's clock. On a CPU, frames whose threads had to wait for a processor are left out. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches and the usual difference between runs. The ratio of two points' times is computed from samples that were taken close together in time, and has a 95% interval of its own. \"Two modes\" means that the samples lie around two values; the median may be close to either value. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch, or with times of 0, have neither an interval nor a rank. \
+        "\nTimes of kernels are device times of whole frames; times of baselines, which run on the host, are from the host's clock. On a CPU, samples are left out if threads had to wait for a processor, or if the host of a virtual machine had moved the machine's processors. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches and the usual difference between runs. The ratio of two points' times is computed from samples that were taken close together in time, and has a 95% interval of its own. \"Two modes\" means that the samples lie around two values; the median may be close to either value. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch, or with times of 0, have neither an interval nor a rank. \
          If the driver caches compiled programs, all launches run the same compiled program, so the intervals do not include differences between builds. \"Frame rays per second\" is the number of all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" is the number of rays of a separate primary pass, divided by that pass's time. \"Tests per second\" is the number of primary rays times the number of triangles, divided by the time of the primary pass, or by that of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
          multiply-adds.\n",
     );
@@ -123,8 +124,8 @@ fn title(record: &Record) -> String {
     }
 }
 
-/// Returns a table of all records in the group: ranked records from the fastest to the slowest,
-/// then records with too few samples, then records without a time.
+/// Returns a table of all records in the group: ranked records from the fastest to the slowest, then records
+/// without a rank, then records without a time.
 fn table(group: &Group<'_>) -> String {
     let ranking = group.ranking();
     let failed = group.failures().into_iter().map(|(record, _)| record);

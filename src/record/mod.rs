@@ -2,6 +2,7 @@
 //! from records.
 
 mod anchors;
+mod axes;
 mod clocks;
 mod control;
 mod delay;
@@ -19,20 +20,27 @@ mod markdown;
 mod modes;
 mod noise;
 mod numbers;
+mod outcome;
 mod parameters;
 mod plan;
+mod point_times;
+mod ranking;
+mod ratios;
 mod relative_times;
 mod repair;
 mod revision;
 mod rounds;
+mod safe_paths;
 mod sample;
 mod scenes;
+mod smallest_difference;
 mod spreadsheet;
 mod summary;
 mod t4;
 mod terminal;
 mod together;
 mod types;
+mod unwritable_folder;
 mod verification;
 mod whole;
 
@@ -53,12 +61,20 @@ pub use markdown::summary_markdown;
 pub(crate) use modes::{to_mind, two_modes};
 pub use noise::{Causes, Noise};
 pub(crate) use numbers::{by, duration, duration_range, ms, significant};
+pub use outcome::Outcome;
 pub use plan::{CurrentPlan, PlannedPoint};
+pub(crate) use point_times::{fewest, interval, is_below_resolution, launches, median};
+pub(crate) use ranking::ranking;
+pub(crate) use ratios::{
+    anchored, anchored_mean, are_together, mean_relative_to, mean_relative_to_earlier, ratio, ratio_apart,
+    ratio_of_means, ratio_of_passes, rounds_of,
+};
 pub use relative_times::RelativeTimes;
 pub use repair::{Repaired, repair};
 pub use revision::dirty_program;
 pub use rounds::RoundLoad;
 pub(crate) use rounds::{MOVED, latency_ns};
+pub use safe_paths::{ordinary, own_file, own_folder, read_inside};
 pub use sample::Sample;
 pub(crate) use scenes::{new_names, tell_scenes_apart};
 pub use spreadsheet::summary_csv;
@@ -69,15 +85,10 @@ pub(crate) use summary::{few_names, first_line, not_enough, quartiles, why_unran
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};
-pub(crate) use together::{
-    anchored, anchored_mean, are_together, fewest, interval, is_below_resolution, launches, mean_relative_to,
-    mean_relative_to_earlier, median, ranking, ratio, ratio_apart, ratio_of_means, ratio_of_passes,
-    rounds_of,
-};
 pub use together::{judge, judge_with_anchors};
-pub use types::{HOST, Outcome, Record, schema};
+pub use types::{HOST, Record, schema};
+pub use unwritable_folder::{cannot_make, refuse_closed, refuse_file};
 pub use whole::{
-    TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, read_inside, refuse_closed, refuse_file,
-    remove_leftovers, sync_folder, temporary_in, write_json, write_new, write_page, write_whole,
-    write_whole_by,
+    TEMPORARY_PREFIX, remove_leftovers, sync_folder, temporary_in, write_json, write_new, write_page,
+    write_whole, write_whole_by,
 };

@@ -1,7 +1,7 @@
 //! Warnings about a record's median.
 
 use super::numbers::ms;
-use super::together::{launches, median};
+use super::point_times::{launches, median};
 use super::types::Record;
 use crate::measure::Modes;
 use crate::words::counted;

@@ -1,8 +1,9 @@
 //! Computes the smallest differences that the records of a run can show, and lists causes of noise.
 
+use super::point_times::median;
+use super::ranking::{resolution, resolution_within};
 use super::rounds::{core_to_core_ns, mean_load};
 use super::summary::{first_line, not_enough};
-use super::together::{median, resolution, resolution_within};
 use super::types::{HOST, Record};
 use super::{Folder, interval};
 use crate::measure::median_of;

@@ -2,7 +2,8 @@
 
 use serde_json::{Map, Value};
 
-use super::types::{Record, axes};
+use super::axes::axes;
+use super::types::Record;
 
 /// Returns the names and values of the parameters: the local size, every axis and, if the run compares two kernel
 /// folders, the folder's label. Commas are replaced by dots, since commas separate the values in the keys of Kernel

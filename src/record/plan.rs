@@ -39,7 +39,7 @@ pub struct PlannedPoint {
     pub device: String,
     /// The strategy's name.
     pub name: String,
-    /// The preset's name; null if an axis differs from the preset.
+    /// The preset's name; null for a baseline, and if an axis differs from the preset.
     pub preset: Option<String>,
     /// The folder of the point's kernels, if two folders of kernels are compared. Plans of earlier versions do not
     /// have this field.
@@ -57,7 +57,7 @@ impl PlannedPoint {
     }
 
     /// Gives a record the names and notes of this point. The notes on a scene may differ between runs
-    /// although the scene is the same, since they also name other scenes with the same content.
+    /// although the scene is the same, since the notes also name other scenes with the same content.
     fn name(&self, record: &mut Record) {
         let Self { key: _, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of } =
             self.clone();
@@ -172,6 +172,21 @@ mod tests {
         let path = folder.path().join(FILE);
         std::os::unix::fs::symlink(&path, &path).unwrap();
         assert!(CurrentPlan::read(folder.path()).is_err(), "the link leads to itself");
+    }
+
+    #[test]
+    fn a_device_whose_points_are_on_several_devices_of_the_plan_is_none_of_them() {
+        let on =
+            |key: &str, device: &str| Record { key: key.into(), device: device.into(), ..Record::default() };
+        let plan = CurrentPlan::of(&[on("a", "gpu 1"), on("b", "gpu 2"), on("c", "gpu 1")]);
+        for (points, expected) in [
+            (&[("a", "gpu"), ("c", "gpu"), ("b", "other")][..], Some("gpu 1")),
+            (&[("b", "gpu"), ("unknown", "gpu")], Some("gpu 2")),
+            (&[("a", "gpu"), ("b", "gpu")], None),
+            (&[("a", "other"), ("unknown", "gpu")], None),
+        ] {
+            assert_eq!(plan.device_called("gpu", points.iter().copied()), expected, "{points:?}");
+        }
     }
 
     #[test]

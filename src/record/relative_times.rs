@@ -18,7 +18,8 @@ pub struct RelativeTimes {
     pub(super) median_ms: Interval,
     /// The anchor of the record's device. `None` if there is no anchor, or if anchors were not requested.
     pub(super) anchor: Option<MeasuredAnchor>,
-    /// The control point of the record's block; `None` if the group was not divided into blocks.
+    /// The control point of the record's block; `None` if the group was not divided into blocks, or if the
+    /// control point has no time in this block.
     pub(super) control: Option<Control>,
 }
 

@@ -14,9 +14,9 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 pub struct RoundLoad {
     /// The launch's number in the folder.
     pub launch: u32,
-    /// The number of the last of these rounds.
+    /// The number of the last of the line's rounds.
     pub round: u32,
-    /// The duration of these rounds in milliseconds.
+    /// The duration of the line's rounds together, in milliseconds.
     pub ms: f64,
     /// Number of processors of the machine.
     pub processors: usize,
@@ -24,11 +24,11 @@ pub struct RoundLoad {
     pub others: f64,
     /// Mean number of processors that other virtual machines on the same hardware took from this machine.
     pub stolen: f64,
-    /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
-    /// a disk. Null if the system does not report it.
+    /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or
+    /// waited for a disk. Null if the system does not report the load average.
     pub load_1m: Option<f64>,
     /// The core-to-core latency (the time in which a cache line moves from one processor to another) after
-    /// these rounds, in nanoseconds; null if the latency was not measured.
+    /// the line's rounds, in nanoseconds; null if the latency was not measured.
     #[serde(default)]
     pub core_to_core_ns: Option<f64>,
 }
@@ -85,8 +85,9 @@ fn launches_of(records: &[Record]) -> HashSet<u32> {
     records.iter().flat_map(|record| &record.sample_launches).copied().collect()
 }
 
-/// Returns a note if other processes or virtual machines disturbed launches in which these records were measured;
-/// otherwise `None`. The load of a launch is unknown if no rounds of this launch took long enough to measure it.
+/// Returns a note if other processes or virtual machines disturbed launches in which these records were
+/// measured; otherwise `None`. The load of a launch is unknown if no rounds of the launch took long enough to
+/// measure the load.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown = launches_of(records);
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));

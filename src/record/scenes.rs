@@ -1,6 +1,6 @@
 //! Gives different names to scenes with different contents. If scenes have the same name, each gets a new
-//! name: the end of its path, with as few folders as are needed to make the names differ. If paths alone do
-//! not make the names differ, other names are used (see [`Names::others`]).
+//! name: the end of the scene's path, with as few folders as are needed to make the names differ. If paths
+//! alone do not make the names differ, other names are used (see [`Names::others`]).
 
 use super::types::Record;
 use crate::entry::entry;

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
+use super::point_times::{interval, launches};
 use super::summary::quartiles;
-use super::together::{interval, launches};
 use super::types::Record;
 use crate::error::{Error, Result};
 

@@ -1,6 +1,7 @@
 //! Divides records into groups and finds the winners of each group.
 
-use super::together::{fewest, interval, is_below_resolution, median, ranking};
+use super::point_times::{fewest, interval, is_below_resolution, median};
+use super::ranking::ranking;
 use super::types::{HOST, Record};
 use crate::measure::{BELOW_RESOLUTION, Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
@@ -16,7 +17,7 @@ pub struct Group<'a> {
     pub image_size: [u32; 2],
     /// The device's name, or "host".
     pub device: &'a str,
-    /// The records, sorted by strategy and then by local size. Presets come first, in their order;
+    /// The records, sorted by strategy and then by local size. Presets come first, in the order of `PRESETS`;
     /// other strategies follow, sorted by name.
     pub records: Vec<&'a Record>,
 }
@@ -69,13 +70,14 @@ fn sort_key(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
 }
 
 impl<'a> Group<'a> {
-    /// Ranks the measured records. Records with too few samples are in [`Ranking::unranked`].
+    /// Ranks the measured records. Records with too few samples, or with times of 0, are in
+    /// [`Ranking::unranked`].
     pub fn ranking(&self) -> Ranking<&'a Record> {
         ranking(self.records.iter().copied())
     }
 
-    /// Returns the fastest measured record that matches `wanted`. A record with too few samples is
-    /// returned only if no other record matches.
+    /// Returns the fastest measured record that matches `wanted`. A record without a rank is returned only if
+    /// no record with a rank matches.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
         self.ranking().all().into_iter().find(|record| wanted(record))
     }
@@ -101,7 +103,8 @@ impl<'a> Group<'a> {
     }
 }
 
-/// Returns the first and third quartile in milliseconds; `None` with too few samples.
+/// Returns the first and third quartile in milliseconds; `None` for a record with too few samples, or with
+/// times of 0.
 pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     interval(record)?;
     Some([record.q1_ms?, record.q3_ms?])
@@ -123,8 +126,8 @@ pub(crate) fn first_line(record: &Record) -> &str {
     reason.lines().next().unwrap_or_default()
 }
 
-/// Returns in brief why a measured record has no rank: "n = 3" if the launch with the fewest samples has 3,
-/// or [`BELOW_RESOLUTION`].
+/// Returns in brief why a measured record has no rank: "n = 3" if the launch with the fewest samples has 3
+/// samples, or [`BELOW_RESOLUTION`].
 pub(crate) fn why_unranked(record: &Record) -> String {
     match is_below_resolution(record) {
         true => BELOW_RESOLUTION.to_owned(),
@@ -141,8 +144,8 @@ pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) 
 
 #[cfg(test)]
 pub mod tests {
+    use super::super::outcome::Outcome;
     use super::super::together::judge;
-    use super::super::types::Outcome;
     use super::*;
 
     /// Returns a measured record for tests: ten equal samples, five in each of two launches.

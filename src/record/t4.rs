@@ -3,8 +3,9 @@
 
 use serde_json::{Value, json};
 
+use super::outcome::Outcome;
 use super::parameters::parameters;
-use super::types::{Outcome, Record};
+use super::types::Record;
 
 /// Returns all records as one T4 document. Baselines are left out, since they have no tuning parameters.
 pub fn t4_results(records: &[Record]) -> String {

@@ -1,6 +1,8 @@
 //! The record of a point. `docs/format.md` documents every field.
 
+use super::axes::axes;
 use super::numbers::by;
+use super::outcome::Outcome;
 use super::relative_times::RelativeTimes;
 use crate::manifest;
 use crate::program::CompiledKernel;
@@ -12,69 +14,19 @@ use serde::{Deserialize, Serialize};
 /// The value of `device` in the records of baselines.
 pub const HOST: &str = "host";
 
-/// The outcome of a point.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Outcome {
-    /// The image was correct, and the point was timed.
-    Measured,
-    /// The point cannot be measured: the device or the host has too little memory, the device or the kernel does not
-    /// support the local size, or the strategy does not support the scene. The record's `reason` says which of these is
-    /// the case and, if memory is too small, how the needed size was computed.
-    Infeasible,
-    /// The point's preset is meant for devices of another kind, so the point was not compiled or
-    /// timed.
-    OtherKind,
-    /// The device's compiler rejected the program.
-    BuildFailed,
-    /// The device refused or failed to run the kernel. Or the point had been cast before, but the free memory
-    /// was later too small for it.
-    LaunchFailed,
-    /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the reference,
-    /// too many uncertain pixels are outside the range of their values, or the number of pixels with a hit is wrong.
-    /// The point has no time.
-    WrongImage,
-    /// A step of the point took longer than the time limit.
-    TimedOut,
-    /// The process that measured the point ended unexpectedly. This is also the initial value of a record's outcome.
-    #[default]
-    Crashed,
-}
-
-impl Outcome {
-    /// Returns the outcome's name in records.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Measured => "measured",
-            Self::Infeasible => "infeasible",
-            Self::OtherKind => "other-kind",
-            Self::BuildFailed => "build-failed",
-            Self::LaunchFailed => "launch-failed",
-            Self::WrongImage => "wrong-image",
-            Self::TimedOut => "timed-out",
-            Self::Crashed => "crashed",
-        }
-    }
-
-    /// Returns true if this outcome is not a failure: the point was measured, or raycl knew beforehand that
-    /// the point cannot or need not be measured.
-    pub fn is_fine(self) -> bool {
-        matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
-    }
-}
-
 /// The result of one point. An optional field is null or absent if its value is unknown, or if the field does not apply
 /// to the point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
-    /// The key of the measurement: a hash of the scene, the device with its driver, the strategy, the sizes, the
-    /// program and the timing settings.
+    /// The key of the measurement: a hash that identifies what was measured. It covers, for example, the
+    /// scene, the device with its driver, the strategy, the local size, the image size, the program and the
+    /// timing settings.
     pub key: String,
     /// When the point was finished, in the format of RFC 3339.
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
-    /// A hash of everything in the scene that affects the picture; it identifies the scene.
+    /// A hash of everything in the scene that affects the picture. Equal hashes mean equal scenes.
     #[serde(default)]
     pub scene_hash: Option<String>,
     /// The scene's file, as named in the config.
@@ -105,14 +57,14 @@ pub struct Record {
     /// The key of the control point of the point's group, which is measured in every block of the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// True if the point was measured only to compare its block with other blocks. Another record then contains the
-    /// point's result.
+    /// True if the point was measured only to compare its block with other blocks. The point's result is in
+    /// another record.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
     /// The strategy's name: the name in the config or, without one, the preset's name and the axes that differ from the
     /// preset.
     pub name: String,
-    /// The preset's name; null if an axis differs from the preset.
+    /// The preset's name; null for a baseline, and if an axis differs from the preset.
     pub preset: Option<String>,
     /// The folder of the point's kernels, if two folders of kernels are compared.
     #[serde(default)]
@@ -128,13 +80,13 @@ pub struct Record {
     /// Number of lights in the scene.
     pub lights: Option<u64>,
     /// Notes on the scene. A note names a part of the scene's file that was ignored or replaced by a default,
-    /// such as missing normals. Or it names another scene of the experiment with the same content, which was
-    /// not measured.
+    /// such as missing normals. Another kind of note names a scene of the experiment that has the same
+    /// content and was therefore not measured.
     #[serde(default)]
     pub scene_notes: Vec<String>,
-    /// The outcome.
+    /// What happened to the point, such as `measured` or `infeasible`.
     pub outcome: Outcome,
-    /// The reason why the point was not measured.
+    /// The reason why the point has no time.
     pub reason: Option<String>,
     /// A warning about the measured time.
     pub warning: Option<String>,
@@ -144,13 +96,14 @@ pub struct Record {
     pub q1_ms: Option<f64>,
     /// The third quartile of `samples_ms`.
     pub q3_ms: Option<f64>,
-    /// The 95% interval of the median (low, high), from the spread between and within launches.
+    /// The 95% interval of the median (low, high), from the differences between launches and the usual
+    /// difference between runs.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the host's clock.
-    /// Samples whose threads had to wait for a processor are left out. Also left out are samples and launches in which
-    /// a virtual machine's processors were at an unusual distance from each other (see `moved_samples` and
-    /// `moved_launches`).
+    /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the
+    /// host's clock. Samples whose threads had to wait for a processor are left out. Samples and launches in
+    /// which a virtual machine's processors were at an unusual distance from each other are left out too (see
+    /// `moved_samples` and `moved_launches`).
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -192,7 +145,7 @@ pub struct Record {
     #[serde(default)]
     pub records_ms: Option<f64>,
     /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. The two rates
-    /// are different quantities. Therefore only CSV files contain this field, and no page shows it. See
+    /// are different quantities, so no page shows this field; summaries in CSV contain it. See
     /// [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every pixel whose ray hits something, and one more per such
@@ -207,8 +160,9 @@ pub struct Record {
     /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference:
     /// column, row.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification
-    /// compares an uncertain pixel with the range of values that the moved rays yield.
+    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly, or if another
+    /// small change is made. Verification compares an uncertain pixel with the range of values that these
+    /// changes yield.
     pub uncertain_pixels: Option<u64>,
     /// Number of pixels whose rays hit something in the reference.
     #[serde(default)]
@@ -216,8 +170,8 @@ pub struct Record {
     /// Number of uncertain pixels whose rays hit something in the reference.
     #[serde(default)]
     pub uncertain_hits: Option<u64>,
-    /// Number of uncertain pixels whose values are outside the range that their moved rays yield; verification limits
-    /// this number.
+    /// Number of uncertain pixels whose values are outside the range of values that the small changes yield;
+    /// verification limits this number.
     pub unexplained_pixels: Option<u64>,
     /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,
@@ -433,19 +387,6 @@ fn positive(ms: Option<f64>) -> Option<f64> {
     ms.filter(|ms| *ms > 0.0)
 }
 
-/// Axes that are newer than some records. The value of each axis describes what raycl did before the axis existed.
-const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
-
-/// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text. The value
-/// of a newer axis describes what raycl did before the axis existed. Returns no axis for a baseline.
-pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
-    let stated = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
-    let is_unstated = move |(axis, _): &(&str, &str)| {
-        stated().any(|(name, _)| name == "traversal") && stated().all(|(name, _)| name != *axis)
-    };
-    stated().chain(BEFORE.into_iter().filter(is_unstated))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -489,20 +430,6 @@ mod tests {
             assert_eq!(raster.main_kernel_of_local_size(), None);
             assert_eq!(record.main_kernel_of_local_size(), record.main_kernel());
         }
-    }
-
-    #[test]
-    fn an_outcome_has_the_same_name_in_tables_as_in_records() {
-        use Outcome::{
-            BuildFailed, Crashed, Infeasible, LaunchFailed, Measured, OtherKind, TimedOut, WrongImage,
-        };
-        let fine = [Measured, Infeasible, OtherKind];
-        let failures = [BuildFailed, LaunchFailed, WrongImage, TimedOut, Crashed];
-        for outcome in fine.into_iter().chain(failures) {
-            assert_eq!(serde_json::to_value(outcome).unwrap(), outcome.name());
-        }
-        assert!(fine.iter().all(|outcome| outcome.is_fine()));
-        assert!(!failures.iter().any(|outcome| outcome.is_fine()));
     }
 
     #[test]

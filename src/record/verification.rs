@@ -1,7 +1,8 @@
 //! Counts the points whose images were hardly verified, because too few pixels of these images are certain.
 
 use super::numbers::by;
-use super::types::{Outcome, Record};
+use super::outcome::Outcome;
+use super::types::Record;
 use crate::verify::hardly_verified;
 use crate::words::counted_of_were;
 
@@ -10,8 +11,8 @@ use crate::words::counted_of_were;
 pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
-        // Records of earlier versions do not have the numbers of pixels with a surface. For these records,
-        // all pixels count.
+        // Records of earlier versions do not have the numbers of pixels whose rays hit something. For these
+        // records, all pixels count.
         let hits = [record.uncertain_hits, record.hits].map(|count| count.unwrap_or(0) as usize);
         hardly_verified([record.uncertain_pixels? as usize, record.pixels() as usize], hits)
     };
@@ -45,7 +46,7 @@ mod tests {
         let start =
             "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
         assert!(note.starts_with(start), "{note}");
-        // Only pixels with a surface count, if their number is known.
+        // If the number of pixels whose rays hit something is known, only these pixels count.
         let hits = |uncertain, hits| Record {
             uncertain_hits: Some(uncertain),
             hits: Some(hits),

@@ -91,7 +91,8 @@ impl Asked<'_> {
     /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's position in a
     /// texture. Nudges do not reveal this error if all corners of the triangle have the same texture
     /// coordinates, as in models whose texture is a palette. `reaches` tests whether a light or the sky is
-    /// visible. The function calls `reaches` only once for each of them, since the hit point does not move.
+    /// visible. The function calls `reaches` only once for each light and for the sky, since the hit point
+    /// does not move.
     fn shift_texture(
         &self,
         sample: &mut PixelSample,

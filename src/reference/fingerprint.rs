@@ -15,7 +15,8 @@ const SOURCES: [(&str, &str); 11] = [
     ("traverse", include_str!("traverse.rs")),
 ];
 
-/// Returns a hash of the casters' source, the counterpart of a kernel's program hash.
+/// Returns a hash of the casters' source as 16 hexadecimal digits, the counterpart of the hash of a kernel's
+/// program.
 pub fn fingerprint() -> String {
     let mut hasher = blake3::Hasher::new();
     for (_, text) in SOURCES {

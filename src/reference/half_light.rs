@@ -44,9 +44,9 @@ pub fn with_half_light(
     Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
 }
 
-/// Returns the position of the centre of pixel `at` in the half picture. In these coordinates, the centres of
-/// the half picture's own pixels are whole numbers. `half` and `whole` are the numbers of pixels of the half
-/// picture and of the whole picture along this axis.
+/// Returns where the centre of the whole picture's pixel `at` lies in the half picture, along one axis. In
+/// these coordinates, the centres of the half picture's own pixels are whole numbers. `half` and `whole` are
+/// the numbers of pixels of the half picture and of the whole picture along this axis.
 fn position_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }

@@ -43,8 +43,7 @@ impl RayPacket {
         Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
     }
 
-    /// Returns a packet of the same rays, for the case that a light is at their origin and that they end at
-    /// the point `surface`.
+    /// Returns the packet of the same rays if these rays start at a light and end at the point `surface`.
     pub fn from_light(self, surface: DVec3) -> Self {
         Self { end: surface, ..self }
     }

@@ -15,9 +15,9 @@ const MOST_PER_COSINE: f64 = 50.0;
 ///
 /// The first distance is the one that cl/common/shadow_end.cl computes. Usually, this distance is the shadow
 /// bias. If the light is so distant that rounding moves the hit's triangle by more than the bias, the
-/// distance is this rounding error. The second distance is greater by the largest rounding error of the
-/// distance of a surface that the light grazes. Surfaces up to the second distance from the hit may or may
-/// not block the light. Both distances are the bias if no rounding error exceeds the bias, or if the light is
+/// distance is this rounding error. The second distance is greater by the largest distance by which rounding
+/// moves a surface that the light grazes. Surfaces up to the second distance from the hit may or may not
+/// block the light. Both distances are the bias if no rounding error exceeds the bias, or if the light is
 /// behind the surface. `normal` is the unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
     ends(bias, sight.distance, sight.w_i.dot(normal))

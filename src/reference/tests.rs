@@ -169,7 +169,8 @@ fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain
     }
 }
 
-/// One texel is a hole. The alpha of all other texels equals the least alpha of a solid point.
+/// One texel is a hole. The alpha of all other texels equals the mask's `least_alpha`, which is slightly more
+/// than the least alpha of a solid point (`Texture::least_step`).
 #[test]
 fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {
     for alpha in [255, 51] {
@@ -181,9 +182,8 @@ fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {
     }
 }
 
-/// One texel is a hole. The alpha of all other texels is exactly the least alpha of a solid point. In the
-/// test above, the least alpha of a solid point is slightly less than the texels' alpha. In this test, the
-/// two are equal, so rounding the mean of four texels' alpha may make a hole.
+/// One texel is a hole. The alpha of all other texels is exactly the least alpha of a solid point
+/// (`Texture::least_step`), so rounding the mean of four texels' alpha may make a hole.
 #[test]
 fn a_surface_whose_alpha_has_no_slack_is_uncertain() {
     let dotted = |x: u32, y: u32| if [x, y] == [0; 2] { 0 } else { 128 };

@@ -1,5 +1,5 @@
-//! Collects the data of a report's first screen: the winners, how much faster they are than other points, how certain
-//! this result is, and which points could not run.
+//! Collects the data of a report's first screen: the winners, how much faster they are than other points, how
+//! certain this result is, and which points have no time.
 
 use super::words::{first_line, series_name, title};
 use crate::entry::entry;
@@ -25,7 +25,7 @@ pub struct Answer {
     pub nobody: &'static str,
     /// The fastest winner's median as text, such as "1.2 ms"; "-" if there is no winner.
     pub time: String,
-    /// The 95% interval of this median as text; empty if it is unknown.
+    /// The 95% interval of the fastest winner's median as text; empty if the interval is unknown.
     pub interval: String,
     /// The speed-ups of the fastest winner over the serial baselines and over the fastest point of the preset
     /// `naive`.
@@ -37,7 +37,7 @@ pub struct Answer {
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
     pub sure: String,
-    /// The points without a time, with one entry per reason.
+    /// The points without a time: one entry per reason.
     pub refused: Vec<Refused>,
 }
 
@@ -46,18 +46,18 @@ pub struct Answer {
 pub struct Winner {
     /// The strategy's name.
     pub name: String,
-    /// The winner's local size.
+    /// The winner's local size, such as "16×16"; empty if the winner has none.
     pub size: String,
     /// The values of all axes of the strategy.
     pub strategy: String,
 }
 
-/// The factor by which the best point is faster than another point.
+/// The factor by which a group's fastest winner is faster than another point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Speedup {
-    /// The point or baseline with which the best point is compared.
+    /// The name of the baseline or point with which the winner is compared.
     pub over: String,
-    /// The factor; `None` if either point has too few samples, or times of 0.
+    /// The factor; `None` if either of the two points has too few samples, or times of 0.
     pub ratio: Option<f64>,
     /// The factor as text: "4.4×", or "?" if it is unknown.
     pub factor: String,
@@ -69,11 +69,11 @@ pub struct Speedup {
 /// Points without a time, all for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
-    /// The reason in one word, such as "local" (too little `__local` memory) or "wrong-image".
+    /// The reason in brief, such as "local" (too little `__local` memory) or "wrong-image".
     pub word: String,
-    /// Number of points.
+    /// The number of points without a time for this reason.
     pub count: usize,
-    /// One of the points, with its full reason.
+    /// The first of these points, with the first line of its reason.
     pub example: String,
 }
 
@@ -118,8 +118,8 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
     others.filter_map(|other| speedup(best, other)).collect()
 }
 
-/// Returns the text for [`Speedup::over`] from the record with which the best point is compared: a baseline's
-/// name, or "the best naive point".
+/// Returns the text of [`Speedup::over`] for a record: a baseline's strategy, such as "serial-f32", or for
+/// other records a text such as "the best naive point".
 fn name_of_other(record: &Record) -> String {
     match record.is_baseline() {
         true => record.strategy.clone(),
@@ -188,8 +188,8 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns true if a point without a rank may be faster than the winner: its median is not above the upper
-/// end of the winner's 95% interval.
+/// Returns true if a point without a rank may be faster than the winner, because the point's median is not
+/// above the upper end of the winner's 95% interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
@@ -214,9 +214,9 @@ pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
 
-/// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as serial-f32, 1.04 to
-/// 7.82 times as fast as the best naive point". If a speed-up is known only in some of the groups that have a winner,
-/// the number of these groups follows. Returns an empty text if no speed-up is known.
+/// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as
+/// serial-f32, 1.04 to 7.82 times as fast as the best naive point". If a speed-up is known in fewer groups
+/// than have a winner, both numbers follow. Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {

@@ -6,11 +6,12 @@ use crate::record::{Folder, HOST};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
-/// In the entry of a renamed device: the key of the name that the driver reports.
+/// The key under which the entry of a renamed device stores the name that the driver reports.
 const DRIVER: &str = "driver's_name";
 
-/// Returns copies of the folders in which devices have their common names. Also returns a map from each new
-/// name to the name that the driver reports. Devices whose name did not change are not in the map.
+/// Returns copies of the folders, in which the drivers' names of devices are replaced by common names. Also
+/// returns a map from each common name to the name that the driver reports. Devices whose name did not change
+/// are not in the map.
 pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
     let measured = folders.iter().flat_map(|folder| folder.records.iter().chain(&folder.controls));
     let described = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();

@@ -6,7 +6,7 @@ use crate::record::{Folder, Record};
 use crate::words::{counted, quote};
 use serde_json::Value;
 
-/// The environment of a folder, as a page shows it.
+/// The environment of a folder of results (the file `environment.json`), as a page shows it.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentView {
     /// The folder's label.
@@ -105,7 +105,8 @@ fn program_of(folder: &Folder) -> String {
     format!("The environment was written by {last}. These commits of raycl measured the records: {all}")
 }
 
-/// Returns the version and the commit of the raycl that wrote an environment, and how to build it again.
+/// Returns the version and the commit of the raycl that wrote an environment, and how to build this commit
+/// again.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))

@@ -9,8 +9,8 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Limit on the total size of a page's pictures in bytes, so that the page stays below 15 MB.
-/// Beyond this limit, only the paths of pictures are shown.
+/// The limit on the bytes that all embedded pictures of a page take together, so that the page stays below 15
+/// MB. Beyond this limit, only the paths of pictures are shown.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture of each scene at the top of a report.
 const THUMBNAIL: u32 = 120;
@@ -32,9 +32,9 @@ pub struct Picture {
 /// The pictures of a scene at an image size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// The scene.
+    /// The scene's name.
     pub name: String,
-    /// Pixels across and down.
+    /// The image size as text, such as "800 x 500".
     pub size: String,
     /// Number of triangles, if known.
     pub triangles: Option<u64>,
@@ -46,7 +46,8 @@ pub struct Scene {
 /// exceed `PICTURE_BYTES`.
 #[derive(Debug, Default)]
 pub struct Pictures {
-    /// The bytes that the page's pictures take so far, without the small pictures.
+    /// The bytes that the page's embedded pictures take so far, without the small pictures at the top of the
+    /// page.
     spent: usize,
     /// The files that were read, by folder and path. `None` for a file that cannot be read.
     read: HashMap<(PathBuf, String), Option<File>>,
@@ -102,10 +103,10 @@ impl Pictures {
         Some(address)
     }
 
-    /// Returns every scene's pictures: the reference, the uncertain pixels, and the cost of rays (triangle tests and
-    /// tree nodes). For each strategy, there are also the strategy's picture and the picture of its differences from
-    /// the reference. Each record's pictures come from the record's own folder. If several folders have the same
-    /// picture under the same name, the picture is shown only once.
+    /// Returns the pictures of every scene and image size: the reference, the uncertain pixels, and the cost
+    /// of rays (triangle tests and tree nodes). For each strategy, there are also the strategy's picture and
+    /// the picture of its differences from the reference. Each record's pictures come from the record's own
+    /// folder. If several folders have the same picture under the same name, the picture is shown only once.
     pub fn gallery(&mut self, records: &[Record], origins: &Origins<'_>) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String, Option<blake3::Hash>)> = Vec::new();
@@ -162,7 +163,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "uncertain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At these pixels, an image's value must lie in the range of the values that these changes yield."
+                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At an uncertain pixel, a strategy's image must have a value in the range of the values that these changes yield."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", traversal(record)), tests_caption(record)),
@@ -176,7 +177,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
         (
             &record.difference_image,
             format!("difference: {who}"),
-            format!("Relative differences from the reference. Each power of ten has its own colour; black means no difference.{differs}"),
+            format!("Relative differences from the reference, on a logarithmic scale from dark (1e-6) to bright (1). Black pixels differ by less than 1e-6, and red pixels have a value that is not finite.{differs}"),
         ),
     ];
     let present =

@@ -9,9 +9,8 @@ use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};
 
-/// Returns up to two plots for each device. The first plot shows times over the number of triangles, if the
-/// device's records differ in this number. The second plot shows times over the number of pixels, if the
-/// records differ in the image size.
+/// Returns up to two plots for each device: times over the number of triangles, and times over the number of
+/// pixels. A plot is left out if all its times have the same number of triangles or pixels.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(index, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
@@ -108,11 +107,11 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => " There are too few different values for a fit. A fit needs three values on the x axis, each with enough \
-            samples."
+        [] => " There are no fitted lines: a fit needs times with enough samples at three or more different values on the x \
+            axis."
             .to_owned(),
         some => format!(
-            " The dashed lines are power laws, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
+            " The dashed lines are power laws, fitted by least squares to the logarithms. The legend shows each exponent after the sign ^. Exponents with their standard errors: {}.",
             some.join(", ")
         ),
     };
@@ -130,8 +129,9 @@ fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     values.len()
 }
 
-/// Fits a power law to points (x, y). Returns the law's exponent and the exponent's standard error, or `None`
-/// if the points have fewer than three different values of x.
+/// Fits a power law to points (x, y). Returns the law's exponent and the exponent's standard error. Points
+/// with x or y of 0 or less are ignored. Returns `None` if the other points have fewer than three different
+/// values of x.
 pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
     let fit = Fit::of(&points.iter().map(mark).collect::<Vec<_>>())?;
@@ -152,8 +152,8 @@ struct Fit {
 
 impl Fit {
     /// Fits a power law to marks. Ignores marks without an interval, because they have too few samples, and
-    /// marks whose x or y is 0. Returns `None` if the other marks have fewer than three different values of
-    /// x.
+    /// marks whose x or y is not above 0. Returns `None` if the other marks have fewer than three different
+    /// values of x.
     fn of(marks: &[Mark]) -> Option<Self> {
         let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
         let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();

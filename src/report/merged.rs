@@ -4,14 +4,14 @@ use crate::record::{CurrentPlan, Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Returns the records of all folders. If two folders measured the same point under different conditions (driver,
-/// machine, program or timing), the keys of the two records differ. In this case, each folder's label is added to the
-/// name of the point's device in the folder's records, so that the results are shown separately. If the point is a
-/// baseline, its device is the host, whose name does not change. Instead, each folder's label is added to the names of
-/// all baselines in the folder's records. The labels are also added to the names of scenes that have the same name but
-/// different content. If a point was measured twice under the same conditions, the keys of the two records are equal.
-/// In this case, the later folder's record and names are used, even if the folders have different names for the device
-/// or the strategy.
+/// Returns the records of all folders. If two folders measured the same point under different conditions
+/// (driver, machine, program or timing), the keys of the two records differ. In this case, each folder's
+/// records get the folder's label after the device's name, so that the results are shown separately. If the
+/// point is a baseline, its device is the host, whose name does not change. Instead, the folder's label is
+/// added to the names of all baselines in the folder's records. The labels are also added to the names of
+/// scenes that have the same name but different content. If a point was measured twice under the same
+/// conditions, the keys of the two records are equal. In this case, the later folder's record and names are
+/// used, even if the folders have different names for the device or the strategy.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(labelled(folders, &labels(folders)).concat(), point)
 }
@@ -85,8 +85,8 @@ pub fn labels(folders: &[Folder]) -> Vec<String> {
     folders.iter().map(name).collect()
 }
 
-/// Renames scenes with the same content so that they have the same name, and adds the folders' labels to
-/// scenes that have the same name but different content.
+/// Returns each folder's records. Scenes with the same content get the same name. If scenes in different
+/// folders have the same name but different content, each folder's label is added to the name.
 fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut scenes: Vec<(&str, &str, &str)> = Vec::new();
     for (folder, label) in folders.iter().zip(labels) {
@@ -98,8 +98,8 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
         }
     }
     // Within a folder, records with the same scene name belong to one scene, even if their hashes differ: the
-    // content of a scene may depend on the images' shape. Only names in other folders are therefore
-    // namesakes.
+    // content of a scene may depend on the images' shape. A name therefore clashes only with the same name in
+    // another folder.
     let has_namesake =
         |name: &str, label: &str| scenes.iter().any(|(_, other, of)| *other == name && *of != label);
     let named = |(hash, name, label): &(&str, &str, &str)| match has_namesake(name, label) {
@@ -114,10 +114,11 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
     folders.iter().map(|folder| folder.records.iter().map(renamed).collect()).collect()
 }
 
-/// Renames devices and strategies of a folder's records as a later folder names them. Records with equal keys show
-/// which names belong together. A record keeps its names if another record of its folder has the new names. If no two
-/// devices get the same name, all devices are renamed before the strategies. A record then gets the new name of its
-/// device even if it keeps the old name of its strategy.
+/// Gives the devices and strategies of a folder's records the names that they have in the records `later` of
+/// a later folder. Records with equal keys show which names belong together. A record keeps its names if,
+/// with the new names, it would be for the same point as another record of its folder. If no two devices get
+/// the same name, all devices are renamed before the strategies. In this case, a record gets the new name of
+/// its device even if it keeps the old name of its strategy.
 fn rename(records: &mut [Record], later: &[Record]) {
     let devices = device_names(records, later);
     let stay_apart = stay_apart(records, &devices);

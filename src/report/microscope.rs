@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// The file name of the page.
 pub const MICROSCOPE: &str = "microscope.html";
 
-/// The styles that only the page of `raycl compile` has, beside the styles of all pages.
+/// The styles that only the page of `raycl compile` has. The page also has the styles of all pages (`STYLE`).
 const OWN_STYLE: &str = include_str!("templates/microscope.css");
 const OWN_SCRIPT: &str = include_str!("templates/microscope.js");
 
@@ -49,7 +49,7 @@ struct SourceLine {
     text: String,
     /// The number of the line's instructions, as text; empty for 0.
     instructions: String,
-    /// The kinds of memory that these instructions access, such as "global local".
+    /// The kinds of memory that the line's instructions access, such as "global local".
     memory: String,
     tip: String,
 }
@@ -67,12 +67,12 @@ struct TableRow {
     line_or_part: String,
     text: String,
     instructions: u32,
-    /// The number of instructions of each kind; empty for 0.
+    /// The number of instructions of each kind, as text; empty for 0.
     counts: Vec<String>,
 }
 
-/// Returns the page of a program. `kernels` contains what the driver reports about each kernel, such as spilled
-/// registers.
+/// Returns the page of a program as HTML. `kernels` contains what the driver reports about each kernel, such
+/// as spilled registers.
 pub fn microscope_page(
     title: &str,
     about: &str,
@@ -154,9 +154,9 @@ fn note(listing: &Listing) -> String {
             "An instruction belongs to the line that the compiler's line table names; an inlined function's instructions belong to the function's lines, wherever the function is called."
         }
         RowsAre::Parts => {
-            "The compiler wrote no line table, or its table has no line for this kernel, so instructions are not \
-             counted by line, but by part of the kernel. A part of PTX or SASS extends from one label or start of a \
-             function to the next; on a CPU, a part is a function."
+            "The compiler wrote no line table, or its table has no line for this kernel, so instructions are \
+             counted by part of the kernel, not by line. In PTX and SASS, a new part begins at each label and at the \
+             start of each function. On a CPU, a part is a function."
         }
     };
     let same = match listing.same_as_timed {

@@ -52,10 +52,10 @@ pub const PAGE: &str = "report.html";
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
 /// The file names of a reproduction: the page, and the page's content as JSON for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
-/// The beginnings of the names of a reproduction's plots.
+/// The path of each plot of a reproduction begins with one of these texts.
 const REPRODUCTION_PLOTS: [&str; 2] = ["plots/answer-", "plots/figure-"];
 
-/// Files of a report: each file's path relative to the report's folder, and the file's content.
+/// Files to write: each file's path, relative to the output folder, and the file's content.
 type Files = Vec<(String, Vec<u8>)>;
 
 /// Writes `report.html`, `plots/` and `exports/` for the folders' records into `out`. Then removes those
@@ -84,8 +84,8 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`. `folders` are results that were
-/// measured with the paper's configs. Returns the path of `reproduction.html`.
+/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`. `folders` contain the results of
+/// the paper's configs. Returns the path of `reproduction.html`.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);

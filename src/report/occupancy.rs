@@ -129,8 +129,8 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
 }
 
 /// Returns the main kernel's number of registers, or `None` if the compiler did not report it. Also returns
-/// the bytes of `__local` memory that a work-group needs. If the number of registers is known, these are the
-/// compiled kernel's bytes; otherwise, they are the bytes that raycl predicted, or 0 without a prediction.
+/// the bytes of `__local` memory that a work-group needs: the compiled kernel's bytes if the number of
+/// registers is known, otherwise the bytes that raycl predicted, or 0 without a prediction.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);

@@ -131,7 +131,7 @@ pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>,
     let note = || {
         format!(
             "There are {} devices. The plots \"Device against device\" therefore compare each device only with {}, \
-             which has the most times. Up to {MOST_WITH_ALL_PAIRS} devices, every pair has a plot.",
+             which has the most times. With up to {MOST_WITH_ALL_PAIRS} devices, every pair has a plot.",
             all.len(),
             all[0].0
         )

@@ -1,4 +1,4 @@
-//! Collects the data of the report's template from records.
+//! Collects, from records, the data that the report's template shows.
 
 use super::answer::{Answer, answers, headline};
 use super::common_names::{name_of_driver, with_common_names};
@@ -58,8 +58,8 @@ pub struct View {
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
     rows: Vec<Row>,
-    /// The command `raycl compile` that shows the instructions of the fastest point. Empty if the report does
-    /// not know the command's arguments.
+    /// The command (`raycl compile`) that shows the instructions of the fastest point. Empty if no point has
+    /// a rank, if the report is on several folders, or if an argument of the command is unknown.
     microscope: String,
 }
 
@@ -84,7 +84,7 @@ pub struct Row {
     wins: bool,
 }
 
-/// A row of the table of machines: the time of a control point on one machine.
+/// A row of the table of hosts: the time of a control point on one host.
 pub struct HostRow {
     point: String,
     host: String,
@@ -157,9 +157,9 @@ fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) 
     pictures.thumbnail(origins.folder(best)?, best.image.as_deref()?)
 }
 
-/// Returns a nonce: a random number of 128 bits. The page lets only scripts with this number run. The
-/// standard library derives the nonce from the system's random numbers. Texts in the page, such as scene
-/// names, therefore cannot contain it.
+/// Returns a nonce: a random number of 128 bits. The page lets only scripts with this number run. Scripts in
+/// the page's texts, such as scene names, do not run, because nobody can predict the nonce: the standard
+/// library derives it from the system's random numbers.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
@@ -186,7 +186,7 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     questions
 }
 
-/// Returns a row for each control point of a folder and each machine that measured it.
+/// Returns a row for each control point of a folder and each host that measured this point.
 fn hosts(folder: &Folder) -> Vec<HostRow> {
     let row = |point: &str, at: &AtHost| HostRow {
         point: point.to_owned(),
@@ -290,9 +290,8 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // The command needs the device's own name. In a report on several folders, a device's name in a
-        // record may end with the name of a folder. Only a report on a single folder therefore shows the
-        // command.
+        // In a report on several folders, a device's name in a record may end with the name of a folder. Such
+        // a name would not select a device, so only a report on a single folder shows the command.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -317,7 +316,8 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
 }
 
 /// Returns the command that writes a page with a point's instructions. The record's name of the device may be
-/// the common name, or end with a text in brackets. The command has the driver's name instead.
+/// the common name, or end with a text in brackets. The command has the driver's name instead. Returns `None`
+/// if [`microscope::command`] returns `None`.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(name_of_driver);
     microscope::command(record, name.unwrap_or(&record.device))

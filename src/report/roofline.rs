@@ -19,8 +19,9 @@ use std::collections::HashMap;
 const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device that has points with a known number of ray-triangle tests. If the
-/// operations of a test are unknown for all of these points, the plot shows only the roofs; without known
-/// peak rates, there is no plot. `drivers` maps a device's common name to the name that the driver reports.
+/// operations of a test are unknown for all of these points, the plot shows only the roofs; if the peak rates
+/// are unknown too, there is no plot. `drivers` maps a device's common name to the name that the driver
+/// reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -68,8 +69,8 @@ fn is_of(peak: &Peak, label: &str, shown: &str, drivers: &HashMap<String, String
 }
 
 /// Returns the plot of a device, with roofs if `peak` is known. `unreadable` has a message for each file of
-/// peak rates that cannot be read. Returns `None` if the plot would have no marks and no roofs, or if no
-/// record has a number of tests.
+/// peak rates that cannot be read. Returns `None` if no record has a mark, and either there are no roofs or
+/// no record has a number of tests.
 fn roofline(
     records: &[(&Group<'_>, &Record)],
     looks: &Looks,

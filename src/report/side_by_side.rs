@@ -1,5 +1,5 @@
-//! Compares devices: how fast each strategy is on each device, and how much time a device loses with another
-//! device's best strategy.
+//! Compares devices: how fast each strategy is on each device, and how much time a device loses with the
+//! point (strategy and local size) that is the fastest on another device.
 
 use super::overview::devices;
 use super::plot::Plot;
@@ -15,7 +15,7 @@ const ROOM: usize = 12;
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
 
 /// Returns two heat maps. The first shows how fast each strategy is on each device. The second shows how much
-/// time each device loses with another device's best strategy. Returns no heat map if there are fewer than
+/// time each device loses with another device's fastest point. Returns no heat map if there are fewer than
 /// two devices.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
@@ -67,8 +67,8 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
 }
 
 /// Returns a heat map with a row and a column per device. A cell shows the factor by which the time on the
-/// column's device grows if this device uses the best strategy of the row's device instead of its own best
-/// strategy.
+/// column's device grows if the point (strategy and local size) that is the fastest on the row's device
+/// replaces the fastest point of the column's device.
 fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -89,12 +89,12 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "Each cell belongs to the strategy that is best on the row's device. The value is this strategy's \
-        time on the column's device, divided by the best time on that device. The value is a geometric mean over the \
+    let caption = "Each cell belongs to the point (strategy and local size) that is the fastest on the row's device. The \
+        value is this point's time on the column's device, divided by the best time on that device. The value is a geometric mean over the \
         scenes and sizes that were measured on both devices.";
     plot(
         "losses-by-device",
-        "Time of a device's best strategy on another device, relative to the other device's best time",
+        "Time of one device's fastest point on another device, relative to the other device's best time",
         devices,
         rows,
         caption,
@@ -102,7 +102,8 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
 }
 
 /// Returns the ratio of a record's time to the best time of the record's group, and the names of the scene
-/// and the point. Returns `None` if the record has too few samples, or if no record of the group has a rank.
+/// and the point. Returns `None` if the record has too few samples or times of 0, or if no record of the
+/// group has a rank.
 fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, String)> {
     let best = *ranked.first()?;
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))
@@ -198,6 +199,20 @@ mod tests {
             plots[0].svg
         );
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
+    }
+
+    /// Each device is fastest at another local size of the same strategy.
+    #[test]
+    fn a_loss_is_that_of_the_best_local_size_of_the_other_device() {
+        let records = judged([
+            measured("gpu", "naive", 8, 3.0),
+            measured("gpu", "naive", 16, 1.0),
+            measured("cpu", "naive", 8, 1.0),
+            measured("cpu", "naive", 16, 2.0),
+        ]);
+        let losses = &side_by_side(&groups(&records))[1].svg;
+        let counts = [">1.00<", ">2.00<", ">3.00<"].map(|cell| losses.matches(cell).count());
+        assert_eq!(counts, [2, 1, 1], "{losses}");
     }
 
     #[test]

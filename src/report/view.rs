@@ -14,8 +14,8 @@ use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quar
 /// The image size in the paper's figures, in pixels across and down. Only plots for this image size show the
 /// paper's times.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// A cell of a heat map shows a word for a missing resource only if the word has at most this number of
-/// characters.
+/// In a heat map, the cell of an infeasible point shows a word for the reason. If the word has more than this
+/// number of characters, the cell shows "unfit" instead.
 const LONGEST_CODE: usize = 8;
 /// The largest number of rows in the plot of samples.
 const STRIPS: usize = 14;
@@ -46,7 +46,8 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
 }
 
 /// Plots time over local size, with a line per strategy. Returns `None` if no point with a local size has a
-/// time. If `paper` is true, the plot also shows the times that the paper published.
+/// time. If `paper` is true, the plot of a group with the paper's image size also shows the times that the
+/// paper published.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let x_of = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|index| index as f64);
@@ -93,7 +94,8 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
     Some(Plot::of(name, caption, &chart))
 }
 
-/// Returns the paper's curves for a group's scene and strategies; none if the image size is not the paper's.
+/// Returns the paper's curves for a group's scene and strategies. Returns no curves if the group's image size
+/// is not the paper's.
 fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
     if group.image_size != PAPER_SIZE {
         return Vec::new();
@@ -111,8 +113,8 @@ fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option
 }
 
 /// Draws a heat map with a row per strategy and a column per local size. A cell's colour shows the ratio of
-/// the point's time to the fastest point's time. A cell without a time shows the reason. A point with too few
-/// samples has no colour.
+/// the point's time to the fastest point's time. The cell of a point without a time shows the reason. The
+/// cell of a point with too few samples, or with times of 0, has no colour.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let Ranking { winners, ranked, .. } = group.ranking();
@@ -144,13 +146,13 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         rows,
         codes,
     };
-    let caption = "Light is fast, and dark is slow, on a logarithmic scale. Hatched cells have no time, or not enough samples to be compared. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
+    let caption = "Light is fast, and dark is slow, on a logarithmic scale. Hatched cells have no time, or have too few samples or times of 0, so that they cannot be compared. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
         .to_owned();
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
 
 /// Returns a record's cell. `slower` is the ratio of the record's time to the fastest point's time; `None` if
-/// there are too few samples.
+/// the record has too few samples, or times of 0.
 fn cell(record: &Record, slower: Option<f64>, wins: bool) -> Cell {
     let tip = tip(record);
     match (median(record), slower) {
@@ -199,8 +201,9 @@ fn meaning(record: &Record) -> String {
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
 
-/// Plots the samples of the fastest points, to show the noise of their times. Returns `None` if no point has
-/// a median above 0.
+/// Plots the samples of a group's points, to show the noise of the times. Points with a rank come first,
+/// fastest first. At most `STRIPS` points are shown. Returns `None` if none of these points has a median
+/// above 0.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let all = group.ranking().all();
     let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();
@@ -208,13 +211,13 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
         return None;
     }
     let shown = if all.len() > rows.len() {
-        format!(" The {} fastest of {} points are shown.", rows.len(), all.len())
+        format!(" {} of {} points are shown: the fastest first, points without bars last.", rows.len(), all.len())
     } else {
         String::new()
     };
     let strip = Strip { title: format!("Samples: {}", group_title(group)), rows };
     let caption = format!(
-        "Each dot is a sample; within a row, earlier samples are further up. The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
+        "Each dot is a sample; within a row, earlier samples are further up. If a point has more than 120 samples, only every second, third, ... sample has a dot. The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond the edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }
@@ -366,7 +369,7 @@ mod tests {
         let all = shown(14);
         assert!(!all.caption.contains("are shown") && all.svg.contains("naive 14x14"), "{}", all.caption);
         let some = shown(16);
-        assert!(some.caption.ends_with(" The 14 fastest of 16 points are shown."), "{}", some.caption);
+        assert!(some.caption.ends_with(" 14 of 16 points are shown: the fastest first, points without bars last."), "{}", some.caption);
         assert!(some.svg.contains("naive 14x14") && !some.svg.contains("naive 15x15"));
         assert!(
             strip(&groups(&[Record { median_ms: None, ..measured("gpu", "naive", 8, 1.0) }])[0], "a")

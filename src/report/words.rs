@@ -56,8 +56,8 @@ pub fn other_size(image_size: [u32; 2]) -> Option<String> {
     (image_size != PAPER_SIZE).then(|| by(image_size))
 }
 
-/// Adds the image size to `text`, which ends with a scene's name: "on teapot at 200 x 125". Adds nothing if
-/// the size is the paper's.
+/// Appends the image size to a text that ends with a scene's name, such as "on teapot at 200 x 125". Returns
+/// the text unchanged if the size is the paper's.
 pub fn at_size(text: &str, image_size: [u32; 2]) -> String {
     other_size(image_size).map_or(text.to_owned(), |size| format!("{text} at {size}"))
 }
@@ -67,9 +67,10 @@ pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// Returns the tooltip of a record. The tooltip has the strategy, the local size, and the median with its
-/// interval and n, or the reason for a missing time. It also has the machine, the properties of the compiled
-/// kernel, the fraction of the peak rate, and warnings, if they are known.
+/// Returns the tooltip of a record. The tooltip states the strategy and the local size. The median with its
+/// interval and the number of samples follow, or the reason for a missing time. Further lines state the host,
+/// the properties of the compiled kernel, the fraction of the peak rate, and warnings, as far as the record
+/// has them.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {

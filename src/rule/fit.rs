@@ -1,6 +1,6 @@
-//! Fits the rule's constants to sweeps. A choice of the rule loses time if another candidate is faster. Each
-//! constant in turn is set to the value with which the rule's choices lose the least time. This is repeated
-//! until no constant changes, but at most `ROUNDS` times.
+//! Fits the rule's constants to sweeps. A choice of the rule loses time if another candidate is faster. In a
+//! round, each constant in turn is set to the value with which the rule's choices lose the least time. Rounds
+//! are repeated until no constant changes, but at most `ROUNDS` times.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};

@@ -21,14 +21,14 @@ use toml::Table;
 use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 
-/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from a copy
-/// of the scene file's TOML table, in which the frame's values have been set. A frame reuses data of the
-/// previous frame: files that both frames use are not read again, and both frames share a mesh that does not
-/// change.
+/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built
+/// from a copy of the scene file's TOML table, in which the frame's values have been set. Each frame reuses
+/// data of the previous frame: a file that both frames use is not read again. If the mesh does not change,
+/// the scenes of both frames share one mesh.
 pub struct Animation {
     /// The number of frames, which are counted from 1.
     pub frames: u32,
-    /// Frames per second, if the file sets them.
+    /// The number of frames per second; `None` if the scene file does not set it.
     pub frames_per_second: Option<u16>,
     document: Document,
     /// The scene file's TOML table, without the key `animation`.
@@ -61,13 +61,13 @@ impl Animation {
     }
 
     /// Checks for each frame in `frames` that the scene file, with the frame's values, can be parsed as a
-    /// scene. Also checks that the background is transparent in all of these frames if it is transparent in
-    /// frame 1, and in none of them otherwise. Files of meshes and pictures are not read.
+    /// scene. Also checks that the background of each of these frames is transparent exactly if the
+    /// background of frame 1 is transparent. Files of meshes and pictures are not read.
     ///
     /// # Errors
     ///
-    /// Returns a user error for the first frame that fails a check. If the frame is not a scene, the error
-    /// has the mistake's location in the file.
+    /// Returns a user error for the first frame that fails a check. If the frame's document is not a valid
+    /// scene, the error points to the track that makes the document invalid.
     pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
         let alpha = self.read(1)?.2.is_transparent();
         frames.try_for_each(|frame| {
@@ -81,24 +81,24 @@ impl Animation {
         })
     }
 
-    /// Reads the files of the frames, so that [`INPUTS`](super::INPUTS), the list of the files that were
-    /// read, contains the files of all frames. A frame after the first is read only if, at this frame, a
-    /// value begins in a track that can name pictures.
+    /// Builds the scenes of later frames, so that [`INPUTS`](super::INPUTS), the list of the files that were
+    /// read, contains all pictures that these frames use. A later frame is built only if a track that can
+    /// lead to pictures has a keyframe there.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
         for frame in steps.into_iter().filter(|frame| *frame > 1) {
-            // An error is ignored here, since it is reported again when the frame is rendered.
+            // Errors are ignored here, because rendering the frame reports them again.
             let _ = self.assemble(frame, &mut Vec::new());
         }
     }
 
-    /// Returns the scene of a frame. If its mesh equals the mesh of the scene `last`, the two scenes share
-    /// one mesh in memory.
+    /// Returns the scene of the frame `frame`. If the scene's mesh equals the mesh of `last`, the two scenes
+    /// share one mesh in memory.
     ///
     /// # Errors
     ///
-    /// Fails like [`super::load_scene`].
+    /// Fails in the same cases as [`super::load_scene`].
     pub fn scene(&mut self, frame: u32, last: &Scene) -> Result<Scene> {
         let mut scene = self.assemble(frame, &mut Vec::new())?.scene;
         if Arc::ptr_eq(&scene.mesh, &last.mesh) || scene.mesh == last.mesh {
@@ -170,16 +170,16 @@ impl Animation {
             }
         }
         let Some((track, document, error)) = wrong else {
-            // No track makes the document invalid, and a file that is invalid without its tracks is refused
-            // earlier. This is therefore a mistake in raycl.
+            // No track makes the document invalid. A file that is invalid without its tracks is refused
+            // earlier, so this error is a bug in raycl.
             let message = format!(
                 "{} at frame {frame} is not a valid scene, although no track makes it invalid",
                 self.document.name
             );
             return Error::fault(message);
         };
-        // The message names the frame, but no line of `document.text`: this text was formatted again, so its
-        // lines have other numbers than the file's lines.
+        // The message names the frame, but no line of `document.text`. This text was formatted again, so its
+        // line numbers differ from those of the scene file.
         let name = format!("{} at frame {frame}", document.name);
         let shown = toml_error(&name, &document.text, &error, KEYS);
         let starts = |with: &[&str]| with.iter().any(|start| error.message().starts_with(start));
@@ -195,7 +195,7 @@ impl Animation {
 
 /// Refuses a track of the camera's azimuth or elevation if the file itself or another track sets the camera's
 /// position, because the angle would have no effect. The file's position does not count if a track replaces
-/// the whole camera. A position that an option sets is allowed.
+/// the whole camera. A position that an option such as `--set` sets is allowed.
 fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result<()> {
     let Some(angle) = tracks.iter().find(|track| track.is_angle()) else { return Ok(()) };
     let file: Table = document.original().parse().map_err(|error| document.misread(&error))?;
@@ -218,8 +218,8 @@ mod tests {
     use glam::Vec3;
     use toml::Value;
 
-    /// Writes a scene file with a triangle and with an animation of three frames, which has the tracks `tracks`.
-    /// Returns the file's folder, the scene of frame 1, and the animation.
+    /// Writes a scene file with a triangle and with an animation of three frames. `tracks` is the TOML text
+    /// of the animation's tracks. Returns the file's folder, the scene of frame 1, and the animation.
     fn animated(tracks: &str) -> (tempfile::TempDir, Scene, Animation) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
@@ -240,7 +240,8 @@ mod tests {
         let third = animation.scene(3, &second).unwrap();
         assert_eq!(third.mesh.positions[0], Vec3::new(5.0, 0.0, -2.0));
         assert_eq!(second.mesh.positions[0], Vec3::new(0.0, 0.0, -2.0));
-        // The crease angle changes, so the mesh is made again for each frame, but the meshes of all frames are equal.
+        // The crease angle changes, so each frame's mesh is made again. The meshes are equal, because a
+        // single triangle has no creases.
         let track = "[[animation.track]]\npath = \"crease\"\nvalues = [30, 40]\n";
         let (_folder, first, mut animation) = animated(track);
         assert!(Arc::ptr_eq(&first.mesh, &animation.scene(3, &first).unwrap().mesh));
@@ -346,7 +347,8 @@ mod tests {
             assert_eq!(crate::error::line_of(&text, error.span.unwrap().offset()), 9);
         }
         assert!(load(&file("look_at = [0, 0, 0]", ""), &[]).is_ok());
-        // An earlier track replaces the camera of the file.
+        // A track before the track of the azimuth replaces the file's camera, so the file's position does not
+        // count.
         let after = |camera: &str| {
             let values = format!("values = [{{ {camera} }}, {{ {camera} }}]");
             let whole = format!("[[animation.track]]\npath = \"camera\"\n{values}\n[[animation.track]]");
@@ -354,7 +356,8 @@ mod tests {
         };
         assert_ne!(load(&after("look_at = [0, 0, 0]"), &[]).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
         assert!(load(&after(position), &[]).is_err(), "the track sets a position");
-        // A value of an option replaces the camera of the file.
+        // An option may set the azimuth although the file sets a position, or the position although a track
+        // sets the azimuth.
         let eye = Value::Array([0, 0, 9].map(Value::from).to_vec());
         let set = |key: &str, value: Value| [(format!("camera.{key}"), value)];
         assert!(load(&file(position, ""), &set("azimuth_degrees", Value::from(40))).is_ok());
@@ -437,7 +440,8 @@ mod tests {
         let help = &error.help;
         assert!(help.ends_with("a.toml:12: track `camera.position` at frame 3"), "{help}");
 
-        // An option sets either another value of the scene, or the value of the second keyframe.
+        // In the first case, an option sets another value of the scene. In the second case, an option sets
+        // the value of the second keyframe.
         let path = folder.path().join("a.toml");
         let middle = Value::Array([0, 0, 0].map(Value::from).to_vec());
         let locations = [format!("{}:12", path.display()), format!("animation.track.0.values.1 = {middle}")];

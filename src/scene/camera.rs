@@ -26,9 +26,9 @@ pub struct Camera {
     /// The width of the ray cone around a pixel's ray, as a share of the pixel's width. It is less than 1 if
     /// the pixel's area is divided among several samples.
     pub cone_share: f32,
-    /// The size, in pixels, of another image with the same field of view. For a half picture, this is the
-    /// size of the whole picture: the two pictures' aspect ratios differ slightly if a side of the whole
-    /// picture is odd. If `None`, the field of view follows from the aspect ratio of the camera's own image.
+    /// The size, in pixels, of the image whose aspect ratio determines the field of view; `None` for the
+    /// camera's own image. For a half picture, this is the size of the whole picture, because the two aspect
+    /// ratios differ slightly if a side of the whole picture is odd.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -47,14 +47,14 @@ pub struct PixelFrame {
     pub step_y: DVec3,
     /// Hits are visible if their depth is more than this distance.
     pub z_near: f64,
-    /// The inner product of this vector and the vector from the eye to a point is the width of a pixel's ray cone at
-    /// this point. The width grows with the point's depth.
+    /// The inner product of this vector and the vector from the eye to a point is the width of a pixel's ray
+    /// cone at this point. The width grows with the point's depth.
     pub cone: DVec3,
 }
 
 impl Camera {
-    /// The paper's camera: it is at the origin and looks along -z, with a field of view of 90 degrees across the width
-    /// and a z_near of 0.1.
+    /// The paper's camera: it is at the origin and looks along -z, with a field of view of 90 degrees across
+    /// the width and a z_near of 0.1.
     pub const PAPER: Self = Self {
         position: Vec3::ZERO,
         right: Vec3::X,
@@ -68,9 +68,9 @@ impl Camera {
         covers: None,
     };
 
-    /// Returns a camera at `position` that looks at `target`, with a z_near of 0. The field of view, across the height
-    /// or the width, must be less than 180 degrees. Returns `None` if the two points are equal, or if `up` is zero or
-    /// parallel to the viewing direction.
+    /// Returns a camera at `position` that looks at `target`, with a z_near of 0. The field of view, across
+    /// the height or the width, must be less than 180 degrees. Returns `None` if the two points are equal, or
+    /// if `up` is zero or parallel to the viewing direction.
     pub fn looking_at(
         position: Vec3,
         target: Vec3,

@@ -1,17 +1,18 @@
 //! Estimates which share of a picture a scene covers. If a mesh covers only a small part of the picture, few
-//! tiles contain hits, so other strategies are fastest (`src/strategy/fastest.rs`).
+//! tiles contain hits. The fastest strategies are then not those for a full picture
+//! (`src/strategy/fastest.rs`).
 
 use super::{Camera, Scene};
 use glam::{DVec2, DVec3};
 
-/// Largest number of triangles that are projected. A larger scene is sampled: only every second, third or nth
-/// triangle is projected.
+/// Largest number of triangles that are projected. In a scene with more triangles, only every n-th triangle
+/// is projected.
 const PROJECTED: usize = 4096;
 /// The picture is divided into this many columns and rows of cells. The cells are large enough for a sample
 /// of the triangles: if a large scene covers a cell, some of the projected triangles usually lie in this
 /// cell.
 const CELLS: usize = 16;
-/// The smallest depth of a projected point, if the camera's `z_near` is smaller.
+/// Triangles are cut off at this depth if the camera's `z_near` is smaller.
 const LEAST_DEPTH: f64 = 1e-6;
 
 impl Scene {
@@ -37,8 +38,8 @@ impl Scene {
     }
 }
 
-/// The projection of a camera's picture. Coordinates in the picture are 0 at its left and top edge, and 1 at its right
-/// and bottom edge.
+/// The projection of a camera's picture. Coordinates in the picture are 0 at its left and top edge, and 1 at
+/// its right and bottom edge.
 struct Projection {
     eye: DVec3,
     /// The camera's axes to the right, down and forward. The first two axes are divided by the picture's
@@ -62,9 +63,10 @@ impl Projection {
         DVec3::from_array(self.axes.map(|axis| axis.dot(from_eye)))
     }
 
-    /// Returns the bounding rectangle of the part of a triangle that lies in the picture: the rectangle's
-    /// smallest and largest coordinates. Returns `None` if the rectangle lies beside the picture or the
-    /// triangle is nearer than `least_depth`.
+    /// Returns the smallest and the largest coordinates of the bounding rectangle of a triangle's projection.
+    /// The part of the triangle that is nearer than `least_depth` is cut off, and the rectangle is cut at the
+    /// picture's edges. Returns `None` if the rectangle lies beside the picture, or if the whole triangle is
+    /// nearer than `least_depth`.
     fn bounds(&self, corners: [DVec3; 3]) -> Option<[DVec2; 2]> {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         let mut add = |point: DVec3| {
@@ -92,8 +94,8 @@ mod tests {
     use crate::scene::{Mesh, Scene, load_scene_with};
     use std::path::Path;
 
-    /// Returns the scene of `scenes/triangle.toml`, whose triangle gets the corners `corners`. The camera is at the
-    /// origin and looks along -z, with a field of view of 90 degrees across the width.
+    /// Returns the scene of `scenes/triangle.toml`, whose triangle gets the corners `corners`. The camera is
+    /// at the origin and looks along -z, with a field of view of 90 degrees across the width.
     fn triangle(corners: [[f32; 3]; 3]) -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
         let scene = load_scene_with(&path, &[]).unwrap().scene;
@@ -101,8 +103,8 @@ mod tests {
         Scene { mesh: mesh.into(), ..scene }
     }
 
-    /// The picture has 16 x 16 cells. At depth 1, a square picture is 2 units wide, so a cell is an eighth of a unit
-    /// wide.
+    /// The picture has 16 x 16 cells. At depth 1, a square picture is 2 units wide, so a cell is an eighth of
+    /// a unit wide.
     #[test]
     fn a_triangle_counts_for_the_cells_of_its_bounding_rectangle() {
         let cells = |corners| triangle(corners).covered_share([64, 64]) * 256.0;
@@ -119,20 +121,22 @@ mod tests {
 
     #[test]
     fn a_triangle_that_passes_the_eye_is_cut_in_front_of_it() {
-        // The triangle lies in a plane 1 unit below the eye, and begins behind the eye. Its farthest corner has depth
-        // 2, so it covers the columns from the left edge to the right edge, and the rows from 12 down.
+        // The triangle lies in a plane 1 unit below the eye, and begins behind the eye. Its farthest corner
+        // has depth 2, so it covers the columns from the left edge to the right edge, and the rows from 12
+        // down.
         let floor = triangle([[-9.0, -1.0, 9.0], [9.0, -1.0, 9.0], [0.0, -1.0, -2.0]]);
         assert_eq!(floor.covered_share([64, 64]), 0.25);
-        // This triangle is a needle that begins behind the eye, and ends at depth 1 below the camera's axis. The needle
-        // is cut at the camera's z_near of 0.1. There, its distance below the axis is 0.91 times the depth. The needle
-        // covers one column, and the rows 8 to 15.
+        // This triangle is a needle that begins behind the eye, and ends at depth 1 below the camera's axis.
+        // The needle is cut at the camera's z_near of 0.1. There, its distance below the axis is 0.91 times
+        // the depth. The needle covers one column, and the rows 8 to 15.
         let needle = triangle([[0.0, 0.0, 9.0], [0.0, -0.1, -1.0], [0.001, -0.1, -1.0]]);
         assert_eq!(needle.covered_share([64, 64]) * 256.0, 8.0);
     }
 
     #[test]
     fn rows_are_counted_by_the_pictures_height() {
-        // In a picture twice as wide as high, a cell is an eighth of a unit wide and a sixteenth of a unit high.
+        // In a picture twice as wide as high, a cell is an eighth of a unit wide and a sixteenth of a unit
+        // high.
         let upper = triangle([[0.01, 0.01, -1.0], [0.24, 0.01, -1.0], [0.01, 0.12, -1.0]]);
         assert_eq!(upper.covered_share([64, 32]) * 256.0, 4.0);
     }

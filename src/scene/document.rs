@@ -19,7 +19,7 @@ const PERMITTED: &str = "a key or value that a scene may have there";
 /// The help in an error about a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
-/// A scene file's text, with what messages about it need.
+/// A scene file's text, with the data that messages about it need.
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
@@ -29,26 +29,26 @@ pub(super) struct Document {
     pub folder: PathBuf,
     /// The file's name without extension.
     pub stem: String,
-    /// True if the document was made for a mesh without a scene file.
+    /// True if the document was made for a bare mesh, which has no scene file.
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
-    /// The number, from 1, of the animation's frame for which `text` has values. It is also 1 if no track has
-    /// set a value in `text`.
+    /// The number, from 1, of the animation's frame whose values `text` contains; 1 if no track has set a
+    /// value in `text`.
     frame: u32,
-    /// The values that options, a config or tracks have set in the text, and the file's own text; `None` if no values
-    /// were set.
+    /// The values that options, a config or tracks have set in the text, and the file's own text; `None` if
+    /// no values were set.
     changed: Option<Changed>,
-    /// The path and the open file of a mesh that is given without a scene file; `None` for a scene file, and after the
-    /// mesh is read. The file stays open until then, because a pipe cannot be opened twice.
+    /// The path and the open file of a bare mesh; `None` for a scene file, and after the mesh was read. The
+    /// file is not opened again to read the mesh, because a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 
-/// In a mesh without normals and without a scene file, edges stay sharp if their faces meet at more than this angle.
+/// In a bare mesh without normals, edges stay sharp if their faces meet at more than this angle.
 const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
-    /// Reads a scene file, or makes the document of a mesh that is given without a scene file.
+    /// Reads a scene file, or makes the document of a bare mesh.
     pub fn read(path: &Path, settings: &[Setting], quotes: bool) -> Result<Self> {
         INPUTS.add(path);
         let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
@@ -77,8 +77,9 @@ impl Document {
         Ok(document)
     }
 
-    /// Returns a note if the file's contents have another format than the file's extension names; otherwise
-    /// `None`. A file without an extension has no note. Must be called before the mesh is read.
+    /// Returns a note if the format of the file's contents differs from the format that the file's extension
+    /// stands for; otherwise `None`. A file without an extension has no note. Must be called before the mesh
+    /// is read.
     pub fn unexpected_ending(&self, path: &Path) -> Option<String> {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
         let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
@@ -88,15 +89,15 @@ impl Document {
         })
     }
 
-    /// Opens a file named in this document. A mesh that is given without a scene file is already open.
+    /// Opens a file named in this document. A bare mesh is already open, so its open file is returned.
     pub fn open(&self, path: &Path) -> std::io::Result<Opened> {
         INPUTS.add(path);
         let held = self.held.borrow_mut().take_if(|(held, _)| held == path);
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
-    /// Returns the error for a file that is not TOML and does not have the extension .toml: raycl probably does not
-    /// support its format. Returns `None` for any other file.
+    /// Returns the error for a file that is not TOML and does not have the extension .toml: raycl probably
+    /// does not support its format. Returns `None` for any other file.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;
@@ -107,8 +108,9 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values in the text, and formats the text again. Keeps the file's own text, which messages quote.
-    /// If a mistake is in a value of `settings`, the message names the setting instead.
+    /// Sets values in the text, and formats the text again. Keeps the file's own text, so that messages can
+    /// quote it. If a mistake is in a value of `settings`, the message names the setting instead of a line of
+    /// the file.
     fn set(&mut self, settings: &[Setting]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, settings)?;
@@ -126,7 +128,8 @@ impl Document {
         self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
     }
 
-    /// Returns the origin of a part of the text: a setting (a value from an option or a config), or a part of the file.
+    /// Returns the origin of a part of the text: a setting (a value from an option or a config), a track, or
+    /// a range of the file's own text.
     fn origin(&self, span: &Range<usize>) -> Origin<'_> {
         match &self.changed {
             Some(changed) => changed.origin(&self.text, span),
@@ -134,8 +137,8 @@ impl Document {
         }
     }
 
-    /// Returns the location of the part `span` of the text: `FILE:LINE`, or the setting from which the part
-    /// comes. If the origin is unknown, returns only the file's name.
+    /// Returns the location of the part `span` of the text: `FILE:LINE`, or the setting or track that set the
+    /// part. If the origin is unknown, returns only the file's name.
     pub fn location_of(&self, span: &Range<usize>) -> String {
         self.origin(span).location(&self.name, self.original())
     }
@@ -146,13 +149,12 @@ impl Document {
     }
 
     /// Adds names to the help of an error: the names of all settings, and of the tracks that may have caused
-    /// the mistake. `span` is the part of the text that contains the mistake. No setting and no track has set
-    /// this part.
+    /// the mistake. `span` is the part of the text that contains the mistake.
     pub fn with_settings(&self, span: &Range<usize>, error: Error) -> Error {
         // Frame 1 is built before all other frames. If frame 1 is valid, only tracks can make a later frame
         // invalid, so the help of a later frame's error names all tracks. In frame 1, the mistake may be in
-        // the file itself, so the help names only the tracks of the part of the scene that contains the
-        // mistake.
+        // the file itself, so the help names only tracks that set a value in the same part of the scene, such
+        // as the camera.
         let near = (self.frame == 1).then_some(span);
         let summary = self.changed.as_ref().and_then(|changed| changed.summary(&self.text, near));
         let Some(summary) = summary else { return error };
@@ -160,9 +162,9 @@ impl Document {
         error.with_help(remedy)
     }
 
-    /// Returns the document of one frame, with the text `text`. This text contains the values `tracks`, which
-    /// tracks set for the frame. If this document holds the open file of a mesh, the new document takes it
-    /// over.
+    /// Returns the document of one frame. `text` is its text, which already contains the values `tracks` of
+    /// the animation's tracks. If this document holds the open file of a bare mesh, the file moves to the new
+    /// document.
     pub fn at_frame(&self, frame: u32, text: String, tracks: Vec<TrackValue>) -> Self {
         let settings = self.changed.as_ref().map(|changed| changed.settings.clone()).unwrap_or_default();
         let (file, original) = (self.name.clone(), self.original().to_owned());
@@ -219,7 +221,8 @@ impl Document {
     /// Returns an error for a mistake in the part `span` of this document. `label` is the text beside the
     /// marked part.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
-        // Labels contain only raycl's own words, so messages may show labels even if the file must not be quoted.
+        // Labels contain only raycl's own words, so messages may show labels even if the file must not be
+        // quoted.
         let why = if label == "here" { String::new() } else { format!(" ({label})") };
         let expected = format!("{PERMITTED}{why}");
         let message = match self.quotes {
@@ -252,7 +255,7 @@ fn stem(path: &Path) -> String {
     unpacked_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Returns the text of a scene file for a mesh that is given without a scene file.
+/// Returns the text of a scene file for a bare mesh.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
     let file = file.ok_or_else(|| {

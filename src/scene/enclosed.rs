@@ -1,17 +1,18 @@
 //! Tests whether surfaces lie all around the eye, as in a room. In a room, more rays hit something than in a
-//! picture of an object, and shadow rays are longer, so other strategies are fastest
-//! (`src/strategy/fastest.rs`). On a turntable, an eye in a room sees the walls from inside, so the walls'
-//! normals must point inwards (`assemble.rs`).
+//! picture of an object, and shadow rays are longer. The fastest strategies are therefore not those for a
+//! picture of an object (`src/strategy/fastest.rs`). On a turntable, an eye in a room sees the walls from
+//! inside, so the walls' normals must point inwards (`assemble.rs`).
 
 use super::{Mesh, Scene};
 use glam::Vec3;
 
-/// Largest number of triangles that are tested. A larger scene is sampled: only every second, third or nth
-/// triangle is tested.
+/// Largest number of triangles that are tested. In a scene with more triangles, only every n-th triangle is
+/// tested.
 const LOOKED_AT: usize = 4096;
 
 impl Scene {
-    /// Returns true if surfaces lie all around the eye.
+    /// Returns true if surfaces lie all around the eye: if each of the eight octants around the camera's
+    /// position contains a triangle's corner.
     pub fn encloses_eye(&self) -> bool {
         encloses(&self.mesh, self.camera.position)
     }

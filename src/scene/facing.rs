@@ -1,26 +1,27 @@
-//! Measures how much of the visible surface faces away from the camera. Surfaces that face away are dark, since only
-//! the front of a surface is lit.
+//! Measures how much of the visible surface faces away from the camera. Surfaces that face away are dark,
+//! since only the front of a surface is lit.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Number of samples (rays that are tested) across a picture. This is enough to tell whether most of the
+/// Number of samples (rays that are tested) across a picture. 48 are enough to tell whether most of the
 /// visible surface faces away.
 const ACROSS: usize = 48;
-/// If more than this fraction of the visible surface faces away, a note says so, unless raycl has turned each
-/// triangle's normals to the viewer separately. On a turntable with `two_sided`, `turn_normals` (in
-/// `assemble.rs`) then reverses all normals of a scene that has no outside, such as a room.
+/// If more than this fraction of the visible surface faces away, raycl writes a note. Exception: with
+/// `two_sided` and without a turntable, raycl has already turned each triangle's normals to the viewer. With
+/// `two_sided` and a turntable, raycl reverses all normals if more than this fraction faces away and the
+/// scene has no outside, as in a room (`turn_normals` in `assemble.rs`).
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's forward axis,
-/// and whether the surface faces away. The depth is infinite if there is no surface.
+/// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's
+/// forward axis, and true if the surface faces away. The depth is infinite if there is no surface.
 type Nearest = Vec<(f64, bool)>;
 
-/// Returns a note if most of the visible surface faces away, in images whose width divided by their height is `aspect`.
-/// `is_turned` is true for a scene on a turntable with `two_sided`: raycl has then already reversed either all normals
-/// of the scene or none.
+/// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
+/// `aspect`. `is_turned` is true for a scene on a turntable with `two_sided`: raycl has then already reversed
+/// either all normals of the scene or none.
 pub(super) fn note(scene: &Scene, aspect: f64, is_turned: bool) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     let remedy = match is_turned {
@@ -161,8 +162,8 @@ mod tests {
                 .to_vec(),
             ..generate(&Shape::Ground)
         };
-        // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range show the rectangle that
-        // faces the camera.
+        // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range show the
+        // rectangle that faces the camera.
         let mut mesh = rectangle([-1.0, 0.5], Vec3::Z);
         mesh.append(rectangle([0.5, 1.0], Vec3::NEG_Z));
         for aspect in [1.6, 0.5] {
@@ -180,7 +181,8 @@ mod tests {
                 .to_vec(),
             ..generate(&Shape::Ground)
         };
-        // The floor fills the lower half of the picture. The banner, which faces away, fills the upper quarter.
+        // The floor fills the lower half of the picture. The banner, which faces away, fills the upper
+        // quarter.
         let floor = [[-1e4, 1e4], [1e4, 1e4], [1e4, -1e4], [-1e4, -1e4]].map(|[x, z]| Vec3::new(x, -1.0, z));
         let mut mesh = rectangle(floor, Vec3::Y);
         let banner = [[-1.0, 0.5], [1.0, 0.5], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, -1.0));

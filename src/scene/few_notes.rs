@@ -16,9 +16,10 @@ pub(in crate::scene) struct FewNotes {
 }
 
 impl FewNotes {
-    /// Counts a note on the subject `about`, such as the whole name of a file. Only the first note on a subject
-    /// counts. Unless `SHOWN` notes have been added before, makes the note by `note` and adds it to `notes`. Notes
-    /// that must not quote their subjects may be equal; of these, only the first is added.
+    /// Counts a note on the subject `about`, such as the whole name of a file. Only the first note on a
+    /// subject counts. Unless `SHOWN` notes were added before, calls `note`, which makes the note, and adds
+    /// the note to `notes`. Notes that must not quote their subjects may be equal. Of equal notes, only the
+    /// first is added.
     pub fn add(&mut self, about: String, note: impl FnOnce() -> String, notes: &mut Vec<String>) {
         if !self.subjects.insert(about) || self.shown.len() >= SHOWN {
             return;

@@ -26,8 +26,8 @@ pub(super) struct FrameCache {
     /// For each object of this frame, the text that determines the object's mesh. The list is empty if the
     /// animation changes no object.
     keys: Vec<String>,
-    /// The meshes of this frame's objects, before transforms and materials are applied. The texts in `keys` are the
-    /// keys of this map.
+    /// The meshes of this frame's objects, before transforms and materials are applied. The texts in `keys`
+    /// are the keys of this map.
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,

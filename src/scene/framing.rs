@@ -14,18 +14,21 @@ const FILL: f64 = 0.92;
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 /// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
 const TURNS: u32 = 24;
-/// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
+/// The eye is at least this much farther away than the nearest point of the mesh, in radii of the ball that
+/// represents the mesh. Both distances are measured along the viewing direction.
 const NEAREST_RADII: f64 = 0.3;
 /// Smallest radius of the ball that represents a mesh, as a fraction of the distance from the origin to the
 /// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.
 const LEAST_RADIUS: f64 = 1e-6;
-/// A mesh is open if the sum of its area vectors (normal times area) has a horizontal part that is longer than this
-/// fraction of the mesh's area. If one triangle is reversed in a mesh whose area vectors add up to zero, the sum becomes
-/// twice the triangle's area. A single triangle can thus make such a mesh open only if it has more than half of this
-/// fraction of the area, which at most 19 triangles of a mesh can have.
+/// A mesh is closed if the length of the sum of its area vectors (normal times area) is at most this fraction
+/// of the mesh's area. A mesh that is not closed is open if the horizontal part of this sum is also longer
+/// than this fraction of the area. If one triangle is reversed in a mesh whose area vectors add up to zero,
+/// the sum becomes twice the triangle's area. Therefore, only a triangle with more than half of this fraction
+/// of the area can make such a mesh open. A mesh has at most 19 triangles of this size.
 const OPEN_PART: f64 = 0.1;
-/// A triangle belongs to a wall if its distance from a side of the bounding box is at most this fraction of
-/// the box's extent. The distance may be above 0, since walls are rarely exactly parallel to the box's sides.
+/// A triangle belongs to a wall if the distances of all its corners from a side of the bounding box are at
+/// most this fraction of the box's extent. The fraction is not 0, since walls are rarely exactly parallel to
+/// the box's sides.
 const WALL_DEPTH: f64 = 1.0 / 16.0;
 /// A mesh is a room or a shell only if at least this many of its bounding box's six sides have a wall.
 const LEAST_WALLS: f64 = 3.0;
@@ -34,12 +37,12 @@ const OUTWARDS_PART: f64 = 0.9;
 /// Bodies (such as furniture) lie between the walls only if the surfaces between the walls have at least this
 /// fraction of the mesh's area.
 const BODIES_PART: f64 = 0.02;
-/// The surfaces between the walls count as bodies only if the length of the sum of their area vectors (normal times
-/// area) is at most this fraction of their area. For a cube without a bottom face, the fraction is a fifth.
-/// For a recessed part of a shell, the fraction is larger.
+/// The surfaces between the walls count as bodies only if the length of the sum of their area vectors (normal
+/// times area) is at most this fraction of their area. For a cube without a bottom face, the fraction is a
+/// fifth. For a recessed part of a shell, the fraction is larger.
 const BODIES_OPEN_PART: f64 = 0.3;
-/// A side of the bounding box counts as vertical if the component of the upward direction along the side's normal is
-/// less than this.
+/// A side of the bounding box counts as vertical if the component of the upward direction along the side's
+/// normal has an absolute value of less than this.
 const VERTICAL: f64 = 0.1;
 /// Distance of the lights from the centre of the mesh's ball, in radii of this ball. Nearer lights would
 /// light the mesh unevenly; with lights much farther away, the shading would show less of the mesh's shape.
@@ -51,18 +54,18 @@ pub(super) struct Ball {
     /// The centre of the bounding box.
     pub centre: DVec3,
     radius: f64,
-    /// The horizontal direction in which an open mesh, such as a room without its front wall, is open; `None` for other
-    /// meshes.
+    /// The horizontal direction from which an open mesh is seen. For a room without its front wall, this is
+    /// the direction to the missing wall. `None` for other meshes.
     opening: Option<DVec3>,
-    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero, perhaps after one
-    /// triangle that is wound wrongly was reversed.
+    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero, or would
+    /// do so if one wrongly wound triangle were reversed.
     closed: bool,
 }
 
 impl Ball {
     /// Returns the ball that represents a mesh whose upward direction is `up`. The radius is positive even if
-    /// the mesh is a point. If the mesh is far from the origin, the radius is at least so large that the
-    /// centre and an eye `NEAREST_RADII` away from it are different in f32.
+    /// the mesh is a point. If the mesh is far from the origin, the radius is so large that the centre
+    /// differs in f32 from an eye that is `NEAREST_RADII` radii away.
     pub fn around(mesh: &Mesh, up: DVec3) -> Self {
         let (low, high) = mesh.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
@@ -84,7 +87,7 @@ impl Ball {
         self.opening.is_some()
     }
 
-    /// Returns true if the mesh encloses a volume. A sheet or a room with an open side does not.
+    /// Returns true if the mesh encloses a volume; false for a sheet, and for a room with an open side.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
@@ -112,11 +115,12 @@ impl Lens {
 pub(super) struct View {
     /// The upward direction, of length 1.
     pub up: DVec3,
-    /// Angle from the front to the right; `None` if the user does not set it.
+    /// The eye's angle from the front to the right of the mesh; `None` if the user does not set it.
     pub azimuth_degrees: Option<f64>,
-    /// Angle above the horizon; `None` if the user does not set it.
+    /// The eye's angle above the horizon; `None` if the user does not set it.
     pub elevation_degrees: Option<f64>,
-    /// The field of view; `None` if the user does not set it. It is then `FOV_Y_DEGREES` across the height.
+    /// The field of view; `None` if the user does not set it. The default is `FOV_Y_DEGREES` across the
+    /// height.
     pub lens: Option<Lens>,
     /// The pictures for which the mesh is framed.
     pub shot: Shot,
@@ -140,7 +144,7 @@ impl View {
     }
 
     /// Returns the direction from the mesh to the eye, and the direction that is upwards in the picture.
-    /// `opening` is the direction in which the mesh is open.
+    /// `opening` is the direction from which an open mesh is seen.
     fn towards_eye(&self, opening: Option<DVec3>) -> [DVec3; 2] {
         let [right, front] = self.level();
         let DVec3 { x, y, z } = THREE_QUARTER;
@@ -189,9 +193,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
     let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
-    // If the left and the right plane are moved outwards until they touch the mesh, these two planes intersect in a
-    // line. The upper and the lower plane, moved in the same way, intersect in another line. An eye at the distance of
-    // the farther of the two lines sees the whole mesh.
+    // If the left and the right plane are moved outwards until they touch the mesh, these two planes
+    // intersect in a line. The upper and the lower plane, moved in the same way, intersect in another line.
+    // An eye at the distance of the farther of the two lines sees the whole mesh.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);
@@ -202,21 +206,23 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
 /// Sums over a mesh's triangles. All areas are doubled.
 #[derive(Clone, Copy, Default)]
 struct Areas {
-    /// The area vectors: normal times area. The normals are on the sides that the mesh's own normals name.
+    /// The sum of the area vectors (normal times area). Each triangle's normal points to the side of the
+    /// triangle to which the mesh's own normals point.
     vector: DVec3,
-    /// The area vectors with the normals on the sides from which the corners are listed counter-clockwise.
+    /// The sum of the area vectors with other normals: each points to the side from which the triangle's
+    /// corners appear counter-clockwise.
     wound: DVec3,
     area: f64,
     /// The area of the largest triangle.
     largest: f64,
     /// The projected areas of the walls at three sides of the bounding box: those with the least x, the least
     /// y and the least z. Each area is projected along the axis of its side. Triangles that face outwards
-    /// count as positive, and triangles that face inwards as negative. The two sides of a body at a wall, or
-    /// of a rough surface, thus cancel.
+    /// count as positive, and triangles that face inwards as negative. Therefore, the front and the back of a
+    /// body at a wall cancel, and so do the slopes of a rough surface.
     low_walls: DVec3,
     /// Like `low_walls`, but for the sides of the bounding box with the greatest x, y and z.
     high_walls: DVec3,
-    /// The area vectors of the triangles that lie at no side of the bounding box.
+    /// The sum of the area vectors of the triangles that lie at no side of the bounding box.
     inner_vector: DVec3,
     inner_area: f64,
 }
@@ -231,8 +237,8 @@ impl Areas {
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns the sums of a single triangle, whose [`front_sign`] is `sign`, of a mesh that has the bounding box from
-    /// `low` to `high`.
+    /// Returns the sums of a single triangle. `sign` is the triangle's [`front_sign`]. `low` and `high` are
+    /// the corners of the mesh's bounding box.
     fn of([a, b, c]: [DVec3; 3], sign: f64, [low, high]: [DVec3; 2]) -> Self {
         let wound = (b - a).cross(c - a);
         let vector = sign * wound;
@@ -266,15 +272,16 @@ impl Areas {
     }
 
     /// Returns true if the mesh is closed: the area vectors (normal times area) of a closed mesh's triangles
-    /// add up to almost zero. Either the mesh's normals or the orders of corners may be wrong, for example if all
-    /// normals have the same direction, so one of the two sums is enough.
+    /// add up to almost zero. The mesh's normals may be wrong, for example if all have the same direction.
+    /// The order of corners may be wrong instead. It is therefore enough if one of the sums `vector` and
+    /// `wound` is small.
     fn are_closed(&self) -> bool {
         [self.vector, self.wound].iter().any(|sum| sum.length() <= OPEN_PART * self.area)
     }
 
-    /// Returns true if the mesh would be closed if a single triangle, which is wound wrongly, were reversed.
+    /// Returns true if the mesh would be closed if a single, wrongly wound triangle were reversed.
     fn are_closed_but_for_one(&self, mesh: &Mesh) -> bool {
-        // Without the reversed triangle, the mesh would not be open, so this triangle is not small.
+        // Only a large triangle can open a closed mesh by being wound wrongly ([`OPEN_PART`]).
         let least = OPEN_PART / 2.0 * self.area;
         if self.largest <= least {
             return false;
@@ -295,8 +302,8 @@ impl Areas {
             && self.inner_vector.length() <= BODIES_OPEN_PART * self.inner_area
     }
 
-    /// Returns the horizontal direction to the open sides of a room: to the upright sides of the bounding box
-    /// that have no wall, but have a wall on the opposite side. Returns zero if there is no such side, and
+    /// Returns the horizontal direction to the open sides of a room. A vertical side of the bounding box is
+    /// open if it has no wall, but the opposite side has a wall. Returns zero if there is no such side, and
     /// `None` if the mesh is not a room.
     fn away_from_walls(&self, [low, high]: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let size = high - low;
@@ -317,10 +324,10 @@ impl Areas {
     /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is
     /// not open ([`OPEN_PART`]). A room is seen through the side that has no wall; the result is `None` if
     /// each upright wall of the room has a wall on the opposite side. A mesh whose walls face outwards is a
-    /// room only if bodies lie between the walls. Otherwise it is a shell, such as the housing of a device
-    /// without its back, and its shape does not tell which side is to be seen. Any mesh that is not a room,
-    /// such as a shell or the scan of a face, is seen from the direction in which its normals point on
-    /// average.
+    /// room only if bodies lie between the walls. Otherwise, the mesh is a shell, such as the housing of a
+    /// device without its back. The shape of a shell does not tell which side is to be seen. Any mesh that is
+    /// not a room, such as a shell or the scan of a face, is seen from the direction in which its normals
+    /// point on average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;
@@ -334,16 +341,18 @@ fn outline(mesh: &Mesh, triangle: &Triangle) -> [DVec3; 3] {
     if front_sign(mesh, triangle, [a, b, c]) < 0.0 { [a, c, b] } else { [a, b, c] }
 }
 
-/// Returns 1 if a triangle lists its corners `a`, `b` and `c` counter-clockwise as seen from its front, otherwise -1.
-/// The front is the side of the triangle's plane to which the mean of its corner normals points.
+/// Returns 1 if a triangle lists its corners `a`, `b` and `c` counter-clockwise as seen from its front,
+/// otherwise -1. The front is the side of the triangle's plane to which the mean of its corner normals
+/// points.
 fn front_sign(mesh: &Mesh, triangle: &Triangle, [a, b, c]: [DVec3; 3]) -> f64 {
     let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|normal| normal.as_dvec3()).sum();
     if (b - a).cross(c - a).dot(shading) < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Returns true if a triangle's front is on the wrong side. Such a triangle shares each of its edges with exactly one
-/// other triangle, and these three different triangles pass the edges in the same direction as the triangle itself.
-/// Two neighbours whose fronts are on the same side of a surface pass their common edge in opposite directions.
+/// Returns true if a triangle's front is on the wrong side of the surface. Two neighbours whose fronts are on
+/// the same side of a surface pass their common edge in opposite directions. The front of `triangle` is on
+/// the wrong side if each of its edges belongs to exactly one other triangle, which passes the edge in the
+/// same direction as `triangle`. These must be three different triangles.
 fn is_wound_wrongly(mesh: &Mesh, triangle: &Triangle) -> bool {
     let edges = |triangle: &Triangle| {
         let [a, b, c] = outline(mesh, triangle);
@@ -363,7 +372,8 @@ fn is_wound_wrongly(mesh: &Mesh, triangle: &Triangle) -> bool {
     neighbours == [1; 3]
 }
 
-/// Returns the key light's power, and the light's distance from the nearest point of the ball that represents the mesh.
+/// Returns the key light's power, and the light's distance from the nearest point of the ball that represents
+/// the mesh.
 pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     let distance = (LIGHT_RADII - 1.0) * ball.radius;
     (key_power(distance), distance)
@@ -383,7 +393,8 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
         Light { position: position.as_vec3(), power: Vec3::splat(power as f32), radius: 0.0 }
     };
     match ball.opening {
-        // The viewer looks into a room through its open side. Only light from near the viewer enters the room.
+        // The viewer looks into a room through its open side. Only light from near the viewer enters the
+        // room.
         Some(_) => vec![light(-0.12, 0.08, 1.0, 1.0), light(0.3, 0.05, 1.0, 0.3)],
         None => vec![light(-0.55, 0.75, 0.9, 1.0), light(0.9, 0.15, 0.6, 0.3)],
     }

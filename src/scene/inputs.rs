@@ -1,5 +1,4 @@
-//! The files from which scenes are read. Commands that render a scene again when it changes watch these
-//! files.
+//! The files from which scenes are read. Commands that render a scene again after a change watch these files.
 
 use crate::reader::in_canonical_folder;
 use crate::threads::locked;

@@ -24,10 +24,10 @@ pub struct Loaded {
     /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
     /// mesh counts as an object. A ground that raycl added counts as the last object.
     pub object_starts: Vec<u32>,
-    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a mesh that has no
-    /// lights and that is given without a scene file.
+    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that
+    /// has no lights.
     pub dressed: bool,
-    /// True if a mesh was given without a scene file.
+    /// True for a bare mesh, which has no scene file.
     pub is_bare: bool,
     /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
     /// scene is visible. Pictures with another aspect ratio then need another camera.
@@ -38,15 +38,16 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
-/// The pictures for which raycl places the camera of a bare mesh, or of a scene that sets an azimuth or an elevation.
+/// The pictures for which raycl places the camera of a bare mesh, or of a scene that sets an azimuth or an
+/// elevation.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot {
     /// The ratio of the pictures' width to their height.
     pub aspect: f64,
-    /// True if the scene turns on a turntable. The camera is then so far away that the whole scene is visible at every
-    /// angle.
+    /// True if the scene turns on a turntable. The camera is then so far away that the whole scene is visible
+    /// at every angle.
     pub turns: bool,
-    /// True if a mesh without a scene file and without lights gets a ground, soft light and a sky.
+    /// True if a bare mesh without lights gets a ground, soft light and a sky.
     pub dressed: bool,
     /// The largest number of triangles that can be cast; `None` if this number is not known. Shapes with more
     /// triangles are refused before their triangles are made.
@@ -68,8 +69,8 @@ impl Shot {
 ///
 /// # Errors
 ///
-/// Returns a user error, with its file and line, if a file cannot be read, a key is unknown, a value is out of range,
-/// an index is out of bounds, or there are no triangles.
+/// Returns a user error, with the file and the line of the mistake. Mistakes are files that cannot be read,
+/// unknown keys, values out of range, indices out of bounds, and scenes without triangles.
 pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }
@@ -80,29 +81,29 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 ///
 /// # Errors
 ///
-/// Fails like [`load_scene`], and if a path cannot be set in the file.
+/// Fails in the same cases as [`load_scene`], and if a path in `overrides` cannot be set.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     let settings: Vec<_> = overrides.iter().map(|(path, value)| Setting::new(path, value.clone())).collect();
     load(path, &settings, Shot::SQUARE, true)
 }
 
-/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: raycl places the camera so that a
-/// mesh without a scene file fills these pictures.
+/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: raycl places the camera so
+/// that a mesh without a scene file fills these pictures.
 ///
 /// # Errors
 ///
-/// Fails like [`load_scene_with`].
+/// Fails in the same cases as [`load_scene_with`].
 pub fn load_scene_for(path: &Path, settings: &[Setting], shot: Shot) -> Result<Loaded> {
     load(path, settings, shot, true)
 }
 
-/// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the folder of that other
-/// file; messages quote the scene only if the scene's file is in this folder. `shot` describes the pictures, as for
-/// [`load_scene_for`].
+/// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the folder of
+/// that other file; messages quote the scene only if the scene's file is in this folder. `shot` describes the
+/// pictures, as for [`load_scene_for`].
 ///
 /// # Errors
 ///
-/// Fails like [`load_scene_with`].
+/// Fails in the same cases as [`load_scene_with`].
 pub fn load_scene_named_in(folder: &Path, path: &Path, settings: &[Setting], shot: Shot) -> Result<Loaded> {
     load(path, settings, shot, lies_in(path, folder))
 }
@@ -126,8 +127,8 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
     };
     let Assembled { scene, orbit, starts, dressed, is_framed } = assembled;
     scene.validate()?;
-    // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals of the
-    // scene or none.
+    // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals
+    // of the scene or none.
     notes.extend((!turned || shot.turns).then(|| facing::note(&scene, shot.aspect, turned)).flatten());
     Ok(Loaded {
         scene,

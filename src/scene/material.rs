@@ -20,8 +20,8 @@ pub const MAX_SHININESS: f32 = 1e6;
 pub enum MaterialKind {
     /// Diffuse: `k_L / pi`.
     Lambertian,
-    /// Diffuse with a highlight: `(k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi`. Here n is the surface's normal, and
-    /// w_h is the half vector between the directions to the light and to the eye.
+    /// Diffuse with a highlight: `(k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi`. Here n is the surface's
+    /// normal, and w_h is the half vector between the directions to the light and to the eye.
     BlinnPhong,
 }
 

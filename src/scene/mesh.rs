@@ -88,7 +88,8 @@ impl Mesh {
         self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
     }
 
-    /// Appends the mesh `other`. The indices in the triangles of `other` grow by the lengths of this mesh's lists.
+    /// Appends the mesh `other`. The indices in the triangles of `other` grow by the lengths of this mesh's
+    /// lists.
     pub fn append(&mut self, other: Mesh) {
         if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
             *self = other;

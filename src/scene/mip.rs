@@ -1,5 +1,5 @@
-//! Mip levels of textures: smaller and smaller versions of a picture, for pixels that are larger than its texels
-//! (Williams, "Pyramidal Parametrics", SIGGRAPH 1983).
+//! Mip levels of textures: smaller and smaller versions of a picture, for pixels that are larger than its
+//! texels (Williams, "Pyramidal Parametrics", SIGGRAPH 1983).
 
 use super::files::linear;
 use super::texture::linear_values;
@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock};
 
-/// Weight of a fully transparent texel in a mean of texels. The weight is above 0, so that a region without opaque
-/// texels has a colour too.
+/// Weight of a fully transparent texel in a mean of texels. The weight is above 0, so that a region without
+/// opaque texels has a colour too.
 const TRANSPARENT_WEIGHT: f32 = 1e-4;
 /// Largest side of a texel in the scene's units. This value replaces infinity where texture
 /// coordinates do not vary.
@@ -48,10 +48,11 @@ impl Textures {
         }
     }
 
-    /// Returns one value per texture: true if the texels of its mip levels are weighted by their alpha, and
-    /// `None` if the texture is not used as a colour. If a texture is needed both with and without these
-    /// weights, it is copied. The first triangle of the texture decides the weights of the original.
-    /// Triangles that need the other weights get the copy.
+    /// Returns one value per texture: true if the texels of its mip levels are weighted by their alpha,
+    /// otherwise false. The value is `None` if the texture is not used as a colour. If some triangles need a
+    /// texture with these weights and other triangles need it without, the texture is copied. The original
+    /// has the weights that the first of these triangles needs. Triangles that need the other weights get the
+    /// copy.
     fn separate_weights(&mut self) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];
@@ -80,9 +81,9 @@ impl Textures {
     }
 }
 
-/// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A ray cone
-/// as wide as this side covers one texel if it meets the triangle at a right angle. Returns zeros if the
-/// triangle has no area or no texture.
+/// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units.
+/// A ray cone as wide as this side covers one texel if it meets the triangle at a right angle. Returns zeros
+/// if the triangle has no area or no texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let Some(number) = row.texture else { return [0.0; 3] };
@@ -100,7 +101,8 @@ fn with_levels(mut size: [u32; 2], texels: &[u32], by_alpha: bool) -> Arc<[u32]>
     let mut levels = Vec::new();
     let mut lights = Vec::new();
     while size != [1, 1] {
-        // Each level is made from the unrounded values of the previous one, so that rounding errors do not add up.
+        // Each level is made from the unrounded values of the previous one, so that rounding errors do not
+        // add up.
         lights = match lights.is_empty() {
             true => halved(size, |index| light_of(texels[index], by_alpha)),
             false => halved(size, |index: usize| lights[index]),
@@ -221,8 +223,8 @@ mod tests {
             for level in 1..=texture.last_level() {
                 let texels = &all[texture.level_start(level)..texture.level_start(level + 1)];
                 let of_level: Vec<_> = texels.iter().map(|texel| light_of(*texel, false)).collect();
-                // Rounding to 8 bits moves a channel by at most half a step, which is 0.0045 of linear light near
-                // white.
+                // Rounding to 8 bits moves a channel by at most half a step, which is 0.0045 of linear light
+                // near white.
                 assert!(are_close(mean(&of_level), mean(&lights), 0.0046), "{size:?}, level {level}");
             }
             // Before rounding, a level has the mean of the picture, up to the error of single
@@ -239,7 +241,8 @@ mod tests {
         assert_eq!(shares(5, 0), [(0, 0.4), (1, 0.4), (2, 0.2)]);
         assert_eq!(shares(5, 1), [(2, 0.2), (3, 0.4), (4, 0.4)]);
         assert_eq!((shares(3, 0).len(), shares(1, 0)), (3, vec![(0, 1.0)]));
-        // Two texels are black and two are white. The mean is computed in linear light, so it is displayed as 188.
+        // Two texels are black and two are white. The mean is computed in linear light, so it is displayed as
+        // 188.
         let all = with_levels([2, 2], &[0xff00_0000, 0xffff_ffff, 0xffff_ffff, 0xff00_0000], false);
         assert_eq!(all[4..], [0xffbc_bcbc]);
     }
@@ -290,11 +293,11 @@ mod tests {
         let [plain, by_alpha] = [false, true].map(|by_alpha| with_levels([2, 1], &picture, by_alpha));
         assert_ne!(plain, by_alpha);
         let expected = [plain.clone(), by_alpha.clone()];
-        // In glTF, the colour of a surface with a mask is a texture of its own.
+        // In glTF, a surface with a mask has a separate colour texture.
         let (shown, textures) = levels(vec![of(0), of(0x8000)], &[row(0, None), row(1, Some(1))]);
         assert_eq!((shown, textures.list.len()), (expected.to_vec(), 2));
-        // In OBJ, both surfaces have the same colour texture, which becomes two textures. The mask has the texels of
-        // the colour of its own surface.
+        // In OBJ, both surfaces have the same colour texture, which becomes two textures. The mask gets the
+        // texels of its own surface's colour texture.
         for swapped in [false, true] {
             let mut mapped = [row(0, None), row(0, Some(1)), row(0, None)];
             let mut expected = [&plain, &by_alpha, &plain].map(Arc::clone);

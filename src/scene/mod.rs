@@ -1,8 +1,8 @@
 //! Scenes: triangles, materials, lights, a camera.
 //!
-//! A [`Scene`] that is loaded from a file is validated: every number is finite, every index is in bounds, and every
-//! triangle has normals. (Code that makes a scene itself calls [`Scene::validate`].) Later code does not check these
-//! properties again. Devices and the reference use the same `f32` values.
+//! A [`Scene`] that is loaded from a file is validated: every number is finite, every index is in bounds, and
+//! every triangle has normals. (Code that makes a scene itself calls [`Scene::validate`].) Later code does
+//! not check these properties again. Devices and the reference use the same `f32` values.
 
 mod animation;
 mod assemble;
@@ -75,8 +75,8 @@ pub struct Display {
     /// The factor by which radiance is multiplied before the exponent is applied; the paper's
     /// factor is 15.
     pub exposure: f32,
-    /// The gamma of the formula: after the exposure, values are raised to the power 1 / gamma. The paper's gamma is
-    /// 2.2.
+    /// The gamma of the formula: after the exposure, values are raised to the power 1 / gamma. In the paper,
+    /// gamma is 2.2.
     pub gamma: f32,
 }
 
@@ -256,8 +256,8 @@ mod tests {
     #[test]
     fn a_displayed_colour_is_the_radiance_of_the_middle_of_its_step() {
         let display = Display { exposure: 2.0, gamma: 2.0 };
-        // Displayed values are rounded down, so the middle of the values that are displayed as 127 is 127.5, which is
-        // half of 255.
+        // Displayed values are rounded down, so the middle of the values that are displayed as 127 is 127.5,
+        // which is half of 255.
         assert_eq!(display.radiance_of([0, 127, 255]), Vec3::new(0.0, 0.125, 0.5));
         assert_eq!(Display { exposure: 0.0, ..display }.radiance_of([0, 127, 255]), Vec3::ZERO);
         assert_eq!(Display::default(), Display { exposure: 15.0, gamma: 2.2 }, "as in the paper");
@@ -312,9 +312,9 @@ mod tests {
         assert_eq!(scene.shadow_rays_per_hit(), lights + 1);
     }
 
-    /// The expected hashes are those of records in docs/results, from several machines. If a scene or the hash function
-    /// changed, the stored times would no longer belong to the scenes in the repository, and raycl would measure
-    /// everything again.
+    /// The expected hashes are those of records in docs/results, from several machines. If a scene or the
+    /// hash function changed, the stored times would no longer belong to the scenes in the repository, and
+    /// raycl would measure everything again.
     #[test]
     fn the_scenes_of_stored_records_are_those_of_the_repository() {
         let thousand = [("object.0.triangles".to_owned(), toml::Value::Integer(1000))];

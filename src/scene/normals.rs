@@ -56,8 +56,8 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     reverse_normals_of(mesh, &turned);
 }
 
-/// Reverses the normals of the triangles for which `turned` is true. Other triangles may share these normals, so
-/// reversed copies are appended, one of each normal that a turned triangle has.
+/// Reverses the normals of the triangles for which `turned` is true. Other triangles may share these normals,
+/// so reversed copies are appended, one of each normal that a turned triangle has.
 fn reverse_normals_of(mesh: &mut Mesh, turned: &[bool]) {
     // The index of each normal's reversed copy, or MISSING if there is no copy.
     let mut copies = vec![MISSING; mesh.normals.len()];
@@ -116,8 +116,9 @@ fn generate(mesh: &mut Mesh) {
     mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
 }
 
-/// Returns the normal unchanged, or with length 1 if its squared length is so small or so large that later
-/// products could leave the range of f32.
+/// Returns the normal unchanged, unless its squared length is so small or so large that later products could
+/// leave the range of f32. In this case, the result has the length 1, or is zero if the normal cannot be
+/// normalised.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;
@@ -195,6 +196,14 @@ mod tests {
             triangle([Vec3::ZERO, Vec3::X, Vec3::Y], vec![Vec3::Z * 1e38, Vec3::X * 1e-40], [0, 1, 0]);
         complete(&mut mesh, None);
         assert_eq!(mesh.normals, [Vec3::Z, Vec3::X]);
+    }
+
+    /// Later products contain the squares of lengths, so the squared length decides.
+    #[test]
+    fn a_normal_gets_the_length_1_if_its_squared_length_is_extreme() {
+        for (length, expected) in [(1e-7_f32, 1.0_f32), (1e-5, 1e-5), (1e5, 1e5), (1e7, 1.0)] {
+            assert_eq!(tame(Vec3::X * length), Vec3::X * expected, "{length:e}");
+        }
     }
 
     #[test]

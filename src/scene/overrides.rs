@@ -67,7 +67,7 @@ fn remove_pose_and_fov(document: &mut Table) {
 }
 
 /// Returns true if a track of this path, such as `camera.look_at.1` or `camera`, changes the camera's
-/// position, direction or field of view.
+/// position, direction, field of view or one of its angles.
 fn moves_camera(path: &str) -> bool {
     let mut names = path.split('.');
     let moves = |name: &str| POSE_AND_FOV.contains(&name) || ANGLES.contains(&name);

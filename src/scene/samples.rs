@@ -60,8 +60,8 @@ pub enum SampleLight {
 pub struct Sampling {
     /// The number of first samples, which every pixel gets.
     pub first: u32,
-    /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels differ
-    /// after the first samples.
+    /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels
+    /// differ after the first samples.
     pub most: u32,
     /// The number of samples per pixel of the half picture that has shadows. If it is 0, there are no half
     /// pictures.
@@ -124,7 +124,8 @@ pub struct SampleCounts {
 }
 
 impl SampleCounts {
-    /// Makes the counts of a picture of `size` pixels. `of_block` has the number of samples of each block, row by row.
+    /// Makes the counts of a picture of `size` pixels. `of_block` has the number of samples of each block,
+    /// row by row.
     pub fn new(size: [u32; 2], of_block: Vec<u32>) -> Self {
         Self { size, of_block }
     }
@@ -153,8 +154,8 @@ impl Sample {
     pub const CENTRE: Self =
         Self { offset: [0.0; 2], number: 0, count: 1, most: 1, earlier: 0, light: SampleLight::Own };
 
-    /// Returns the number of pixels, across and down, after which the numbers that choose points of lights repeat;
-    /// `None` if these numbers do not repeat.
+    /// Returns the number of pixels, across and down, after which the numbers that choose points of lights
+    /// repeat; `None` if these numbers do not repeat.
     pub fn period(&self) -> Option<u32> {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
@@ -194,7 +195,8 @@ fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
         (0..count.next_power_of_two()).map(|number| [offset(number, 0), offset(number, 1)]).collect();
     let distance = |number: &usize| block[*number][0].hypot(block[*number][1]);
     let nearest = (0..block.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
-    // The block's length is a power of two, so the exclusive or of two of its indices is again one of its indices.
+    // The block's length is a power of two, so the exclusive or of two of its indices is again one of its
+    // indices.
     (0..count as usize).map(|number| block[number ^ nearest]).collect()
 }
 
@@ -271,8 +273,8 @@ mod tests {
         assert_eq!(shares(Sampling::ONE), [vec![1.0], vec![]]);
         assert_eq!(shares(Sampling::all(4)), [vec![0.5], vec![]]);
         assert_eq!(shares(Sampling::all(1024)), [vec![0.125], vec![]]);
-        // A pixel may get only the first samples, so the cones of these samples are as wide as if there were no other
-        // samples.
+        // A pixel may get only the first samples, so the cones of these samples are as wide as if there were
+        // no other samples.
         assert_eq!(shares(Sampling { half_light: 0, first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
     }
 
@@ -382,8 +384,8 @@ mod tests {
         assert_eq!((Sampling::all(4).half_light, Sampling::adaptive(4).half_light), (0, 0));
     }
 
-    /// Different lights use different seeds. In this test, the strata are the eighths of the range from 0 to 1. If two
-    /// seeds gave the same order of strata, the points on different lights would be correlated.
+    /// Different lights use different seeds. In this test, the strata are the eighths of the range from 0 to
+    /// 1. If two seeds gave the same order of strata, the points on different lights would be correlated.
     #[test]
     fn each_seed_has_its_own_order_of_the_same_strata() {
         let order = |seed: u32| -> Vec<u32> {

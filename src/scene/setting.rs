@@ -14,8 +14,8 @@ pub struct Setting {
     pub path: String,
     /// The new value.
     pub value: Value,
-    /// The setting as the user wrote it, for messages: an option with its value, or a line of a config with the path
-    /// and the value.
+    /// The setting as the user wrote it, for messages: an option with its value, or a line of a config with
+    /// the path and the value.
     pub origin: String,
 }
 
@@ -81,8 +81,8 @@ pub(super) enum Origin<'a> {
 }
 
 impl Origin<'_> {
-    /// Returns the location for messages: `FILE:LINE`, or the setting. If the origin is unknown, returns only
-    /// the file's name. `file` and `text` are the file's name and text.
+    /// Returns the location for messages: `FILE:LINE`, or the name of the setting or track. If the origin is
+    /// unknown, returns only the file's name. `file` and `text` are the file's name and text.
     pub fn location(&self, file: &str, text: &str) -> String {
         match self {
             Self::Setting(setting) => shortened(&**setting),
@@ -95,8 +95,8 @@ impl Origin<'_> {
 /// The values that were set in a document, and the name and the text of the document's file.
 pub(super) struct Changed {
     pub settings: Vec<Setting>,
-    /// The values that tracks set in one frame, after all settings; empty if the document does not belong to a frame of
-    /// an animation.
+    /// The values that tracks set in one frame, after all settings; empty if the document does not belong to
+    /// a frame of an animation.
     pub tracks: Vec<TrackValue>,
     /// The file's name.
     pub file: String,
@@ -263,7 +263,8 @@ mod tests {
     const SCENE: &str =
         "# The scene.\n\n[[object]]\nshape = \"sphere\"\n\n[[light]]\nposition = [0, 9, 0]\npower = 9\n";
 
-    /// Returns the message of the error for a scene with these values, and the line and the text that the error marks.
+    /// Returns the message of the error for a scene with these values, and the line and the text that the
+    /// error marks.
     fn message_and_mark(
         scene: &str,
         values: &[(&str, Value)],

@@ -17,8 +17,8 @@ const MOST_ACROSS: u32 = 1 << 13;
 /// Largest memory for decoding a picture, in bytes: two copies of four floats per texel.
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Memory per texel while a picture is read, in bytes. During decoding, up to two copies of four floats (32
-/// bytes) are in memory; after it, up to three copies of three floats (36 bytes). The other 4 bytes are a
-/// reserve.
+/// bytes) are in memory. After decoding, up to three copies of three floats (36 bytes) are in memory. The
+/// other 4 bytes are a reserve.
 const TEXEL_BYTES: u64 = 40;
 /// A value below zero is reported in a note if its absolute value exceeds this share of the picture's mean
 /// value. Smaller negative values are common, because filters of other programs produce them.
@@ -54,8 +54,8 @@ pub struct SkyPicture {
 }
 
 impl PartialEq for SkyPicture {
-    /// Compares two pictures. If both pictures refer to the same texels in memory, the texels are not compared one by
-    /// one.
+    /// Compares two pictures. If both pictures refer to the same texels in memory, the texels are not
+    /// compared one by one.
     fn eq(&self, other: &Self) -> bool {
         let same_texels = || Arc::ptr_eq(&self.texels, &other.texels) || self.texels == other.texels;
         (self.size, self.ahead, self.is_seen) == (other.size, other.ahead, other.is_seen) && same_texels()
@@ -67,9 +67,9 @@ impl PartialEq for SkyPicture {
 pub(super) struct FileTexels {
     /// Number of texels across and down.
     pub size: [u32; 2],
-    /// Each texel's red, green and blue; none of them is negative or not a number.
+    /// Each texel's red, green and blue. No value is negative or NaN.
     pub texels: Arc<[[f32; 3]]>,
-    /// The number of texels of which a value was clearly negative or not a number.
+    /// The number of texels with a value that was clearly negative or not a number.
     pub invalid: usize,
     /// Remarks on unsuitable properties of the picture, for example if it is not twice as wide as high. Each
     /// remark continues a sentence that begins with the file's name.
@@ -230,8 +230,8 @@ mod tests {
             std::fs::write(&path, [header.as_bytes(), &[128, 64, 32, 129]].concat()).unwrap();
         };
         write("0.5");
-        // A channel's value is the channel's byte divided by 256, times two to the power of the texel's last byte minus
-        // 128.
+        // A channel's value is the channel's byte divided by 256, times two to the power of the texel's last
+        // byte minus 128. The radiance is this value divided by EXPOSURE.
         assert_eq!(*SkyPicture::read(&path).unwrap().texels, [[2.0, 1.0, 0.5]]);
         write("-1");
         assert!(SkyPicture::read(&path).unwrap_err().starts_with("has the EXPOSURE -1 in its header"));

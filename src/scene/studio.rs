@@ -1,5 +1,4 @@
-//! The default surroundings of a mesh that is given without a scene file: a ground, a soft key light, a weak fill light
-//! and a sky.
+//! The default surroundings of a bare mesh: a ground, a soft key light, a weak fill light and a sky.
 
 use super::framing::{self, Ball};
 use super::mesh::PARALLEL_TRIANGLES;
@@ -30,11 +29,12 @@ const REACH_RADII_INSIDE: f64 = 0.4;
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square frames. The numbers are the distances of the squares'
 /// edges from the middle, in radii of the mesh's ball. The last distance is so large that a usual view does
-/// not reach it. Rounding errors of a ray-triangle test grow with the triangle's size: if the ground had only
-/// large triangles, shadow rays at a low angle would hit the ground from which they start.
+/// not reach it. The triangles near the middle are small, because rounding errors of a ray-triangle test grow
+/// with the triangle's size. If the ground had only large triangles, shadow rays at a low angle would hit the
+/// ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
-/// Distance of the ground below the mesh, in radii of the mesh's ball, so that the ground does not coincide with a
-/// mesh's flat bottom.
+/// Distance of the ground below the mesh, in radii of the mesh's ball, so that the ground does not coincide
+/// with a mesh's flat bottom.
 const GAP_RADII: f64 = 2e-4;
 
 /// The default surroundings of a mesh.
@@ -66,9 +66,9 @@ impl Studio {
         let reach = (reach * radius) as f32;
         let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach, picture: None };
         let ground = (!ball.is_open()).then(|| ground(mesh, ball, camera, up)).flatten();
-        // A horizontal surface receives the mean of the sky's radiance, weighted by the cosine of the angle to the
-        // zenith. The radiance grows with the sine of the angle above the horizon. The mean is therefore two thirds of
-        // the way from the horizon's radiance to the zenith's.
+        // A horizontal surface receives the mean of the sky's radiance, weighted by the cosine of the angle
+        // to the zenith. The radiance grows with the sine of the angle above the horizon. The mean is
+        // therefore two thirds of the way from the horizon's radiance to the zenith's.
         let background = GROUND * HORIZON.lerp(ZENITH, 2.0 / 3.0);
         Self { lights, sky, ground, background }
     }
@@ -189,8 +189,8 @@ mod tests {
         assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
     }
 
-    /// The expected background is the radiance of a level surface under the whole sky: the ground's k_L times the sum
-    /// of two thirds of the zenith's radiance and one third of the horizon's.
+    /// The expected background is the radiance of a level ground under the whole sky. This is the ground's
+    /// k_L, times a radiance that is two thirds the zenith's and one third the horizon's.
     #[test]
     fn the_background_is_the_colour_of_the_ground_far_away() {
         let background = studio(DVec3::Y, 25.0).1.background;

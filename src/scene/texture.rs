@@ -26,7 +26,8 @@ pub struct Texture {
     pub size: [u32; 2],
     /// How the texture continues beyond its edges, across and down.
     pub wrap: [Wrap; 2],
-    /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a texture that is no mask.
+    /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a texture that is no
+    /// mask.
     pub least_alpha: u16,
     /// One word per texel: red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are
     /// any, follow the picture's own texels.
@@ -34,8 +35,9 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. The value is reduced by
-    /// a small part of a step, so that rounding makes no holes where all texels have exactly the least alpha.
+    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. The value is
+    /// reduced by a small part of a step, so that rounding makes no holes where all texels have exactly the
+    /// least alpha.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }
@@ -89,8 +91,8 @@ impl Mapped {
     /// because single precision is finest there. The texture repeats after the length of the shift, so the
     /// triangle looks the same.
     pub fn new(corners: [[f64; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
-        // Coordinates near 0 are also rounded before the shift, so that they get the same bits whether they were read
-        // in single or in double precision.
+        // Coordinates near 0 are also rounded before the shift, so that they get the same bits whether they
+        // were read in single or in double precision.
         let rounded = |value: f64| if value.abs() > Self::NEAR { value } else { f64::from(value as f32) };
         let mut corners = corners.map(|corner| corner.map(rounded));
         for (axis, wrap) in wrap.into_iter().enumerate() {
@@ -106,14 +108,14 @@ impl Mapped {
         Self { corners, texture, mask }
     }
 
-    /// Returns the number of floats per triangle on a device. With mip levels, there are four more: the triangle's
-    /// normal times the side of a texel (from `texel_on` in `mip.rs`), and a zero.
+    /// Returns the number of floats per triangle on a device. With mip levels, there are four more: the
+    /// triangle's normal times the side of a texel (from `texel_on` in `mip.rs`), and a zero.
     pub fn floats(mip_levels: bool) -> usize {
         if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }
 
-    /// Returns the words for a device: u and v of the corners, the texture's number (-1 without a texture), and the
-    /// mask's number plus 1 (0 without a mask).
+    /// Returns the words for a device: u and v of the corners, the texture's number (-1 without a texture),
+    /// and the mask's number plus 1 (0 without a mask).
     pub fn to_words(self) -> [u32; Self::FLOATS] {
         let [[a, b], [c, d], [e, f]] = self.corners.map(|corner| corner.map(f32::to_bits));
         [a, b, c, d, e, f, self.texture.unwrap_or(u32::MAX), self.mask.map_or(0, |mask| mask + 1)]
@@ -131,7 +133,7 @@ pub struct Textures {
 
 impl Textures {
     /// Makes textures from a list and the mapping of each triangle. Masks without holes are removed from the
-    /// mappings. The result is empty if no triangle then has a texture or a mask.
+    /// mappings. The result is empty if, after this removal, no triangle has a texture or a mask.
     pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>) -> Self {
         let have_holes: Vec<bool> = list.iter().map(Texture::has_holes).collect();
         for row in &mut mapped {
@@ -169,8 +171,8 @@ impl Textures {
         self.mapped.iter().any(|row| row.mask.is_some())
     }
 
-    /// Adds the textures of another mesh. Its `other_triangles` triangles follow the `own_triangles`
-    /// triangles of this mesh.
+    /// Adds the textures of another mesh, whose triangles follow those of this mesh. This mesh has
+    /// `own_triangles` triangles, and the other mesh has `other_triangles`.
     pub fn append(&mut self, own_triangles: usize, other: Self, other_triangles: usize) {
         if self.list.is_empty() && other.list.is_empty() {
             return;
@@ -187,8 +189,8 @@ impl Textures {
         self.list.extend(other.list);
     }
 
-    /// Swaps the texture coordinates of every triangle's second and third corner, since mirroring a mesh swaps these
-    /// corners.
+    /// Swaps the texture coordinates of every triangle's second and third corner, since mirroring a mesh
+    /// swaps these corners.
     pub fn mirror(&mut self) {
         self.mapped.iter_mut().for_each(|row| row.corners.swap(1, 2));
     }
@@ -224,7 +226,8 @@ mod tests {
             let [near, far] = [near, far].map(|corners| Mapped::new(corners, Some(0), None, [wrap; 2]));
             assert_eq!(far, near);
         }
-        // Without the first rounding, the coordinate of the first corner would be smaller by the last bit.
+        // Without the rounding before the shift, the coordinate of the first corner would be one unit in the
+        // last place smaller.
         let corners = [[1.0 - f64::from(0.001_f32), 0.0], [-0.5, 0.0], [0.0, 0.0]];
         let moved = Mapped::new(corners, Some(0), None, [Wrap::Repeat; 2]).corners;
         assert_eq!(moved.map(|[u, _]| u), [(1.0_f32 - 0.001) + 1.0, 0.5, 1.0]);
@@ -277,7 +280,8 @@ mod tests {
         assert_eq!(words(Some(7), Some(8))[..6], floats);
         assert_eq!(words(Some(7), Some(8))[6..], [7, 9]);
         assert_eq!(words(None, None)[6..], [u32::MAX, 0]);
-        // With mip levels, three more floats have the normal and the texels' size, and a fourth float fills the row.
+        // With mip levels, three more floats have the normal and the texels' size, and a fourth float fills
+        // the row.
         assert_eq!([false, true].map(Mapped::floats), [8, 12]);
     }
 
@@ -290,8 +294,8 @@ mod tests {
         assert_eq!(textures.mapped[0].corners, [[1.0, 2.0], [5.0, 6.0], [3.0, 4.0]]);
     }
 
-    /// 257 units of the least alpha are one step of an 8-bit channel. `least_step` subtracts one unit, so that rounding
-    /// makes no holes.
+    /// 257 units of the least alpha are one step of an 8-bit channel. `least_step` subtracts one unit, so
+    /// that rounding makes no holes.
     #[test]
     fn the_least_alpha_is_one_unit_below_its_step() {
         let least_step = |least_alpha| Texture { least_alpha, ..texture() }.least_step();

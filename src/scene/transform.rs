@@ -27,7 +27,8 @@ impl Transform {
     /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the
     /// positions when the file was read. It is added again before the scale is applied.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
-        // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact coordinates.
+        // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact
+        // coordinates.
         if *self == Self::IDENTITY && origin == DVec3::ZERO {
             return;
         }
@@ -102,7 +103,7 @@ mod tests {
         let transform =
             Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: Vec3::ONE };
         transform.apply(&mut mesh, DVec3::ZERO);
-        // The rotation about x turns y to z, and z to -y.
+        // The rotation about x turns y to z, and the rotation about y turns z to x.
         assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
         assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
     }

@@ -16,7 +16,8 @@ pub const MAX_COORDINATE: f32 = 1e12;
 /// radiance must be much less than the largest f32, 3.4e38.
 pub const MAX_POWER: f32 = 1e28;
 
-/// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up to 3.4e38.
+/// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up
+/// to 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
 
 /// Smallest distance between a light and a surface in the check of brightness, as a fraction of the scene's
@@ -329,8 +330,8 @@ mod tests {
         }
     }
 
-    /// The limit applies to the light that arrives, power / (4 pi distance^2), times the reflectance and the number of
-    /// lights.
+    /// The limit applies to the light that arrives, power / (4 pi distance^2), times the reflectance and the
+    /// number of lights.
     #[test]
     fn a_light_may_not_be_too_bright_for_the_nearest_surface() {
         let brightness = |material: Material, lights: usize| {

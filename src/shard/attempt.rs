@@ -13,8 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// The name of the folder that contains the folders of all attempts.
 const PARTS: &str = "parts";
-/// The file that describes an attempt, and the file that says how the attempt ended.
+/// The file that describes an attempt.
 const ABOUT: &str = "attempt.json";
+/// The file that says how an attempt ended.
 const END: &str = "end.json";
 
 /// The description of an attempt.
@@ -164,14 +165,16 @@ impl Attempt {
         Ok(Self::all(out)?.into_iter().filter(same).map(|other| other.folder).collect())
     }
 
-    /// Returns the attempt's description; `None` if the attempt was killed before it wrote the description.
-    /// Fails if there may be a description that cannot be read.
+    /// Returns the attempt's description; `None` if the attempt was killed before it wrote the description,
+    /// or if the description is not valid JSON. Fails if the system reports an error, so that there may be a
+    /// description.
     pub fn about(&self) -> Result<Option<About>> {
         self.read(ABOUT)
     }
 
-    /// Returns how the attempt ended; `None` if the attempt is still running or was killed. Fails if the
-    /// attempt may have ended, but the file that says how it ended cannot be read.
+    /// Returns how the attempt ended; `None` if the attempt is still running or was killed, or if the file
+    /// that says how it ended is not valid JSON. Fails if the system reports an error, so that there may be
+    /// such a file.
     pub fn end(&self) -> Result<Option<End>> {
         self.read(END)
     }

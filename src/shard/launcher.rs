@@ -33,9 +33,9 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first: each launcher comes before those that
-/// may have started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm has the
-/// variable `SLURM_PROCID`, too, but in a batch script, its value is not the number of a task. raycl
+/// Launchers that number the processes of one job, the innermost first: each launcher comes before the
+/// launchers that may have started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm
+/// has the variable `SLURM_PROCID`, too, but in a batch script, its value is not the number of a task. raycl
 /// therefore reads this variable only if `SLURM_STEP_ID` is set: only a step of Slurm has this variable.
 const INNER: [Ranks; 3] = [
     Ranks {
@@ -87,11 +87,11 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the first of
-/// these four decides: the innermost launcher that started several processes, a Slurm array, a launcher of
-/// whole jobs (`OUTER`), a launcher that started a single process. If a Slurm array of several elements and
-/// an inner launcher of several processes both set numbers, this is an error. The number of shards is `of`
-/// or, if `of` is `None`, the launcher's count.
+/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, one of them
+/// decides. The order of precedence is: the innermost launcher that started several processes, a Slurm array,
+/// a launcher of whole jobs (`OUTER`), a launcher that started a single process. The number of shards is `of`
+/// or, if `of` is `None`, the launcher's count. Returns an error if a Slurm array of several elements and an
+/// inner launcher of several processes both set numbers.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()

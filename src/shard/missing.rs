@@ -20,8 +20,8 @@ pub struct Missing {
     pub failed: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// If a selected kind did not take part, the names of the kinds that took part: the user may have
-    /// misspelt the selected kind's name, and can compare it with these names. Otherwise `None`.
+    /// The names of the kinds that took part, if a selected kind did not take part; otherwise `None`. The
+    /// user may have misspelt the selected kind's name, and can compare it with these names.
     pub took_part: Option<String>,
 }
 
@@ -65,11 +65,11 @@ pub struct Wanted<'a> {
 }
 
 /// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no
-/// shard has begun on a selected kind, these are all points except casters on the host. A caster on the host
-/// is missing only if it has no record on any kind of host. If no shard with casters on the host has begun,
-/// all of these casters are missing. Also returns the points that failed. The commands that measure the
-/// points write to the folder `out`, and are made from the commands of the attempts that `abouts` describe.
-/// `outcome` returns the outcome of the record with a key; `None` if there is no such record.
+/// shard has begun on a selected kind, all points except casters on the host are missing on it. A caster on
+/// the host is missing only if it has no record on any kind of host. If no shard with casters on the host has
+/// begun, all of these casters are missing. Also returns the points that failed. The commands that measure
+/// the points write to the folder `out`, and are made from the commands of the attempts that `abouts`
+/// describe. `outcome` returns the outcome of the record with a key; `None` if there is no such record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,

@@ -49,7 +49,8 @@ pub enum Asked {
 }
 
 impl Asked {
-    /// Returns the shard of this process, from the environment variables that its launcher set.
+    /// Returns the shard of this process: the given shard or, for `Auto`, the shard that the launcher's
+    /// environment variables state. `variable` returns the value of an environment variable.
     pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard> {
         match self {
             Self::Given(shard) => Ok(shard),

@@ -115,7 +115,7 @@ impl ShardPlan {
                 config_text(stored),
                 config_text(wanted),
             ),
-            ("a scene", stored.scenes != wanted.scenes, few(&stored.scenes), few(&wanted.scenes)),
+            ("a scene", stored.scenes != wanted.scenes, scenes(&stored.scenes), scenes(&wanted.scenes)),
             ("the source of the kernels", stored.kernels != wanted.kernels, source(stored), source(wanted)),
         ];
         let Some((what, _, there, here)) = differs.into_iter().find(|(_, differs, ..)| *differs) else {
@@ -165,7 +165,7 @@ fn config_text(header: &Header) -> String {
 }
 
 /// Returns the number of scenes, and the first digits of at most four scenes' hashes.
-fn few(hashes: &[String]) -> String {
+fn scenes(hashes: &[String]) -> String {
     let begins: Vec<_> = hashes.iter().take(4).map(|hash| hash.get(..8).unwrap_or(hash)).collect();
     format!("{} in all (hashes {})", hashes.len(), begins.join(", "))
 }
@@ -266,8 +266,8 @@ mod tests {
     #[test]
     fn at_most_four_hashes_of_scenes_are_listed() {
         let hashes: Vec<String> = (0..5).map(|digit| digit.to_string().repeat(64)).collect();
-        assert_eq!(few(&hashes[..1]), "1 in all (hashes 00000000)");
-        assert_eq!(few(&hashes), "5 in all (hashes 00000000, 11111111, 22222222, 33333333)");
+        assert_eq!(scenes(&hashes[..1]), "1 in all (hashes 00000000)");
+        assert_eq!(scenes(&hashes), "5 in all (hashes 00000000, 11111111, 22222222, 33333333)");
     }
 
     #[test]

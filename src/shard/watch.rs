@@ -1,6 +1,6 @@
 //! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not
-//! look for the step's processes again. Without this check, a process of a lost step would go on. It would
-//! measure the same points as its replacement, although a merge uses only one record of each point.
+//! look for the step's processes again. Without this check, a process of a lost step would go on measuring
+//! the same points as its replacement. A merge would use only one record of each of these points.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};
@@ -72,8 +72,8 @@ struct Process {
     began: String,
 }
 
-/// The chain of processes from this process's parent up to the launcher. The launcher is one of [`LAUNCHERS`], or else
-/// the parent itself.
+/// The chain of processes from this process's parent up to the launcher, the first ancestor that is one of
+/// [`LAUNCHERS`]. If there is no such ancestor, the chain contains at most the parent.
 #[derive(Clone, Debug, Default)]
 struct Chain(Vec<Process>);
 

@@ -1,5 +1,4 @@
-//! Returns the properties of axis values that the headers of kernel files state, and properties of whole
-//! strategies.
+//! Properties of axis values, which the headers of kernel files state, and properties of whole strategies.
 
 use super::{
     Intersector, Layout, Passes, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width, Workload,
@@ -76,8 +75,8 @@ impl Triangles {
     }
 
     /// Returns true if the ray-triangle test can read the data of each triangle from a table in global
-    /// memory, either directly or after a work-group has copied the rows of one tile of triangles to
-    /// `__local` memory.
+    /// memory. The test reads the table directly, or a work-group first copies the rows of one tile of
+    /// triangles from the table to `__local` memory.
     pub fn take_tables(self) -> bool {
         !self.are_constant() && !self.are_staged()
     }
@@ -99,7 +98,8 @@ impl Shading {
 }
 
 impl Intersector {
-    /// Returns the number of floats in a triangle's record for the ray-triangle test.
+    /// Returns the number of floats in a triangle's row (the numbers that the ray-triangle test reads of the
+    /// triangle).
     pub fn record_floats(self) -> usize {
         self.header().number("record_floats").unwrap_or(0) as usize
     }
@@ -188,10 +188,10 @@ impl Strategy {
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
             // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from
-            // the eye is cast per pixel at a time. Otherwise, a separate kernel casts them. Even with many
-            // samples, two kinds of pictures have one ray per pixel at a time: pictures with soft light, and
-            // pictures of more than 2^23 pixels (see `Workload::shared_subpixel_bits`). For the large
-            // pictures, the program contains the separate kernel, but frames do not run it.
+            // the eye is cast per pixel at a time. Otherwise, a separate kernel casts these shadow rays. Even
+            // with many samples, two kinds of pictures have one ray per pixel at a time: pictures with soft
+            // light, and pictures of more than 2^23 pixels (see `Workload::shared_subpixel_bits`). For the
+            // large pictures, the program contains the separate kernel, but frames do not run it.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
             Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),

@@ -78,11 +78,11 @@ pub enum Candidate {
 pub enum Class {
     /// A CPU whose vectors hold at least 16 rays, the vector width of tiles.
     TilesInVectors,
-    /// Other CPUs. The compilers for these CPUs split the vectors of tiles.
+    /// A CPU with narrower vectors. The compiler for this CPU splits the vectors of tiles.
     TilesInNarrowVectors,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
-    /// Other GPUs.
+    /// A GPU whose work-items cannot share tiles.
     SingleRays,
 }
 
@@ -101,8 +101,8 @@ pub struct Constants {
     /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and single rays
     /// are faster.
     pub single_triangles_a_pixel: f64,
-    /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye. In such
-    /// scenes, more triangles lie behind each other.
+    /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye. In these
+    /// scenes, more triangles lie behind each other than in other scenes.
     pub single_triangles_a_pixel_inside: f64,
     /// This limit is compared with the number of covered pixels per compute unit, divided by the square root of the
     /// number of triangles. Below the limit, there are too few tiles to keep a unit busy until the slowest tile is
@@ -278,11 +278,11 @@ impl Candidate {
 ///
 /// In larger scenes, tiles of rays traverse a tree together. On a CPU, the rays of a tile are in vectors. On
 /// a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU without these
-/// operations casts single rays, because tiles have not been measured there; scenes with fewer than
-/// `TREE_TRIANGLES` triangles are cast exhaustively on such a GPU. In soft light, every GPU casts single
-/// rays. If triangles are much smaller than pixels, single rays are faster, since the rays of a tile take
-/// different paths. On a GPU, single rays are also faster in small pictures, which have too few tiles to keep
-/// the device busy.
+/// operations casts single rays, because tiles have not been measured on it. On a GPU without these
+/// operations, scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. In soft light, every
+/// GPU casts single rays. If triangles are much smaller than pixels, single rays are faster, since the rays
+/// of a tile take different paths. On a GPU, single rays are also faster in small pictures, which have too
+/// few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }

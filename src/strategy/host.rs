@@ -8,9 +8,9 @@ use crate::accel::Bvh;
 use crate::memory::Available;
 use crate::scene::{Mapped, Material, Mesh};
 
-/// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1, 258
-/// to 305 MB were measured on 2026-11-27 for a scene of one triangle, in runs in which LLVM 15 compiled the
-/// kernels; the preset `tile-group` needed most. A process that lists all devices also starts the drivers of
+/// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1,
+/// casting a scene of one triangle took 258 to 305 MB (2026-11-27), in runs in which LLVM 15 compiled the
+/// kernels. The preset `tile-group` needed most. A process that lists all devices also starts the drivers of
 /// other devices. The number leaves these drivers out: on a machine with an NVIDIA GPU, pictures that the CPU
 /// cast took up to 84 MB more.
 const PROGRAM_BYTES: u64 = 305_000_000;
@@ -26,7 +26,7 @@ const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 4 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
-/// Bytes of a material. A mesh with vertex colours may have millions of them.
+/// Bytes of a material. A mesh with vertex colours may have millions of materials.
 const MATERIAL_BYTES: u64 = size_of::<Material>() as u64;
 
 /// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light and hits,

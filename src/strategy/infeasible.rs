@@ -58,13 +58,13 @@ impl Infeasible {
         !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))
     }
 
-    /// Returns the reason why a point exceeds a limit of a device or of the host.
+    /// Makes the refusal of a point that exceeds a limit of a device or of the host.
     pub fn beyond(reason: String) -> Self {
         Self { reason, cause: Cause::Size }
     }
 
-    /// Returns this reason. If `is_emulated` is true, the reason also says that the limit comes from `[emulate]`, the
-    /// section of a config that imitates a smaller device.
+    /// Returns this refusal. If `is_emulated` is true, the reason also says that the limit comes from
+    /// `[emulate]`, the section of a config that imitates a smaller device.
     #[must_use]
     pub fn emulated_if(self, is_emulated: bool) -> Self {
         match is_emulated {
@@ -73,18 +73,20 @@ impl Infeasible {
         }
     }
 
-    /// Returns this reason. If a smaller work-group fits, the local size is the cause.
+    /// Returns this refusal. If `a_smaller_one_fits` is true (a smaller work-group fits), its cause becomes
+    /// the local size.
     #[must_use]
     pub fn of_large_group_if(self, a_smaller_one_fits: bool) -> Self {
         if a_smaller_one_fits { Self { cause: Cause::LargeGroup, ..self } } else { self }
     }
 
-    /// Returns the reason why a work-group has a shape that the device or the strategy does not support.
+    /// Makes the refusal of a point whose work-group has a shape that the device or the strategy does not
+    /// support.
     pub fn work_group(reason: String) -> Self {
         Self { reason, cause: Cause::WorkGroup }
     }
 
-    /// Returns the reason why a strategy cannot cast a scene on any device.
+    /// Makes the refusal of a point whose strategy cannot cast the scene on any device.
     pub fn lacking(reason: String) -> Self {
         Self { reason, cause: Cause::Lacking }
     }

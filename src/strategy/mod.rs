@@ -128,7 +128,8 @@ impl Strategy {
     }
 
     /// Returns true if the strategy's kernels read whole triangles in the strategy's layout. Kernels for
-    /// tiles read corners only from the tree; the layout decides only where they read normals.
+    /// tiles read corners only from the tree. For these kernels, the layout decides only where normals are
+    /// read.
     pub fn reads_mesh(&self) -> bool {
         self.traversal != Traversal::Tile
     }
@@ -141,8 +142,9 @@ impl Strategy {
     }
 
     /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is nearly
-    /// square, so that its rays hit the same triangles. Blocks of 16 rays are wider and lower if the test uses planes
-    /// that are linear in the pixel's coordinates, since the rays of a row share terms of these planes.
+    /// square, so that its rays hit the same triangles. There is one exception: if the ray-triangle test uses
+    /// planes that are linear in the pixel's coordinates, the rays of a row share terms. Blocks of 16 rays
+    /// are then wider and lower.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,

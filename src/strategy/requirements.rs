@@ -168,8 +168,9 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     add_corners(sum, strategy, w, ["normals"; 2], w.normals);
 }
 
-/// Adds a point or a normal for each corner of the triangles: with the name `own`, if each triangle has its
-/// own; with the name `shared` and indices, if the triangles share `count` of them.
+/// Adds the points or the normals at the triangles' corners. If each triangle has corners of its own, adds
+/// one term with the name `own`. If the triangles share `count` points or normals, adds a term with the name
+/// `shared`, and a term for the indices.
 fn add_corners(sum: &mut Sum, strategy: &Strategy, w: &Workload, [own, shared]: [&str; 2], count: usize) {
     if strategy.layout.index_bits().is_none() {
         sum.add(own, &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);

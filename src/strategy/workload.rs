@@ -199,7 +199,8 @@ impl Workload {
         (self.pixels() as usize) << (2 * self.shared_subpixel_bits(strategy))
     }
 
-    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at the same time.
+    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at the
+    /// same time; 0 if the ray-triangle test uses no planes.
     pub fn prepared_origins(&self, strategy: &Strategy) -> usize {
         let at_once = if strategy.shares_tiles() { strategy.lights_of_round() } else { usize::MAX };
         if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }

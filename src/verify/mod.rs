@@ -33,9 +33,11 @@ pub struct Verdict {
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of uncertain pixels of the reference, without the nearly certain ones.
     pub uncertain_pixels: usize,
-    /// Number of pixels that are not certain and lie outside their range (see the [module](self)).
+    /// Number of pixels that are not certain and lie outside their range (see the [module](self)). If the
+    /// image has another size than the reference, all uncertain pixels are counted.
     pub unexplained_pixels: usize,
-    /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite.
+    /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite. If the image has
+    /// another size than the reference, all pixels are counted.
     pub wrong_pixels: usize,
     /// True if the image is correct.
     pub ok: bool,
@@ -112,12 +114,12 @@ pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Returns the reason why a right image is hardly verified: fewer than one in ten of the judged pixels that
-/// hit something are certain or nearly certain. Returns `None` if at least one in ten is. Judged pixels that
-/// hit nothing do not count, because even an image with wrong surfaces shows the background where the
-/// reference does. If no pixel hits anything, all judged pixels count. The arguments are, first for all
-/// judged pixels and then for those that hit something, the number of uncertain pixels and the number of
-/// pixels.
+/// Returns the reason why a right image is hardly verified: of the judged pixels (the pixels that the
+/// reference has cast) that hit something, fewer than one in ten are certain or nearly certain. Returns
+/// `None` if at least one in ten is certain or nearly certain. Judged pixels that hit nothing do not count,
+/// because even an image with wrong surfaces shows the background where the reference does. If no pixel hits
+/// anything, all judged pixels count. Each argument has a number of uncertain pixels and a number of pixels.
+/// The first argument counts all judged pixels, and the second argument those that hit something.
 pub fn hardly_verified(
     [uncertain_pixels, judged]: [usize; 2],
     [uncertain_hits, hits]: [usize; 2],

@@ -55,8 +55,8 @@ impl Pose {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }
 
-    /// Returns the camera and the lights for this position of the eye. At `START`, they equal the scene's own camera
-    /// and lights bit for bit.
+    /// Returns the camera and the lights for this position of the eye. For `START`, the result equals the
+    /// scene's own camera and lights bit for bit.
     pub fn at(&self, scene: &Scene, orbit: &Orbit) -> (Camera, Vec<Light>) {
         let (mut camera, lights) = orbit.at(scene, self.turn / TAU);
         if self.tilt != 0.0 {

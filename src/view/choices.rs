@@ -39,13 +39,15 @@ impl<T: Copy + PartialEq> Choices<T> {
     }
 }
 
-/// Returns a list of the requested strategy, which is chosen, and the presets that are meant for the device.
+/// Returns a list that begins with `first`, the chosen strategy, and continues with the presets that are
+/// meant for the device.
 pub fn strategies(first: Strategy, device: &DeviceInfo) -> Choices<Strategy> {
     let meant = PRESETS.iter().filter(|preset| preset.meant_for.is_none_or(|kind| kind == device.kind));
     Choices::of(first, meant.map(|preset| preset.strategy))
 }
 
-/// Returns a list of the requested local size, which is chosen, and other usual local sizes.
+/// Returns a list that begins with `first`, the chosen local size, and continues with other usual local
+/// sizes.
 pub fn local_sizes(first: [u32; 2]) -> Choices<[u32; 2]> {
     Choices::of(
         first,

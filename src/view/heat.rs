@@ -29,7 +29,7 @@ pub struct Map {
 }
 
 impl Heat {
-    /// Makes the map of a scene.
+    /// Builds the tree with which [`Self::next`] computes the maps of a scene.
     ///
     /// # Errors
     ///
@@ -51,8 +51,8 @@ impl Heat {
 
     /// Returns the next map for this camera and these lights. The map is finer than the last one; `None` if
     /// the last map was the finest. If the strategy casts exhaustively, the map counts the tests of an
-    /// exhaustive search. Otherwise, it counts the tests in a tree. Rays miss the faces that the strategy
-    /// culls.
+    /// exhaustive search. For any other strategy, the map counts the tests in a tree. Rays miss the faces
+    /// that the strategy culls.
     pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;

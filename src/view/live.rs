@@ -53,7 +53,7 @@ struct Casting {
     caster: Caster,
 }
 
-/// The scene, the kernels and the options for casting, which do not depend on the device.
+/// The inputs of casting that do not depend on the device: the scene, the kernels and the options.
 struct Wanted<'a> {
     subject: &'a Subject,
     sources: &'a Sources,
@@ -67,7 +67,8 @@ type Selection = (Choices<Strategy>, Choices<[u32; 2]>);
 type Ready = (Prepared, Caster);
 
 impl Casting {
-    /// Opens a device and prepares it for the first frame, with its usual strategy and local size.
+    /// Opens a device and prepares it for the first frame, with the user's strategy and local size. If the
+    /// user has named no strategy or no local size, the device's usual one takes its place.
     fn usual_on(device: Device, wanted: &Wanted<'_>) -> Result<Self> {
         let queue = Queue::open(&device)?;
         let selection = usual(wanted.subject, &device, wanted.scene)?;
@@ -154,7 +155,7 @@ impl Live {
         self.subject.size()
     }
 
-    /// Returns the number of samples that have been cast, and the number of all samples.
+    /// Returns the number of samples per pixel that have been cast so far, and the number when all are cast.
     pub fn progress(&self) -> [usize; 2] {
         self.sum.progress()
     }
@@ -256,8 +257,8 @@ impl Live {
         self.take(selections.collect())
     }
 
-    /// Returns the strategy and the local size with which the device casts first: those that the user has named on the
-    /// command line. If the user has not named one of them, raycl chooses it.
+    /// Returns the strategy and the local size with which the device casts first: those that the user has
+    /// named on the command line. raycl chooses a strategy or a local size that the user has not named.
     fn first(&self) -> Result<(Strategy, [u32; 2])> {
         self.subject.strategy(self.device(), self.subject.task(&self.scene, 1))
     }
@@ -280,7 +281,9 @@ impl Live {
         })
     }
 
-    /// Changes to the next device, with its usual strategy and local size.
+    /// Changes to the next device, with the strategy and the local size that the user has named on the
+    /// command line. If the user has named no strategy or no local size, the next device's usual one takes
+    /// its place.
     ///
     /// # Errors
     ///

@@ -1,8 +1,8 @@
 //! `raycl view`: a scene that is cast while the user moves around it.
 //!
-//! A [`screen::Screen`] shows pictures and reads the user's input, and [`live::Live`] casts, by the same code as
-//! `render`. This module has the loop that joins the screen and the caster. The loop reads the user's input, carries
-//! out the user's actions, casts a picture, and shows it.
+//! A [`screen::Screen`] shows pictures and reads the user's input. [`live::Live`] casts the pictures, by the
+//! same code as the command `raycl render`. The loop in this file reads the user's input, carries out the
+//! user's actions, casts a picture, and shows it.
 
 mod camera;
 mod choices;
@@ -64,12 +64,13 @@ pub struct Viewer<S: Screen> {
     /// The last picture, without the list of keys over it.
     shown: Option<RgbImage>,
     picker: Picker,
-    /// The screen's room for a picture when the input was last read, pixels across and down.
+    /// The size of the largest picture for which the screen had room when the input was last read, in pixels
+    /// across and down; `None` if the size is not known.
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// The mistake in the files that were read last; `None` if they have none, or after a key has switched something.
-    /// If there is a mistake, the scene is cast as it was before.
+    /// The mistake in the files that were read last; `None` if these files have no mistake, or if a key has
+    /// switched something since. If the files have a mistake, the scene is cast as it was before.
     mistake: Option<String>,
     /// The answer to the last key or the last change of the screen's size: the reason why it had no effect, or the list
     /// of keys; `None` if there is nothing to tell.
@@ -193,8 +194,9 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the keys over a picture that is too small for their drawing: as lines of text or, if the screen writes no
-    /// text over pictures, in the line beside the picture.
+    /// Shows the keys if the picture is too small for their drawing: as lines of text over the picture. If
+    /// the screen writes no text over pictures, the line beside the picture shows the keys, unless it shows
+    /// another answer.
     fn list_keys(&mut self) -> Result<()> {
         let lines: Vec<String> = keys::lines().collect();
         if !self.screen.write_over(&lines)? && self.answer.is_none() {
@@ -255,7 +257,8 @@ impl<S: Screen> Viewer<S> {
         false
     }
 
-    /// Shows the heat map of triangle tests or, if the heat map is shown, the picture again.
+    /// Shows the heat map of triangle tests or, if the heat map is shown, the picture again. If the heat map
+    /// cannot be made, the line beside the picture states the reason.
     fn turn_heat(&mut self) {
         let is_shown = self.heat.take().is_some();
         self.live.moved();
@@ -283,7 +286,7 @@ impl<S: Screen> Viewer<S> {
         self.redraws |= known.is_some() && known != room;
         let changed = room.filter(|size| known != room && *size != self.live.size());
         if let Some(size) = changed {
-            // A resize reads no files, so a mistake in them remains.
+            // A resize reads no files, so a mistake in the files remains.
             let mistake = self.mistake.take();
             self.tried(|live| live.resize(size));
             self.mistake = mistake;
@@ -321,8 +324,8 @@ impl<S: Screen> Viewer<S> {
         self.tried(change);
     }
 
-    /// Changes the strategy, local size or device, or reads changed files. If this fails, the scene is cast as before,
-    /// and the line beside the picture states the reason.
+    /// Makes a change of the strategy, the local size, the device, the picture's size or the files. If the
+    /// change fails, the scene is cast as before, and the line beside the picture states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         match change(&mut self.live) {
             Ok(()) => {

@@ -34,7 +34,8 @@ pub struct Input {
     pub pointer: Option<[u32; 2]>,
     /// True if the last picture and the line of text must be shown again, because the screen was cleared.
     pub redraws: bool,
-    /// True if the window was closed, or if nobody sees the screen any more.
+    /// True if the window was closed, if the user pressed Ctrl-C in the terminal, or if nobody reads the
+    /// terminal's output any more.
     pub closed: bool,
 }
 

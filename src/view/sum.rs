@@ -26,7 +26,7 @@ impl Sum {
         self.samples.get(self.cast).copied()
     }
 
-    /// Returns the number of samples that have been cast, and the number of all samples.
+    /// Returns the number of samples per pixel that have been cast so far, and the number when all are cast.
     pub fn progress(&self) -> [usize; 2] {
         [self.cast, self.samples.len()]
     }

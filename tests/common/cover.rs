@@ -1,9 +1,9 @@
-//! Strategies that together have every pair of axis values.
+//! A pairwise cover: strategies that together have every pair of values of two axes.
 
 use raycl::strategy::{AXES, PRESETS, Strategy};
 use std::collections::HashSet;
 
-/// A pair of axis values that some strategy must have.
+/// Two values of different axes that at least one strategy must have, each as (axis, value).
 type Pair = ((&'static str, &'static str), (&'static str, &'static str));
 
 fn pairs(strategy: &Strategy) -> HashSet<Pair> {

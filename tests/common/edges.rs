@@ -28,8 +28,8 @@ fn turn(step: u32, steps: u32) -> (f32, f32) {
 const SPHERE: Vec3 = Vec3::new(0.013, -0.007, 0.021);
 const TORUS: Vec3 = Vec3::new(2.983, 0.011, 0.005);
 
-/// The points at which rays start: two points outside both meshes, one near the sphere's centre, one close
-/// under its surface, and one inside the torus.
+/// The points at which rays start: two points outside both meshes, one near the sphere's centre, one inside
+/// the sphere close to its surface, and one inside the torus.
 pub const ORIGINS: [Vec3; 5] = [
     Vec3::new(1.3, 0.2, 3.0),
     Vec3::new(-0.3, 2.6, 0.7),

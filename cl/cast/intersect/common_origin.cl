@@ -5,7 +5,7 @@
 // operations: 9
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// Tests rays with a common origin against planes that contain this origin and an edge. Up to the point where most
-// misses are found, the test takes 3 operations for each of three planes.
+// This test is for rays with a common origin. Each edge of a triangle has a plane, which contains the edge and this
+// origin. Most misses are found after 9 operations: 3 for each of the three planes.
 
 #include "cast/planes_of_origin.cl"

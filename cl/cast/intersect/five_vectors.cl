@@ -7,16 +7,16 @@
 //
 // The test of Moeller and Trumbore 1997 as it is in the book, with a division per weight and with constants as
 // thresholds. The paper's function `intersect` allocates its five vectors at each test, and frees them afterwards.
-// OpenCL C has no malloc, so here each test has an array of its own for each vector. The arrays are volatile, and the
-// vectors begin at an index that is computed from the triangle, although it is always 0. Otherwise, compilers would
-// keep the arrays in registers. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On
-// a GPU, the arrays are in the work-item's private memory, which is off the chip. Up to the point where most misses are
-// found, the test takes 6 operations for direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the
-// first weight. The 6 operations for the edges are not counted.
+// OpenCL C has no malloc, so here each test has an array of its own for each vector. Two measures prevent compilers
+// from keeping these arrays in registers: the arrays are volatile, and each vector begins at an index that is computed
+// from the triangle, although this index is always 0. (With a constant index, NVIDIA's compiler keeps even volatile
+// arrays in registers.) On a GPU, the arrays are in the work-item's private memory, which is off the chip. Most misses
+// are found after 15 operations: 6 for direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first
+// weight. The 6 operations for the edges are not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
-// This test prepares nothing per ray: a probe contains only t_min, the smallest distance of a hit.
+// This test prepares nothing per ray. Its probe (what a test prepares for a ray) contains only t_min.
 typedef struct {
     varying t_min;
 } Probe;
@@ -27,7 +27,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// A row (the data that the test reads of a triangle) contains the three corners. The edges are computed at each test.
+// Returns a triangle's row (the data that the test reads): its three corners. Each test computes the edges again.
 Row row_of(Corners corners) {
     Row row;
     const Uniform3 corner[3] = { corners.a, corners.b, corners.c };
@@ -47,8 +47,8 @@ Vec3 store_and_load(volatile varying *at, Vec3 value) {
     return vec3(at[0], at[1], at[2]);
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// the function returns 1, hit->lanes may still be empty.
+// Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
+// no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
     // The index at which a vector begins in its array. The index is always 0, because no coordinate is larger than
@@ -57,7 +57,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = store_and_load(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
     const Vec3 e2 = store_and_load(vector[E2] + from, splat(uniform_difference(LOAD3(row.number + 6), corner)));
-    // If the determinant is near 0, the ray is nearly parallel to the triangle.
+    // If the determinant `a` is near 0, the ray is nearly parallel to the triangle, and misses.
     const Vec3 q = store_and_load(vector[Q] + from, cross3(direction, e2));
     const varying a = dot3(e1, q);
     const Mask crosses = fabs(a) > 1e-7f;
@@ -67,7 +67,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
-    // Computes the weight of the third corner. The first corner's weight is 1 minus the other two weights.
+    // Computes the weight of the third corner, and t. The first corner's weight is 1 minus the other two weights.
     const Vec3 r = store_and_load(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;

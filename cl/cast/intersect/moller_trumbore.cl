@@ -4,17 +4,17 @@
 // exact_signs: no
 // operations: 15
 //
-// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. Weights stay multiplied by
-// |a|, the absolute value of the determinant, until a ray is known to be inside all edges. Most misses therefore cost
-// no division. Up to the point where most misses are found, the test takes 6 operations for direction x e2, 3 for a, 3
-// for origin - v0, and 3 for the first weight. If the edges were not stored in advance, they take 6 more, which are not
+// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. The weights are
+// divided by the determinant a only if a ray is inside all edges, so most misses cost no division. Most
+// misses are found after 15 operations: 6 for direction x e2, 3 for a, 3 for origin - v0, and 3 for the first
+// weight. If a triangle's row is not computed in advance, the edges take 6 operations more, which are not
 // counted.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
 #endif
 
-// This test prepares nothing per ray: a probe contains only t_min, the smallest distance of a hit.
+// This test prepares nothing per ray. Its probe (what a test prepares for a ray) contains only t_min.
 typedef struct {
     varying t_min;
 } Probe;
@@ -28,7 +28,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // A row (the data that the test reads of a triangle) holds a corner, two edges, and three numbers:
 #define SLACK1(row) (row).u  // the rounding error allowed for w1, per unit of distance
 #define SLACK2(row) (row).v  // the rounding error allowed for w2, per unit of distance
-#define EDGE_ON(row) (row).w // the largest |a| of a triangle seen edge-on, which is not hit
+#define EDGE_ON(row) (row).w // if |a| is at most this, the triangle is seen edge-on, and is not hit
 
 #if PAPER_EPSILONS
 #define DISTANCE(size, s) (size)
@@ -36,12 +36,12 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 #define DISTANCE(size, s) (fabs((s).x) + fabs((s).y) + fabs((s).z))
 #endif
 
-// The bounds of each weight are extended by its rounding error, so that a ray along an edge does not fall through
-// between two triangles. The error grows with the distance to the corner, and with the length of the edge in the cross
-// product. (Only the watertight test guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no
-// digit of the determinant `a` is correct after rounding, so the triangle is not hit. With PAPER_EPSILONS, the two
-// slacks of the weights and the bound of `a` are the paper's constants. Otherwise, each slack is proportional to the
-// size of one edge (its 1-norm), and the bound of `a` to the product of both edges' sizes, like the rounding errors.
+// Returns a triangle's row. A weight may exceed its bounds by its largest rounding error, the slack, so that no ray
+// falls through between two triangles. (Only the watertight test guarantees this.) The slack grows with the distance of
+// the ray's origin from the corner, and with the size of the edge in the weight's cross product. If a triangle is seen
+// nearly edge-on, no digit of the determinant `a` is correct, so the triangle is not hit. With PAPER_EPSILONS, both
+// slacks and the bound of `a` are the paper's constants. Otherwise, each slack is proportional to one edge's size (its
+// 1-norm), and the bound of `a` to the product of both sizes, like the rounding errors.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -59,18 +59,18 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// the function returns 1, hit->lanes may still be empty.
+// Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
+// no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // The textbook divides by the determinant a = e1 . (d x e2): w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
+    // The book: q = d x e2, a = e1 . q, s = origin - v0, r = s x e1; w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Here the numerators are multiplied by the sign of the determinant and compared with |a|. The comparison needs no
-    // division, and it is the same for front and back faces.
+    // Instead of dividing by a, this code multiplies the numerators by the sign of a, and compares them with |a|. The
+    // comparison is the same for front and back faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
-    // The condition 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
+    // The variable w1 is the weight times |a|. A weight between 0 and 1 means -slack1 <= w1 <= |a| + slack1.
     const Vec3 s = subtract(origin, splat(row.a));
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);
@@ -79,8 +79,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // The second weight and the condition 1 - w1 - w2 >= 0 are tested in the same way. Most rays miss before this
-    // point.
+    // Few rays get here. The second weight is tested in the same way, and so is the condition that the sum of both
+    // weights is at most 1.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;

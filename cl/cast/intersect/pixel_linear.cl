@@ -5,26 +5,26 @@
 // operations: 6
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// The common-origin test, in which the planes for primary rays are functions of the pixel. A ray through pixel (x, y)
-// has the direction (x, y, 1), so that neighbouring rays in a row or a column share terms of the dot products. Up to
-// the point where most misses are found, the test takes 2 operations for each of three planes.
+// This is the common-origin test with one change: the planes for primary rays are functions of the pixel. A ray through
+// the point (x, y) of the image has the direction (x, y, 1), so neighbouring rays of a row or column share terms of the
+// dot products. Most misses are found after 6 operations: 2 for each of the three planes.
 
 #include "cast/planes_of_origin.cl"
 
-// Returns a plane as a function of the pixel (x, y). The plane's dot product with the ray's direction,
-// corner + x step_x + y step_y, is a linear function of x and y. The result has the coefficients of x, y and 1.
+// Returns a plane as a function of the pixel: the coefficients of x, y and 1 in the plane's dot product with the ray's
+// direction, corner + x step_x + y step_y.
 Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
                     uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
                     uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
 }
 
-// The overlap of neighbouring triangles in this test, in units of the overlap for planes that are not functions of the
-// pixel. The value of a plane at a pixel is a sum of three rounded dot products, two of which are multiplied by a
+// The overlap of neighbouring triangles in the pixel-linear test, as a multiple of the overlap in the common-origin
+// test. The value of a plane at a pixel is a sum of three rounded dot products, two of which are multiplied by a
 // coordinate of the pixel. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
-// Returns a triangle's row (its planes) as functions of the pixel, with the larger overlap that such planes need.
+// Returns a triangle's row with its planes as functions of the pixel. Adds LINEAR_OVERLAP to the edges' planes.
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);

@@ -6,25 +6,25 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
-// runs along +z from the origin. An edge function is then the difference of two products, each rounded separately. The
-// function's sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
-// triangles. This guarantee only holds without contraction to fma. Up to the point where most misses are found, the
-// test takes 9 operations for the corners, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2 for
-// their sum.
+// becomes the z axis. An edge function is then the difference of two products, each rounded separately. The function's
+// sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two triangles. This
+// guarantee only holds without contraction to fma. Most misses are found after 50 operations: 9 for the corners
+// relative to the ray's origin, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2 for their
+// sum.
 
 #include "common/exact_signs.cl"
 
-// The shear of a ray, as the three rows of a matrix. The test is watertight for every shear that depends only on the
-// ray. A ray's dominant axis is the axis of its direction's largest component. Lanes may have different dominant axes.
-// The matrix also puts the axes into the right order for each lane, so no lane needs to permute coordinates.
+// x, y and z are the rows of each lane's matrix, which shears space so that the ray runs along +z. A ray's dominant
+// axis is the axis of its direction's largest component; the matrix turns this axis into z. Lanes may have different
+// dominant axes. The test is watertight for every shear that depends only on the ray.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;
 } Probe;
 
 // Let d be the direction, k its dominant axis, k+1 and k+2 the next axes in cyclic order, and e_i the unit vector along
-// axis i. The three rows of the matrix are then e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k.
-// All three shears are computed, and each lane selects one. A branch would save nothing: lanes may have different
+// axis i. The rows of the matrix are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k. The rows for
+// all three axes are computed, and each lane selects its own. A branch would save nothing: lanes may have different
 // dominant axes, so the vector would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
@@ -44,8 +44,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // If the ray runs against its dominant axis, this shear would mirror triangles and swap front and back faces. To
-    // prevent this, the shear's first row then changes its sign.
+    // If the ray runs against its dominant axis, this shear would mirror triangles and swap front and back faces. For
+    // such a ray, the sign of the matrix's first row is therefore reversed.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));
@@ -62,8 +62,8 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// the function returns 1, hit->lanes may still be empty.
+// Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
+// no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // Computes the corners relative to the ray's origin, then their sheared x and y. The sheared z is computed only for
     // hits.
@@ -73,13 +73,13 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
-    // The edge functions are twice the signed areas of the triangles that each edge forms with the ray, which after the
-    // shear is the point (0, 0).
+    // An edge function is twice the signed area of the triangle whose base is the edge, and whose tip is the ray. After
+    // the shear, the ray is the point (0, 0).
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
-    // For a ray inside the triangle, no two edge functions have opposite signs. A zero counts as inside for both
-    // triangles at an edge, so that no ray slips through between them.
+    // For a ray inside the triangle, no two edge functions have opposite signs. If an edge function is zero, the ray
+    // counts as inside both triangles at the edge, so that it does not slip through between them.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;
@@ -90,7 +90,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
 #endif
     if (!ANY(inside)) return 0;
 
-    // The weights are the areas divided by their sum; t is interpolated from the corners' z.
+    // The weights are the edge functions divided by their sum; t is the corners' mean z with these weights.
     const varying per_det = 1.0f / det;
     hit->t = (u * dot3(probe->z, a) + v * dot3(probe->z, b) + w * dot3(probe->z, c)) * per_det;
     hit->w1 = v * per_det;

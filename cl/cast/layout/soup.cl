@@ -59,8 +59,8 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // The stride is 26 floats in the soup, and 9 floats in a copy that contains only the corners. The offset of a
-    // triangle in a large soup does not fit into an int.
+    // The stride is 26 floats in the soup, and 9 floats in a copy that contains only the corners. In a large soup, a
+    // triangle's offset exceeds the range of an int.
     VERTEX_SPACE const float *at = geometry->vertices + (size_t)triangle * VERTEX_STRIDE;
     Corners corners;
     corners.a = LOAD3(at);
@@ -69,7 +69,7 @@ Corners corners(const Geometry *geometry, int triangle) {
     return corners;
 }
 
-// Writes the normals and the material of one lane's triangle to that lane of the columns (vectors).
+// Writes a triangle's normals and material into one lane of the columns. A column is a vector: one float per lane.
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + (size_t)triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + (size_t)triangle * MATERIAL_STRIDE;

@@ -2,7 +2,7 @@
 // memory: scratch
 // bytes_per_ray: 108
 //
-// Working vectors in a scratch buffer that the host allocated for all work-items.
+// The working vectors are in a scratch buffer, which the host allocates for all work-items.
 
 #define WORKING_SPACE __global
 #include "cast/working_in_memory.cl"

@@ -2,10 +2,10 @@
 // memory: heap
 // bytes_per_ray: 108
 //
-// Working vectors in a global pool, from which the kernel allocates each vector separately. The pool replaces the
-// paper's malloc, which OpenCL C lacks. heap_top counts the varyings that were allocated. The host sets heap_top to
-// zero before it starts the kernel, and compares heap_top with the pool's size afterwards. An allocation beyond the
-// pool's end gets the start of the pool, so that nothing is written outside the pool; the host then rejects the image.
+// The working vectors are in a pool in global memory. The kernel allocates each vector separately; the pool replaces
+// the paper's malloc, which OpenCL C lacks. heap_top counts the allocated varyings; the host sets it to zero before the
+// kernel starts. An allocation beyond the pool's end gets the start of the pool, so that nothing is written outside the
+// pool. Afterwards, the host rejects the image if heap_top exceeds the pool's size.
 
 typedef struct {
     volatile __global varying *vector[WORKING_VECTORS];
@@ -16,18 +16,18 @@ typedef struct {
     for (int v = 0; v < WORKING_VECTORS; v++)           \
         working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
 
-// Returns the index of the first of `count` free varyings. This is a bump allocator: its counter only grows, and all
-// work-items contend for it. The pool contains the vectors in the order in which work-items allocate them, which may be
-// any order:
+// Reserves `count` varyings of the pool. Returns the index of the first of them, or 0 if they do not fit. This is a
+// bump allocator: its counter only grows, and all work-items contend for it. Work-items allocate their vectors in any
+// order, for example:
 //
 //     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
-    // One atomic addition reserves the varyings, so that no other work-item gets them.
+    // One atomic addition reserves the varyings, so that no other work-item gets the same ones.
     const uint at = atomic_add(heap_top, count);
     return at + count <= heap_size ? at : 0;
 }
 
-// The pointers are volatile, as in working_in_memory.cl, so that the memory is really used.
+// The pointers are volatile, as in working_in_memory.cl, so that compilers do not keep the vectors in registers.
 Vec3 working_get(const Working *working, int which) {
     volatile __global varying *at = working->vector[which];
     return vec3(at[0], at[1], at[2]);

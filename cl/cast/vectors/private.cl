@@ -2,7 +2,7 @@
 // memory: private
 // bytes_per_ray: 108
 //
-// Working vectors in private arrays. Since all indices are constants, compilers can keep the arrays in registers.
+// The working vectors are private arrays. All indices are constants, so compilers can keep the arrays in registers.
 
 typedef struct {
     varying vector[WORKING_VECTORS][3];

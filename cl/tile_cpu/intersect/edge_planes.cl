@@ -5,26 +5,27 @@
 // operations: 9
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// Triangles are prepared once for all rays, eight at a time, each in one lane. Relative to the origin, the corners P
-// and Q of an edge span the plane with the normal (P - Q) x (P + Q). A ray's direction d lies inside the edge if the
-// dot product of d and this normal has the right sign. The neighbouring triangle has the same plane with the opposite
-// sign, to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip
-// through. Neighbouring triangles therefore overlap a little: after the planes are scaled, 1 is added to each dot
-// product. The number `a` is d . (e2 x e1), where e1 and e2 are two of the triangle's edges. The product of `a` and t
-// is the same for all rays, and is called the height. A hit lies in front of the ray's origin if `a` and the height
-// have the same sign. The planes are multiplied by the height's sign when they are prepared, not at each test.
+// Triangles are prepared once for all rays, eight at a time, each in one lane. P and Q are the ends of an edge,
+// relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A ray's
+// direction d lies inside the edge if the dot product of d and this normal has the right sign. The triangle on the
+// edge's other side has the same plane with the opposite sign, to the last bit. (Embree's robust mode uses the same
+// planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles therefore overlap a little: after
+// the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where e1 and e2 are two of
+// the triangle's edges. The product of `a` and t is the same for all rays, and is called the height. A hit lies in
+// front of the ray's origin if `a` and the height have the same sign. The planes are multiplied by the height's sign
+// when they are prepared, not at each test.
 
 #define PREPARED TOGETHER
 
 // Eight prepared triangles; a triangle is a column of each array.
 typedef struct {
-    float a[3][PREPARED];        // the normals whose dot product with a direction is a
+    float a[3][PREPARED];        // the triangles' normals: `a` is a normal's dot product with a direction
     float edges[3][3][PREPARED]; // the planes of the edges
-    float edge_on[PREPARED];     // the smallest a with which a ray can hit: for smaller a, the triangle is edge-on
+    float edge_on[PREPARED];     // a ray hits only if its `a` is larger; otherwise the triangle is seen edge-on
     float per_height[PREPARED];  // 1 / t is the product of a and this number
 } Prepared;
 
-// Returns eight corners relative to the origin.
+// Returns a corner of each of eight triangles, relative to the origin.
 Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     Lanes3 from;
     from.x = (float8)(origin.x), from.y = (float8)(origin.y), from.z = (float8)(origin.z);
@@ -35,7 +36,7 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
 // `edge` is p - q. Swapping p and q changes the signs of all components, and nothing else.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
-// Stores eight planes, multiplied by `by`.
+// Stores one plane of each of eight triangles, multiplied by `by`.
 void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.x * by, 0, to[0]);
     vstore8(plane.y * by, 0, to[1]);
@@ -46,8 +47,8 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 // round.
 float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
 
-// Prepares the triangles from `first` on. Returns the triangles that a ray can hit, one bit each. Edges are computed
-// from the stored corners, because corners relative to a distant origin have lost their last digits.
+// Prepares the eight triangles from `first` on, in leaf order. Returns the triangles that a ray can hit, one bit each.
+// Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
@@ -57,19 +58,19 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // `height` is the origin's height above the triangle's plane, times the length of the triangle's normal n. The
-    // height's sign shows on which side of this plane the origin is; all stored planes are multiplied by the sign.
+    // `height` is the distance of the origin from the triangle's plane, times the length of the triangle's normal n.
+    // Its sign shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // `unit` is the overlap of neighbouring triangles (see SHARED_EDGE_SLACK), in the units of the edges' dot products,
+    // `unit` is the overlap of neighbouring triangles (see SHARED_EDGE_SLACK), in the unit of the edges' dot products,
     // rounded down to a power of two. Dividing the planes by `unit` makes the overlap 1; the division does not round,
     // because `unit` is a power of two.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
-    // 1 / t = (d . n) / height, where n is the triangle's normal. The product of n and the sign of `height` is stored.
-    // `a` is the dot product of d and this stored vector, so 1 / t = a / |height|. `a` is positive if the ray meets the
-    // triangle's plane in front of its origin.
+    // 1 / t = (d . n) / height. The product of n and the sign of `height` is stored, and `a` is the dot product of d
+    // and this stored vector, so 1 / t = a / |height|. `a` is positive if the ray meets the triangle's plane in front
+    // of the ray's origin.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
@@ -85,8 +86,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 }
 
 // Tests a prepared triangle against the rays of the vectors in `live`. `lane` is the triangle's lane in `prepared`, and
-// `index` its index in leaf order. With `any`, a ray that hits the triangle is finished; otherwise its nearest hit is
-// updated. Returns the vectors in which a ray hit, one bit each.
+// `index` its index in leaf order. With `any`, a ray that hits the triangle is finished; otherwise the hit becomes the
+// ray's nearest hit. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
     // The floats of the triangle are loaded into registers once, for the tests of all vectors in `live`.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
@@ -104,8 +105,8 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying inv_t = a * per_height;
-        // Two minima of three numbers are compared, instead of six numbers, since operations on masks take longer than
-        // minima. `seen` must be above 0: of two hits at the same distance, the first one is kept.
+        // Two minima are tested instead of six numbers, since operations on masks take longer than minima. `seen` must
+        // be above 0: of two hits at the same distance, the first one is kept.
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
@@ -115,7 +116,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);
             changed |= 1u << vector;
         } else {
-            // There is no branch, since hits are frequent and hard to predict when a tile reaches a leaf.
+            // There is no branch: when a tile reaches a leaf, hits are frequent, and a processor predicts them badly.
             bundle->inv_t[vector] = SELECT(hits, inv_t, bundle->inv_t[vector]);
             bundle->leaf_index[vector] = SELECT(hits, (varying_int)(index), bundle->leaf_index[vector]);
             changed |= ANY(hits) ? 1u << vector : 0;
@@ -124,5 +125,5 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
     return changed;
 }
 
-// Does nothing, since tests against these planes only need the rays' directions.
+// Does nothing, since the edge-planes test needs nothing of a ray but its direction.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {}

@@ -1,24 +1,24 @@
 // The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. The test shears a triangle's
-// corners so that the ray runs along a coordinate axis. Here all rays of a vector use the same axis: a common axis,
-// along which they all run in the same direction. All rays also start at the same origin, so the corners relative to
-// the origin are the same for all rays. A ray's shear therefore takes only two products per corner. Vectors whose rays
-// have no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
+// corners so that the ray becomes a coordinate axis. Here all rays of a vector use the same axis: an axis along which
+// all of them run in the same direction, their common axis. All rays also start at the same origin, so the corners
+// relative to the origin are the same for all rays, and a ray's shear takes only two products per corner. Vectors whose
+// rays have no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
 
 #define NO_AXIS 3
 
-// Returns a component of the directions of a vector of rays.
+// Returns the component along one axis of the directions of a vector's rays.
 varying along_axis(const Bundle *bundle, int vector, int axis) {
     return axis == 0 ? bundle->x[vector] : axis == 1 ? bundle->y[vector] : bundle->z[vector];
 }
 
-// Finds the common axis of a vector's rays, along which they all run in the same direction. If several axes are
-// possible, chooses the axis along which the smallest component is largest. Then computes the rays' shears.
+// Finds the common axis of a vector's rays: an axis along which all of them run in the same direction. If several axes
+// are possible, chooses the axis for which the smallest component of a ray is largest. Then computes the rays' shears.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
-        // `along` is the smallest absolute value of a component along this axis, or not positive if rays run in both
-        // directions.
+        // `along` is the smallest absolute value of the rays' components along this axis. If rays run in both
+        // directions, it is 0 or negative.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
         const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
@@ -37,8 +37,8 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
 }
 
-// Returns the rays of a vector that hit a triangle. `*inv_t` receives 1 / t of the hits. The corners a, b and c are
-// relative to the origin.
+// Returns the lanes of a vector whose ray hits a triangle nearer than all earlier hits. `*inv_t` receives 1 / t of the
+// hits. The corners a, b and c are relative to the origin.
 Mask intersect_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
                        varying *inv_t) {
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
@@ -81,7 +81,7 @@ typedef struct {
     float a[3], b[3], c[3];
 } Prepared;
 
-// Prepares the triangle `first`. Returns 1, the triangle's bit, since the preparation excludes no triangle.
+// Prepares one triangle, with the index `first` in leaf order. Returns 1, the triangle's bit: no triangle is excluded.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
     if (any) { // rays are tested from the light: swapping two corners swaps front and back faces
@@ -97,7 +97,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// Tests the triangle against the rays of the vectors in `live`, like the same function in edge_planes.cl.
+// Tests the prepared triangle against the rays of the vectors in `live`, like test_triangle in edge_planes.cl.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
     uint changed = 0;
     for (; live; live &= live - 1) {

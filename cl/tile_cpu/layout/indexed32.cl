@@ -1,6 +1,6 @@
-// Normals in the mesh's own order, for shading the triangles that a tile's rays hit. A triangle of the mesh consists of
-// words, three of which are the indices of its normals. Each hit therefore takes three more loads than with normals in
-// leaf order, but a device that shares the host's memory needs no copy of the normals.
+// Normals in the mesh's own order, for shading the triangles that a tile's rays hit. The mesh stores each triangle as
+// several words, three of which are the indices of its normals. A hit therefore takes three more loads than with
+// normals in leaf order, but a device that shares the host's memory needs no copy of the normals.
 //
 //     MESH_WORDS words per triangle:  position 0, 1, 2   normal 0, 1, 2   material
 //                                                        ^ MESH_NORMALS

@@ -1,27 +1,29 @@
 // Prepares a leaf's triangle for the rays of a pass (which run mainly along one axis: see entry.cl), and tests it. The
-// test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but loads them from a
-// table. The kernel tile_prepare computes the planes of every triangle: for the eye once per frame, and for the lights
-// of a round (a batch of lights: see shadow.cl) once per round. For each origin, the table has a row of quads (float4)
-// for each axis of the scene. In an axis's row, a triangle's quad contains the components of its three planes and of
-// 1/z along this axis. Three loads are therefore enough, whatever the axes of the pass.
+// test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but loads these planes
+// from a table. The kernel tile_prepare computes the table: for the eye once per frame, and for the lights of a round
+// (a few lights: see shadow.cl) once per round. For each origin, the table has three rows, one for each axis of the
+// scene. A row has a quad (float4) per triangle: the components along the row's axis of the triangle's three planes and
+// of 1/z. Three loads are therefore enough, whatever the axes of the pass.
 
-// This is the table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load
-// neighbouring quads:
+// The table for one origin. In each row, the triangles are in leaf order, so that neighbouring lanes load neighbouring
+// quads:
 //
 //                 triangle 0               triangle 1               ...
 //     x's row     u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
 //     y's row     u.y  v.y  w.y  (1/z).y   ...
 //     z's row     u.z  v.z  w.z  (1/z).z
 //
-// A pass along x reads the rows in the order y, z, x. Permuting the axes therefore costs no instruction.
+// A pass along x uses the rows in the order y, z, x, so permuting the axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// The overlap of neighbouring triangles, in units of the overlap for which planes_of scales the planes. As in
-// edge_planes.cl, the overlap is half as large as in other tests.
+// The overlap of neighbouring triangles, as a multiple of the overlap that planes_of scales to 1. As in edge_planes.cl,
+// the overlap is half as large as in other tests.
 #define OVERLAP 0.5f
 
-// Returns `rest` plus the largest value of each of four planes over an interval of slopes (x or y per unit of z). For a
-// plane's coefficient p, this value is p times the middle of the interval, plus |p| times half its width.
+// Evaluates four linear functions at once: a triangle's planes and 1/z. `plane` has their coefficients of one slope (x
+// or y per unit of z). Returns `rest` plus the largest value that each coefficient times the slope takes in the
+// interval from `low` to `high`. For a coefficient p, this value is p times the middle of the interval, plus |p| times
+// half the interval's width.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
@@ -32,9 +34,9 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     return most;
 }
 
-// Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst` (the smallest 1/z that matters), else 0. A prepared triangle contains the planes' components
-// along the pass's axes.
+// Prepares the triangle at an index in leaf order. The prepared triangle contains the planes' components along the
+// pass's axes. Returns 1 if any ray of the shaft may hit the triangle at a 1/z greater than `worst` (the smallest 1/z
+// at which a hit matters), else 0.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
     const uint at = (uint)index; // three rows have fewer than 2^32 quads
@@ -43,16 +45,16 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float overlap = OVERLAP * shaft->longest;
     triangle->a = across;
     triangle->b = down;
-    // A ray's direction is (x, y, 1), so a plane's third component is added without a factor. The overlap is added to
-    // this component once, before any ray is tested.
+    // A ray's direction is (x, y, 1), so a plane's third component has no factor. The overlap is added to the third
+    // component here, once for all rays.
     triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
     triangle->c.w = shaft->sign * along.w;
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
-    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind the nearest hits
-    // of all rays.
+    // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
+    // all rays, no hit matters.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
@@ -71,9 +73,10 @@ INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, f
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }
 
-// Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
-// (second dimension). Origin 0 is the eye; the other origins are the lights of a round (see shadow.cl). Also empties
-// the round's queue of leftover shadow rays, which saves a separate command.
+// Each work-item computes the planes of one triangle for one origin. Dimension 0 of the index space numbers the
+// triangles, dimension 1 the origins from `first_origin` on. Origin 0 is the eye; the other origins are the lights of a
+// round (see shadow.cl). The kernel also empties the round's queue of leftover shadow rays, which saves a separate
+// command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int index = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
@@ -82,9 +85,9 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // A shadow ray runs towards its light, but is tested from the light. The ray meets the side of a triangle that
-    // faces away from the light. If this side is the front, the sign that planes_of expects is positive; for the eye,
-    // it is negative.
+    // The last argument of planes_of is the sign for front faces. For the eye, it is negative. A shadow ray runs
+    // towards its light, but is tested from the light, so it meets the side that faces away from the light: the sign is
+    // positive.
     const Row row = planes_of(leaf_corners(&tree, index), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + index;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);

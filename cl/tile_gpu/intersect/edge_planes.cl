@@ -1,18 +1,18 @@
 // Prepares a leaf's triangle (computes what all rays of a pass need), and tests it. Each edge spans a plane with the
 // rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share the plane of
-// their common edge, to the last bit. The edge functions and 1/z are linear in the slopes x and y of a ray. A prepared
-// triangle has a float4 for each of the corners a, b and c. The first three components are the plane of the edge
-// opposite to the corner; the plane's edge function is not negative inside. The fourth components of the three float4
-// are the coefficients of 1/z:
+// their common edge, to the last bit. The edge functions and 1/z are linear in a ray's slopes x and y (see entry.cl). A
+// prepared triangle has a float4 for each of the corners a, b and c. The first three components of a float4 are the
+// plane of the edge opposite to the corner; inside this edge, the plane's edge function is not negative. The fourth
+// component is one of the three coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 
-// Returns the plane through the origin and an edge. The edge's ends p and q are relative to the origin, and `edge` is
-// p - q. The plane is multiplied by `scale`, which makes the overlap of neighbouring triangles 1. Then 1 is added.
-// Apart from the added overlap, swapping p and q changes the signs of all components, and nothing else. The overlap is
-// half as large as in other tests. (This was measured on a GPU: with the full overlap, one of two million pixels of a
-// terrain is wrongly dark. With half the overlap, no pixel is wrongly dark, and none of 60,516 rays aimed at edges and
-// vertices slips through.)
+// Returns the plane through the origin and an edge. `edge` is p - q; the edge's ends p and q are relative to the
+// origin. The plane is multiplied by `scale`, so that the overlap of neighbouring triangles is 1; this overlap is then
+// added. Swapping p and q changes the signs of all components without the overlap, and nothing else. The overlap is
+// half as large as in other tests. (Measured on a GPU: with the full overlap, one of two million pixels of a terrain is
+// wrongly dark. With half the overlap, no pixel is wrongly dark, and none of 60,516 rays aimed at edges and vertices
+// slips through.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
@@ -24,13 +24,13 @@ INLINED float per_power_of_two_below(float positive) {
 }
 
 // Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst` (the smallest 1/z that matters), else 0.
+// greater than `worst` (the smallest 1/z at which a hit matters), else 0.
 //
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
-// `height` is six times the volume of the tetrahedron that the origin and the triangle form. The sign of `height` shows
-// which side is visible, and 1/z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of
-// rays. Shadow rays run towards their light, but are tested from the light. Rays that run against their axis have
-// mirrored coordinates.
+// `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. Its sign shows
+// which side of the triangle is visible, and 1/z = (x, y, 1) . n / height. For culling, the visible side is reversed in
+// two cases: shadow rays run towards their light, but are tested from the light; and rays that run against their axis
+// have mirrored coordinates.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -52,13 +52,13 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
-    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind the nearest hits
-    // of all rays.
+    // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
+    // all rays, no hit matters.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
 
-// Returns the value of a linear function at the slopes x and y of a ray (its direction is (x, y, 1)).
+// Returns the value of a linear function for a ray with the slopes x and y: its direction is (x, y, 1).
 INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }

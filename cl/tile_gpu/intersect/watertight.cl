@@ -1,10 +1,10 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are sheared
-// along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis is used
-// instead of the axis along which each ray's direction is largest. The test stays watertight, since a ray has the same
-// axis for all triangles, so that a shared corner is sheared in the same way. A prepared triangle contains the corners
-// along the pass's axes, relative to the origin. The fourth component of `a` is the sign that the sum of the three edge
-// functions (`det`) has for front faces. This sign is reversed for rays that run against the axis, since their
-// coordinates are mirrored, and for shadow rays, since they are tested from their light:
+// along the ray, and edge functions are differences of two products, each rounded separately. The shear uses the pass's
+// axis, not the axis of the largest component of each ray's direction. The test stays watertight: a ray has the same
+// axis for all triangles, so a corner that two triangles share is sheared in the same way. A prepared triangle contains
+// the corners along the pass's axes, relative to the origin. The fourth component of `a` is the sign of `det` for front
+// faces (`det` is the sum of the three edge functions). This sign is reversed for rays that run against the axis, since
+// their coordinates are mirrored, and for shadow rays, since they are tested from their light:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
@@ -14,8 +14,8 @@ INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
 }
 
 // Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst` (the smallest 1/z that matters), else 0. The bounds allow for many times the rounding error of
-// the test itself, so that the function never excludes a ray that hits.
+// greater than `worst` (the smallest 1/z at which a hit matters), else 0. The bounds allow for many times the rounding
+// error of is_hit, so that no ray that hits is excluded.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -24,8 +24,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     triangle->b = quad(b, 0.0f);
     triangle->c = quad(c, 0.0f);
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
-    // The dot products of v, w and n with (x, y, 1) are two edge functions and the sum of all three; a . n is z times
-    // this sum.
+    // v . (x, y, 1) and w . (x, y, 1) are two edge functions, and n . (x, y, 1) is the sum of all three. a . n is z
+    // times this sum.
     const Uniform3 v = uniform_cross(e2, a), w = uniform_cross(a, e1), n = uniform_cross(e1, e2);
     const Uniform3 u = uniform_difference(uniform_difference(n, v), w);
     const float distance = uniform_size(a), size1 = uniform_size(e1), size2 = uniform_size(e2);
@@ -33,7 +33,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float slack = rounding * (distance + size1 + size2) * (size1 + size2);
     const float doubt = rounding * (distance + size1 + size2) * size1 * size2;
     const float height = uniform_dot(a, n), size = fabs(height) - doubt;
-    if (size <= 0.0f) return 1; // seen edge-on: rays may hit
+    if (size <= 0.0f) return 1; // seen edge-on: is_hit must decide
     const float turn = height < 0.0f ? -1.0f : 1.0f;
     return used & (most_turned(shaft, u, turn) >= -slack) & (most_turned(shaft, v, turn) >= -slack) &
            (most_turned(shaft, w, turn) >= -slack) &
@@ -45,7 +45,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
-    // For each corner, the shear moves the point of the ray at the corner's depth to (0, 0).
+    // The shear moves the ray to (0, 0) at every depth. It is applied to each corner at the corner's own depth.
     const float ax = MULTIPLY_ADD(-x, a.z, a.x), ay = MULTIPLY_ADD(-y, a.z, a.y);
     const float bx = MULTIPLY_ADD(-x, b.z, b.x), by = MULTIPLY_ADD(-y, b.z, b.y);
     const float cx = MULTIPLY_ADD(-x, c.z, c.x), cy = MULTIPLY_ADD(-y, c.z, c.y);
@@ -53,7 +53,7 @@ INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, f
     const float v = ax * cy - ay * cx;
     const float w = bx * ay - by * ax;
     const float det = u + v + w;
-    const float depth = MULTIPLY_ADD(u, a.z, MULTIPLY_ADD(v, b.z, w * c.z)); // multiplied by det
+    const float depth = MULTIPLY_ADD(u, a.z, MULTIPLY_ADD(v, b.z, w * c.z)); // the hit's z times det
     const float size = fabs(det), turned = det < 0.0f ? -depth : depth;
     int inside = (fmin(fmin(u, v), w) >= 0.0f) | (fmax(fmax(u, v), w) <= 0.0f);
     inside &= (det != 0.0f) & (turned > 0.0f) & (size > nearest * turned) & (any || size < ceiling * turned);

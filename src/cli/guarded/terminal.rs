@@ -2,7 +2,7 @@
 //! the child process, the terminal stays in raw mode, shows its alternate screen and reports the movements of
 //! the mouse. The code in this file runs in the parent process and makes the terminal usable again.
 
-use super::not_awaited;
+use super::errors::not_awaited;
 use crate::error::{Error, Result};
 use crate::view::screen::leave_terminal;
 use rustix::process::{Pid, Signal, kill_process};

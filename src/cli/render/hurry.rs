@@ -33,11 +33,11 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
     Some((strategy, strategy.local_size(&device.limits, QUICK_LOCAL)))
 }
 
-/// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen
-/// neither a strategy nor an axis nor a local size, the command casts a single frame once, and the picture is
-/// small enough. Returns false with `--cl-dir` and `--watch`: the user is probably editing kernels, perhaps
-/// those of the fastest strategy. Also returns false for a CPU, where the usual strategy, `tile`, compiles in
-/// a short time.
+/// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy. Three conditions
+/// must hold: the user has chosen no strategy, no axis and no local size; the command casts a single frame
+/// once; and the picture is small enough. Returns false with `--cl-dir` and `--watch`: the user is probably
+/// editing kernels, perhaps those of the fastest strategy. Also returns false for a CPU, where the usual
+/// strategy, `tile`, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }

@@ -98,16 +98,17 @@ fn order(prepared: &Prepared, device: &Device) -> bool {
     worth && in_background(&cache, &prepared.spec, &device.info)
 }
 
-/// Returns true if a background process should store a program: raycl can use the cache, the program did not
-/// come from the cache, and the driver needs a long time to return the binary.
+/// Returns true if a background process should store a program. Three conditions must hold: raycl can use the
+/// cache, the program did not come from the cache, and the driver needs a long time to return the program's
+/// binary.
 fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> bool {
     !from_cache && !device.has_binaries_at_hand() && cache.is_usable()
 }
 
 /// Starts a background process that compiles and stores a program, unless another process is already doing
 /// this work. Returns false if raycl cannot use the cache, and true otherwise, even if the process could not
-/// start: the next start of raycl then also finds the program uncompiled, and casts its picture without this
-/// program.
+/// start. If it could not start, the next start of raycl also finds the program uncompiled, and casts its
+/// picture without this program.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.is_usable() {
         in_background(cache, spec, device);
@@ -133,8 +134,8 @@ fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
     Order { device: device.identity(), lanes: device.limits.lane_operations, program, recompile: false }
 }
 
-/// Records that a background process will do the work that `name` identifies. Returns `false` if another process is
-/// already doing it, or if the record cannot be written.
+/// Records that a background process will do the work that `name` identifies. Returns `false` if another
+/// process is already doing this work, or if the record cannot be written.
 fn begin(cache: &Cache, name: &str) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, name).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
@@ -160,8 +161,8 @@ fn background(order: &Order) -> Result<Command> {
     Ok(command)
 }
 
-/// Does the work of the background process: reads the task ([`Order`]) from standard input, lists the devices
-/// if no list is stored, and builds and stores the task's program, if it has one.
+/// Does the work of the background process: reads the task ([`Order`]) from standard input, and lists the
+/// devices if no list is stored. If the task has a program, also builds and stores this program.
 pub fn serve() -> Result<()> {
     yield_to_others();
     let order = read_order(std::io::stdin())?;

@@ -156,11 +156,7 @@ struct Report {
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     Sink::check(args)?;
-    // For a turntable, the number of frames is known now. For an animation, it is known only after the scene
-    // is loaded.
-    if let Some(all) = args.motion.turntable.map(|count| args.motion.asked(count)).transpose()?
-        && args.motion.share(all)?.is_none()
-    {
+    if let Some(all) = frames_of_others(args)? {
         return nothing_to_do(args, all);
     }
     let sources = Sources::of(args.subject.cl_dir.clone())?;
@@ -173,15 +169,10 @@ pub fn run(args: &Args) -> Result<()> {
     let all = args.motion.asked(film.count())?;
     let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };
     film.check(wanted.first, wanted.last)?;
-    let sink = Sink::of(args, wanted, film.count(), args.motion.frames_per_s(film.rate()))?;
-    if first.transparent {
-        sink.check_alpha()?;
-    }
+    let sink = sink(args, &film, wanted, first.transparent)?;
     let mut keys = Keys::of(args, &film, sampling, &strategy, &sources);
     let missing = missing(&sink, wanted, (&mut film, &mut keys))?;
-    let skipped = wanted.len() - missing.len() as u32;
     let output = if missing.is_empty() { format!("{} (unchanged)", sink.name()) } else { sink.name() };
-    let tree = tree.map(|tree| (Arc::clone(&first.mesh), tree));
     let stage = Stage {
         args,
         device: &device,
@@ -191,12 +182,10 @@ pub fn run(args: &Args) -> Result<()> {
         local_size,
         sampling,
         program: early,
-        tree,
+        tree: tree.map(|tree| (Arc::clone(&first.mesh), tree)),
         ready: None,
     };
-    let casting = Instant::now();
-    let frame_ms = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
-    let seconds = casting.elapsed().as_secs_f64();
+    let (frame_ms, seconds) = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
     let frames = frame_ms.len() as u32;
     let notes = notes.into_iter().chain(closed_early(frames, missing.len()));
     let report = Report {
@@ -206,7 +195,7 @@ pub fn run(args: &Args) -> Result<()> {
         strategy: strategy.to_string(),
         image_size: args.subject.size(),
         frames,
-        skipped,
+        skipped: wanted.len() - missing.len() as u32,
         frame_ms: median_of(&frame_ms),
         total_ms: ms_since(start),
         frames_per_s: (frames > 0).then(|| f64::from(frames) / seconds),
@@ -214,6 +203,24 @@ pub fn run(args: &Args) -> Result<()> {
         notes: notes.chain(last_notes(&first, sampling.most, None)).collect(),
     };
     tell(args, &report)
+}
+
+/// Returns all frames of a turntable if only other processes have frames to render. For an animation, returns `None`:
+/// its number of frames is known only after the scene is loaded.
+fn frames_of_others(args: &Args) -> Result<Option<Frames>> {
+    let Some(count) = args.motion.turntable else { return Ok(None) };
+    let all = args.motion.asked(count)?;
+    Ok(args.motion.share(all)?.is_none().then_some(all))
+}
+
+/// Returns the sink into which the frames `wanted` of a film are written. Refuses a sink without alpha for a scene with
+/// a transparent background.
+fn sink(args: &Args, film: &Film, wanted: Frames, transparent: bool) -> Result<Sink> {
+    let sink = Sink::of(args, wanted, film.count(), args.motion.frames_per_s(film.rate()))?;
+    if transparent {
+        sink.check_alpha()?;
+    }
+    Ok(sink)
 }
 
 /// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, these are the
@@ -240,14 +247,15 @@ fn tell(args: &Args, report: &Report) -> Result<()> {
     crate::cli::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
 
-/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds.
-/// Only the calling thread uses the driver.
+/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds,
+/// and the seconds from the first upload to the last write. Only the calling thread uses the driver.
 fn cast_into(
     mut stage: Stage<'_>,
     sink: Sink,
     (film, keys): (&mut Film, &mut Keys),
     frames: &[u32],
-) -> Result<Vec<f64>> {
+) -> Result<(Vec<f64>, f64)> {
+    let start = Instant::now();
     let has_keys = matches!(sink, Sink::Numbered(_));
     let size = stage.args.subject.size();
     std::thread::scope(|scope| {
@@ -274,7 +282,7 @@ fn cast_into(
         drop(sender);
         let written = writer.join().map_err(|_| Error::fault("writing the frames panicked"))?;
         done?;
-        written.map(|()| times)
+        written.map(|()| (times, start.elapsed().as_secs_f64()))
     })
 }
 

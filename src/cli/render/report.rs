@@ -1,7 +1,7 @@
 //! The report of `raycl render`: as JSON, and as text.
 
 use super::casting::Cast;
-use super::timeline::Part;
+use super::timeline::{Part, Timeline};
 use crate::device::{Device, DeviceInfo};
 use crate::launch::{FrameTimes, Prepared};
 use crate::memory::readable;
@@ -217,8 +217,18 @@ impl Report {
             tests_per_s: strategy
                 .tests_every_triangle()
                 .then(|| tests_per_s(primary_rays, triangles, &cast.times)),
+            host_bytes: prepared.host_bytes,
+            device_bytes: prepared.device_bytes(),
             ..Self::default()
         }
+    }
+
+    /// Returns this report with the parts of the command's time.
+    pub fn with_times(self, timeline: Timeline) -> Self {
+        let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
+        let [load_ms, discover_ms, build_ms, save_ms] = times;
+        let (parts, total_ms) = timeline.into_parts();
+        Self { load_ms, discover_ms, build_ms, save_ms, parts, total_ms, ..self }
     }
 
     /// Formats the report for a person.

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
-use crate::scene::{Loaded, Scene};
+use crate::scene::{Loaded, Sampling, Scene};
 use crate::strategy::{Task, preset_of};
 use crate::words::counted;
 use serde::Serialize;
@@ -110,19 +110,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let image_size = args.subject.size();
     let sampling = super::sampling(args, false);
     let castings = castings(args, &devices, args.subject.task(&scene, sampling.most))?;
-    let split = Split {
-        scene: Arc::clone(&scene),
-        image_size,
-        sampling,
-        sources: &sources,
-        repeat: args.repeat,
-        verifies: args.verify.is_some(),
-        every_device: args.every_device,
-    };
-    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
-    let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
-    let Whole { image, hits, shares, left_out } = split.cast(&castings)?;
-    drop(held);
+    let Whole { image, hits, shares, left_out } = cast(args, &scene, &sources, sampling, &castings)?;
     save(&image, scene.display, &target)?;
     let (verified, wrong) = verified(&image, &target, args.verify, |some| {
         check(&scene, (&image, hits), (&castings[0].strategy, (sampling, None)), None, &target, some)
@@ -152,6 +140,28 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     };
     tell(args, &report, target.is_standard_output())?;
     wrong.map_or(Ok(()), Err)
+}
+
+/// Casts the frame. If several frames are timed, no other process measures on the devices meanwhile.
+fn cast(
+    args: &Args,
+    scene: &Arc<Scene>,
+    sources: &Sources,
+    sampling: Sampling,
+    castings: &[Casting],
+) -> Result<Whole> {
+    let split = Split {
+        scene: Arc::clone(scene),
+        image_size: args.subject.size(),
+        sampling,
+        sources,
+        repeat: args.repeat,
+        verifies: args.verify.is_some(),
+        every_device: args.every_device,
+    };
+    let infos: Vec<_> = castings.iter().map(|casting| &casting.device.info).collect();
+    let _held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
+    split.cast(castings)
 }
 
 /// Prints the report; to standard error if the picture goes to standard output.

@@ -28,8 +28,9 @@ fn latest_number(name: &str) -> Option<u32> {
     numbers.filter(|number| may_be_of(&numbered_folder(name, *number), stem)).max()
 }
 
-/// Returns true if `folder` is a folder whose results may be those of the config `name`: its `environment.json` names
-/// this config, or names none. The results of a config with the name `sweep-2` are in `sweep-2` too.
+/// Returns true if `folder` is a folder whose results may be those of the config `name`: its
+/// `environment.json` names this config, or names none. The folder `sweep-2` may be the second folder of the
+/// config `sweep`, or the first folder of a config `sweep-2`.
 fn may_be_of(folder: &Path, name: &str) -> bool {
     let text = reader::bytes(&folder.join(ENVIRONMENT), reader::Kind::Results).unwrap_or_default();
     let environment: Value = serde_json::from_slice(&text).unwrap_or_default();
@@ -65,7 +66,8 @@ fn free_folder(name: &str) -> PathBuf {
     numbered_folders(name).find(|folder| !folder.exists()).unwrap_or_else(|| numbered_folder(name, 1))
 }
 
-/// Returns the paths of folders whose numbers are higher than the highest number of a folder.
+/// Returns the paths of possible new folders for the config `name`, in ascending order. Their numbers are
+/// higher than the number of every folder that exists.
 fn numbered_folders(name: &str) -> impl Iterator<Item = PathBuf> {
     let first = latest_number(name).map_or(1, |number| number + 1);
     (first..).map(move |number| numbered_folder(name, number))
@@ -94,10 +96,11 @@ mod tests {
             std::fs::create_dir(numbered(ending)).unwrap();
         }
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
-        // The numbers of deleted folders are not used again, so that the highest number is that of the latest folder.
+        // The number of a deleted folder is not used again if there is a folder with a higher number. The
+        // highest number is therefore that of the latest folder.
         std::fs::remove_dir(numbered("-2")).unwrap();
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
-        // No run of this config makes folders with these names, or files.
+        // No run of this config makes folders with these names, and no run makes a file in place of a folder.
         for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-2026", "-20261128"] {
             std::fs::create_dir(numbered(other)).unwrap();
         }

@@ -66,8 +66,8 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns the header that the plan has if this process makes it. The headers of all shards' processes must be equal,
-/// except for the config's path.
+/// Returns the header that the plan has if this process makes it. The processes of all shards must agree on
+/// the header's number of shards, the hash of the config, the scenes and the kernels.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
     Header {
         shards,
@@ -256,7 +256,7 @@ mod tests {
         let plain = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[]);
         let args = Args { cl_dir: ["a", "b"].map(PathBuf::from).into(), ..plain };
         let error = run(&args, Asked::Given(Shard { number: 1, of: 2 })).expect_err("there are two folders");
-        assert!(error.to_string().contains("can only be compared on one device"), "{error}");
+        assert!(error.to_string().contains("cannot compare two folders"), "{error}");
     }
 
     #[cfg(target_os = "linux")]

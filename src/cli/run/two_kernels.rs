@@ -45,8 +45,8 @@ fn remedy(comparison: &Comparison, folder: &Folder) -> String {
     }
 }
 
-/// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if several
-/// devices or machines measure; in this case two folders of kernels cannot be compared.
+/// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if the
+/// points are distributed over several devices or machines; in this case, two folders of kernels are refused.
 pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     let folders = &args.cl_dir;
     if folders.len() == 1 && args.fail_on_regression.is_some() {
@@ -58,8 +58,8 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
             .with_help("give --cl-dir once, or twice to compare two folders"));
     }
     if folders.len() == 2 && spread {
-        return Err(Error::input("two folders of kernels can only be compared on one device")
-            .with_help("leave out --spread, --shard or --sbatch, and choose one device with --device"));
+        return Err(Error::input("--spread, --shard and --sbatch cannot compare two folders of kernels")
+            .with_help("leave out --spread, --shard or --sbatch, or give --cl-dir only once"));
     }
     match folders.as_slice() {
         [] => Ok(vec![Sources::of(None)?]),
@@ -138,7 +138,7 @@ mod tests {
             [1, 1, 2]
         );
         let error = of(&two, true).unwrap_err();
-        assert!(error.to_string().contains("on one device"), "{error}");
+        assert!(error.to_string().contains("cannot compare two folders"), "{error}");
         for option in ["--spread", "--shard", "--sbatch"] {
             assert!(error.remedy().contains(option), "{}", error.remedy());
         }

@@ -71,9 +71,10 @@ pub fn capabilities() -> String {
     names.join(", ")
 }
 
-/// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If it is not supported, the error
-/// suggests a supported one: one that differs only by its dot (8.6 for "86"), otherwise the nearest number. If the
-/// text is not a number, the error only says how to write a compute capability.
+/// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If this compute capability is
+/// not supported, the error suggests a supported one: the one that differs only by its dot (8.6 for "86") or,
+/// if there is none, the one with the nearest number. If the text is not a number, the error only says how to
+/// write a compute capability.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let wanted = compute_capability.trim();
     if let Some(sm) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
@@ -90,7 +91,8 @@ pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocesso
     }))
 }
 
-/// Returns the supported compute capability from which `wished` differs only because it has no dot.
+/// Returns the supported compute capability from which `wished` differs only by a missing dot; `None` if
+/// there is none.
 fn with_dot(wished: &str) -> Option<&'static str> {
     let mut names = MULTIPROCESSORS.iter().map(|sm| sm.compute_capability);
     names.find(|name| name.replace('.', "") == wished)

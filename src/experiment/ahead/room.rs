@@ -21,11 +21,11 @@ impl Room {
     /// Returns how many builders of programs for `workload` fit into memory. The workload describes the
     /// scene, the image size and the local size.
     ///
-    /// Each process of a builder holds the scene and its tree, on the host and on its device. A builder has a process
-    /// for each device and each folder of kernels (`devices` and `folders` are their numbers). All builders together
-    /// may use half of the `available_bytes` of the host's memory, and half of a device's memory. The other half is
-    /// left for the workers that measure, and for the second processes of a few builders, which compile programs
-    /// without the driver's cache.
+    /// Each process of a builder holds the scene and the scene's tree, in the memory of the host and of one
+    /// device. A builder has a process for each device and each folder of kernels (`devices` and `folders`
+    /// are their numbers). All builders together may use half of the `available_bytes` of the host's memory,
+    /// and half of a device's memory. The other half is left for the workers that measure. A few builders
+    /// also need it for second processes, which compile programs without the driver's cache.
     pub fn of(
         strategy: &Strategy,
         workload: &Workload,

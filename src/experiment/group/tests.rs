@@ -3,8 +3,9 @@
 
 use super::*;
 use crate::device::Hardware;
-use crate::device_lock::Locks;
+use crate::device_lock::{Held, LockName, Locks};
 use crate::experiment::ahead::Ahead;
+use crate::experiment::asleep;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::rounds::Rounds as _;

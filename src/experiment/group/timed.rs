@@ -21,7 +21,8 @@ use std::time::{Duration, Instant};
 pub(super) struct Timed<'b, 's, K> {
     pub points: &'b [PendingPoint],
     pub run: &'b Run<'b>,
-    /// The launch's number in the folder, and its number within the group.
+    /// The launch's number among all launches in the folder of results. `number` is the launch's number among
+    /// the group's launches.
     pub launch: u32,
     pub number: usize,
     pub start: Instant,
@@ -91,7 +92,7 @@ impl Latency {
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
 /// A device's anchor is run at least once for this many samples of points. With this number, the anchor's
-/// time is known more precisely than the time of a point. But the anchor takes little time compared with the
+/// time is known more precisely than a point's time, but the anchor takes little time compared with the
 /// samples.
 const CASTS_PER_ANCHOR: usize = 6;
 

@@ -5,8 +5,10 @@ use super::prior::Prior;
 use crate::measure::mean_and_sigma;
 use crate::measure::summary::quantile;
 
-/// The largest weight, in degrees of freedom, of a spread that is borrowed. A point or a pair of points borrows the
-/// spread of all points; a table (of the points and launches of one group) borrows the spread of other tables.
+/// If a spread is averaged with the spread of other points or tables, it *borrows* this other spread.
+/// `BORROWED` is the largest weight of a borrowed spread, in degrees of freedom. A point or a pair of points
+/// borrows the spread of all points. A table (of the points and launches of one group) borrows the spread of
+/// other tables.
 const BORROWED: usize = 6;
 /// A pair of points borrows only in tables of at least this many rows. With three rows, the spread of all rows would
 /// come from the pair itself and one more row. If this row is noisy, the pair would seem to be noisy too.

@@ -4,7 +4,7 @@ use super::*;
 use crate::measure::Ranking;
 
 /// Methods for these tests and for the simulation. The methods identify points by their indices; raycl itself compares
-/// records (`record::together`).
+/// records (`record::ratios`, `record::ranking`).
 impl Paired {
     /// Returns the number of launches in which at least one point has enough samples.
     fn launches(&self) -> usize {

@@ -134,7 +134,7 @@ fn body_apart(indent: &str, mut head: Vec<Token>, brace: usize) -> Vec<String> {
     lines
 }
 
-/// Breaks a statement that is too long.
+/// Returns a statement in lines, broken where a line would be too long.
 fn continued(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let (mut lines, mut margin, mut open) = (Vec::new(), indent.chars().count(), Vec::new());
     let mut rest = statement;
@@ -155,7 +155,8 @@ fn spelled(margin: usize, tokens: &[Token]) -> String {
     format!("{}{}", " ".repeat(margin), text.trim_end())
 }
 
-/// A line break: the token after it, the column where the next line starts, and the depth of brackets.
+/// A line break: the index of the first token after the break, the column where the next line starts, and the
+/// number of open round brackets.
 struct LineBreak {
     at: usize,
     column: usize,
@@ -191,7 +192,7 @@ fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: us
 }
 
 /// Returns true if a line may be broken at the token `at`. This token must be a blank after a comma, before
-/// an operator, or before the body of a loop.
+/// an operator, or between a closing round bracket and a name, as before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -7,7 +7,7 @@ use super::substitute::substitute;
 use super::token::{Kind, Token, lex};
 use std::collections::VecDeque;
 
-/// A mistake in a macro call, and its line in the whole text.
+/// A mistake in a macro call: the number of the call's line in the whole text, and a message.
 pub(super) type Misuse = (u32, String);
 /// The arguments of a call, and its closing bracket.
 type Arguments = (Vec<Vec<Token>>, Token);

@@ -125,7 +125,7 @@ struct Preprocessor {
     branches: Vec<Branch>,
     file: Rc<str>,
     files: Vec<String>,
-    /// Added to a line's number in the whole text, this number yields the line's number in the file.
+    /// A line's number in the file, minus its number in the whole text.
     offset: i64,
     /// The text since the last directive; empty if this text is not compiled.
     text: Vec<Token>,

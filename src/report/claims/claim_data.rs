@@ -77,14 +77,14 @@ fn changes(environment: &Value) -> Vec<String> {
     lines.iter().flat_map(|line| option("--set", line.replacen(" = ", "=", 1))).collect()
 }
 
-/// Returns the texts of the list `key` in a run's environment; none if the list does not exist.
+/// Returns the texts of the list `key` in a run's environment. Returns no texts if the list does not exist.
 fn texts<'a>(environment: &'a Value, key: &str) -> Vec<&'a str> {
     environment[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
 
-/// Returns the command that measures what the page of `raycl reproduce` lacks about a device; `None` if there are no
-/// runs. If the measurement of at least one of the device's points was not completed, the command measures these points
-/// again.
+/// Returns the command that measures what the page of `raycl reproduce` lacks about a device; `None` if there
+/// are no runs. If the measurement of some of the device's points was not completed, the command measures
+/// these points again.
 pub fn completion(runs: &[Run<'_>], device: &str) -> Option<String> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let is_retried = groups.flat_map(|group| &group.records).any(|record| is_incomplete(record));
@@ -98,8 +98,8 @@ pub(super) struct ClaimData<'a> {
 }
 
 /// Returns true if the measurement of a record's point was not completed: the process crashed or took too
-/// long, the image was wrong, or other programs used the memory at that moment. Such a record does not show
-/// whether the point runs, or how fast the point is.
+/// long, the image was wrong, or memory was lacking only at that moment. Such a record does not show whether
+/// the point runs, or how fast the point is.
 pub(super) fn is_incomplete(record: &Record) -> bool {
     let lacked_for_a_moment = record.outcome == Outcome::Infeasible && !record.is_final();
     lacked_for_a_moment
@@ -162,7 +162,7 @@ impl<'a> ClaimData<'a> {
 
     /// Tests the claim that a point runs or, if `wanted` is false, that the point does not run. If several
     /// records match the point, the point runs if one of these records has a time. The result line names the
-    /// first such record.
+    /// first record with a time or, if no record has a time, the first record.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
@@ -192,10 +192,10 @@ impl<'a> ClaimData<'a> {
     }
 
     /// Returns the device's peak rates, which the run stored. The error is a result line that says why there
-    /// are none; `what` names the missing rate in this line.
+    /// are no peak rates; `what` names the missing rate or latency in this line.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
         let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
-            let decides = format!("a new measurement: delete this file, then `{}`", self.run.completion(""));
+            let decides = format!("a new measurement: delete the run's file peak.json, then `{}`", self.run.completion(""));
             Line::cannot(error.to_string(), decides)
         })?;
         peaks

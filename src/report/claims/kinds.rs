@@ -126,9 +126,9 @@ fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least:
 }
 
 /// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the
-/// record leaves out, such as samples of an incomplete launch and samples that another program delayed. If a
-/// record of an earlier version does not state the launches or the moments of its samples, these are not
-/// compared.
+/// record leaves out, such as samples of an incomplete launch and samples that another program delayed. A
+/// record of an earlier version may not state the launches or the moments of its samples. In this case, the
+/// launches or the moments are not compared.
 fn has(record: &Record, sample: &Sample) -> bool {
     let is_same = |(index, ms): (usize, &f64)| {
         let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));

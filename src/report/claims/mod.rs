@@ -1,9 +1,9 @@
 //! Quotes the paper's claims and tests each of them on the records of one device.
 //!
-//! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must hold. Absolute times are
-//! not tested, since the paper does not name the device on which they were measured. The tests find out, for example,
-//! which of two points is faster and by how much, which block size is best, and which scene fits into a memory. The
-//! same rule decides all claims: see [`Verdict::of_all`].
+//! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must hold. Absolute
+//! times are not tested, since the paper does not name the device on which they were measured. The tests find
+//! out, for example, which of two points is faster and by how much, which block size is best, and whether a
+//! scene fits into `__local` memory. The same rule decides all claims: see [`Verdict::of_all`].
 
 mod claim_data;
 mod kinds;
@@ -46,8 +46,8 @@ impl Claim {
     }
 }
 
-/// Tests the claims of `rows` on `device`. Each comparison uses the first run that has all records for the comparison.
-/// Times of different runs are not compared, since they were not measured in the same rounds.
+/// Tests the claims of `rows` on `device`. Each comparison uses the first run that has all data of the
+/// comparison. Times of different runs are not compared, since they were not measured in the same rounds.
 pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     let claim = |row: Row| {
         let lines: Vec<Line> = row.test.iter().flat_map(|test| tested(test, &row, runs, device)).collect();
@@ -58,8 +58,8 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
 }
 
 /// Returns the result lines of a test, one per comparison. If no run has all data of a comparison, the line
-/// comes from the run that lacks the least data (see [`Data`]). Among runs that lack equally little, a run of
-/// one of the claim's configs is preferred, since other configs do not measure the claim's points.
+/// comes from the run that lacks the least data (see [`Data`]). Among runs that lack equally much data, a run
+/// of one of the claim's configs is preferred, since other configs do not measure the claim's points.
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
     let of = |run: &Run<'_>| -> Vec<((Data, bool), Line)> {
         let is_other = !row.configs.contains(&run.folder.label);

@@ -10,7 +10,8 @@ use std::ops::RangeInclusive;
 pub struct Ratio {
     /// The ratio with its 95% interval, or the reason why there is none, such as "not enough samples (n = 3)".
     sure: Result<(f64, [f64; 2]), String>,
-    /// The smaller of the numbers of samples of the two records.
+    /// The smaller of the numbers of samples of the two records. For two passes of a record: the number of
+    /// samples in which both passes have a time above 0.
     n: usize,
 }
 

@@ -16,7 +16,7 @@ const TABLE: &str = include_str!("claims.toml");
 pub struct Row {
     /// The claim in the paper's words.
     pub sentence: String,
-    /// The section of the paper that contains the sentence, and the figure to which it refers.
+    /// The section of the paper that contains the sentence, and the figure to which the sentence refers.
     pub place: String,
     /// The values that the paper published on the claim, or a note that there are none.
     pub published: String,

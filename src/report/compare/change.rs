@@ -9,9 +9,10 @@ use crate::record::{
 };
 use std::collections::HashMap;
 
-/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
-/// are divided. The reference is the time of the device's anchor. Without an anchor, it is the mean time of the
-/// point's `references`. Returns `None` if there is no reference, or if there are too few samples.
+/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which
+/// both times are divided. The reference is the time of the device's anchor. Without an anchor, the reference
+/// is the mean time of the point's `references`. Returns `None` if there is no reference, or if there are too
+/// few samples.
 pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
@@ -22,14 +23,15 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
     Some((ratio_of_means(&[after], &second)?.over(ratio_of_means(&[before], &first)?), against))
 }
 
-/// The references, which are points by whose mean time the times of other points are divided, and the kind of
-/// reference. A point's references depend only on the rounds in which the two runs measured the point. The
-/// key of the map therefore identifies these rounds (see [`rounds`]).
+/// The references and their kind. References are points by whose mean time the times of other points are
+/// divided. A point's references depend only on the rounds in which the two runs measured the point, so the
+/// key of the map identifies these rounds (see [`rounds`]).
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
 
 impl<'a> References<'a> {
     /// Finds the references among `all`: the compared points, and the control points that blocks borrowed. A
-    /// block borrows a control point if the block measures it although it belongs to another block.
+    /// block borrows a control point if the block measures the control point although the point belongs to
+    /// another block.
     pub fn among(all: &[Both<'a>]) -> Self {
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {

@@ -1,11 +1,11 @@
-//! Notes on a comparison: how the devices of the two folders differ, which points have the verdict "cannot
-//! tell", and which points `--fail-on-regression` does not test.
+//! Notes on a comparison: how the devices and the processors of the two folders differ, what changes are relative to,
+//! which points have the verdict "cannot tell", and which points `--fail-on-regression` does not test.
 
 use super::Comparison;
-use super::pair::Pair;
+use super::pair::{Against, Pair};
 use crate::device::variables::determines_threads;
 use crate::measure::Verdict;
-use crate::record::Folder;
+use crate::record::{Folder, MOVED, latency_ns, significant, unshared_delay};
 use crate::words::counted;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -77,18 +77,116 @@ fn properties(device: &Value) -> [Option<Vec<String>>; 7] {
     [text("platform"), text("platform_version"), driver, units, count("cores", "core"), threads, settings]
 }
 
+/// Returns a note if the core-to-core latency of one run was more than `MOVED` times that of the other run.
+/// Returns `None` if the latencies are closer to each other, or if one of them is unknown.
+pub(super) fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> {
+    let [before, after] = folders.map(|folder| latency_ns(&folder.rounds, &folder.records));
+    let (before, after) = (before?, after?);
+    (before.max(after) > MOVED * before.min(after)).then(|| {
+        let [before, after] = [before, after].map(|ns| significant(ns, 2));
+        let [first, second] = labels;
+        format!(
+            "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors were at different \
+             distances from each other. This difference can change times, above all those of kernels whose work-groups \
+             share data."
+        )
+    })
+}
+
 impl Comparison {
+    /// Adds notes on how the changes from one folder of results to the other were computed.
+    pub(super) fn say_how_results_were_compared(&mut self) {
+        if self.has_change(Against::Anchor) || self.has_change(Against::Baselines) {
+            self.notes.push(
+                "Changes are relative to work that is the same in both runs (the anchor kernel or the baselines) and was measured in \
+                 the same rounds as the points. Changes differ from the ratio of the medians if the machine's speed changed. With `--times`, the \
+                 medians are compared."
+                    .to_owned(),
+            );
+        }
+        self.notes.extend(self.delays());
+        self.notes.extend(self.without_baseline());
+        self.notes.extend(self.cannot_tell());
+        if self.has_change(Against::BareTimes) {
+            self.notes.push(
+                "Plain times are compared, not their ratios to the anchor's time. Changes therefore include every difference \
+                 between the runs, such as load and clock rates."
+                    .to_owned(),
+            );
+        }
+    }
+
+    /// Adds notes on how the changes from one folder of kernels to the other were computed.
+    pub(super) fn say_how_kernels_were_compared(&mut self) {
+        if self.has_change(Against::SameRounds) {
+            self.notes.push(
+                "Changes are computed from samples that were taken close together in time, so they differ somewhat \
+                 from the ratio of the medians."
+                    .to_owned(),
+            );
+        }
+        if self.has_change(Against::BareTimes) {
+            self.notes.push(
+                "Some points were measured with one folder of kernels in an earlier session (`--resume`), and with the \
+                 other folder later. Their changes are ratios of medians, and include every difference between the \
+                 sessions, such as load and clock rates. A run in a new folder measures both folders of kernels in the \
+                 same rounds."
+                    .to_owned(),
+            );
+        }
+    }
+
+    /// Returns true if the change of at least one point is relative to measurements of the kind `against`.
+    fn has_change(&self, against: Against) -> bool {
+        self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, own)| own == against))
+    }
+
+    /// Returns a note if other programs may have delayed a point and its anchor so differently that the point seems to
+    /// be faster or slower; otherwise `None`.
+    fn delays(&self) -> Option<String> {
+        let is_anchored = |pair: &&Pair| pair.change.is_some_and(|(_, against)| against == Against::Anchor);
+        let of = |pair: &Pair| unshared_delay(&pair.before, &pair.after).abs().exp_m1();
+        let most = self.pairs.iter().filter(is_anchored).map(of).fold(0.0, f64::max);
+        (most > self.threshold).then(|| {
+            format!(
+                "Other programs used the processors, and may have delayed a point and the anchor by factors that \
+                 differ by up to {}%. The intervals of the changes include this difference. To compare exactly, \
+                 run both experiments while no other programs run.",
+                significant(100.0 * most, 2)
+            )
+        })
+    }
+
+    /// Returns a note on the points whose changes are relative to points that changed by similar factors, if there are
+    /// such points. The note names these points, unless they are all points that have a change.
+    fn without_baseline(&self) -> Option<String> {
+        let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
+        let names: Vec<String> =
+            self.pairs.iter().filter(is_in_common).map(|pair| pair.point(self.several_devices)).collect();
+        let all = self.pairs.iter().filter(|pair| pair.change.is_some()).count();
+        let (points, changes) = match names.len() {
+            0 => return None,
+            count if count == all => ("the points".to_owned(), "Changes"),
+            _ => (which(&names), "Their changes"),
+        };
+        Some(format!(
+            "No baseline was measured in both folders, with the same program and the same settings, in the same rounds \
+             as {points}. {changes} are therefore relative to the points that changed by similar factors, so a change that \
+             all points share cannot be detected."
+        ))
+    }
+
     /// Returns a note on the kernels whose change cannot be told, if there are any. The note says why, and which option
     /// compares them nevertheless.
-    pub(super) fn cannot_tell(&self) -> Option<String> {
+    fn cannot_tell(&self) -> Option<String> {
         let is_unknown = |pair: &&Pair| pair.verdict == Verdict::CannotTell && !pair.before.is_baseline();
         let unknown = self.pairs.iter().filter(is_unknown);
         let names: Vec<String> = unknown.map(|pair| pair.point(self.several_devices)).collect();
         (!names.is_empty()).then(|| {
             format!(
                 "The verdict is \"cannot tell\" for {}. In the rounds in which they were measured, the two folders \
-                 have neither the same anchor kernel nor the same baselines nor at least three kernels in common, so \
-                 nothing shows how much the machine's speed changed. With `--times`, the measured times are compared, \
+                 share no anchor kernel, no baselines and fewer than three kernels, so nothing shows how much the \
+                 machine's speed changed. With `--times`, the measured times are compared, \
                  and changes include every difference between the runs.",
                 which(&names)
             )
@@ -111,7 +209,7 @@ impl Comparison {
 
 /// Returns a text with the points' names. For more than four points, the text has their number and the first
 /// four names.
-pub(super) fn which(names: &[String]) -> String {
+fn which(names: &[String]) -> String {
     match names.len() {
         count if count > 4 => format!("{count} of the points ({}, ...)", names[..4].join("; ")),
         _ => format!("these points: {}", names.join("; ")),

@@ -16,11 +16,12 @@ use crate::record::{
 /// The largest probability that a comparison of two runs of the same program reports a regression.
 const RISK: f64 = 0.02;
 
-/// Returns one line per slowdown that surely exceeds `limit_percent`. A single point is listed only if its
-/// fastest samples also became slower by more than `limit_percent` (see [`change_of_fastest`]). One more line
-/// follows for each point that was measured in the first folder and has another outcome in the second, such
-/// as `infeasible` or `wrong-image`. The permitted probability of a false report (`RISK`) is divided into
-/// three equal parts: for the mean of all points, for the strategies' means, and for the single points.
+/// Returns one line per slowdown that exceeds `limit_percent` with the certainty that `RISK` demands. A
+/// single point is listed only if its fastest samples also became slower by more than `limit_percent` (see
+/// [`change_of_fastest`]). One more line follows for each point that was measured in the first folder and has
+/// another outcome in the second, such as `infeasible` or `wrong-image`. The permitted probability of a false
+/// report (`RISK`) is divided into three equal parts: for the mean of all points, for the strategies' means,
+/// and for the single points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {

@@ -1,6 +1,8 @@
+use super::pair::Against;
 use super::*;
 use crate::record::fixtures::{few, infeasible, judged, measured};
 use crate::record::{AnchorSample, RoundLoad, interval};
+use crate::report::compare::lines::PairLine;
 
 fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }

@@ -226,7 +226,8 @@ mod tests {
         assert_eq!([2, 20].map(slanted), [false, true]);
     }
 
-    /// A series without a name is a fitted line. It has no entry in the legend, and belongs to the series before it.
+    /// A series without a name is a fitted line. Such a series has no entry in the legend, and belongs to the
+    /// series before it.
     #[test]
     fn series_have_the_numbers_of_their_entries_in_the_legend() {
         let series = |name: &str| chart(name).series.remove(0);

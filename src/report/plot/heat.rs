@@ -1,5 +1,5 @@
-//! Draws heat maps with rows and columns. The cells of slow points are dark, and those of fast points are light. The
-//! cells of points without a time are hatched.
+//! Draws heat maps with rows and columns. The cells of slow points are dark, and those of fast points are
+//! light. The cells of points whose time is missing or cannot be compared are hatched.
 
 use super::layout::LETTER;
 use super::legend::shorten;
@@ -12,20 +12,22 @@ use crate::image::viridis;
 pub enum Cell {
     /// A time.
     Time {
-        /// The point's time divided by the shortest time with which it is compared; the ratio is 1 or more.
+        /// The point's time divided by the time of the fastest point with which it is compared. The map
+        /// treats a ratio below 1 as 1.
         slower: f64,
         /// The time, or a ratio of times, as text.
         text: String,
-        /// True if the point is a winner: the fastest point, or tied with it.
+        /// True if the point is a winner: the fastest point, or a point that ties with the fastest.
         wins: bool,
         /// The cell's tooltip.
         tip: String,
     },
-    /// No time.
+    /// No time, or a time that cannot be compared because the point has too few samples or times of 0.
     Nothing {
-        /// The reason for the missing time, as a word that the legend explains.
+        /// The reason for the missing time, as a word that the legend explains; or the time that cannot be
+        /// compared, as text.
         code: String,
-        /// The full reason.
+        /// The cell's tooltip, with the full reason.
         tip: String,
     },
     /// The experiment has no point for this cell.

@@ -9,11 +9,11 @@ use crate::image::viridis;
 
 /// Largest number of cells per line. A line has fewer cells if the columns have long names.
 const MOST_ACROSS: usize = 6;
-/// Space beside a column's name in its cell.
+/// The free space beside a column's name in a cell, in pixels.
 const BESIDE: f64 = 6.0;
 const LEFT: f64 = 8.0;
 const HEIGHT: f64 = 36.0;
-/// The gap between two rows.
+/// The gap between two rows, in pixels.
 const GAP: f64 = 8.0;
 
 impl HeatMap {
@@ -75,7 +75,7 @@ impl HeatMap {
     }
 }
 
-/// Splits a text into lines of limited length; a longer word gets its own line.
+/// Splits a text into lines of at most `most` characters. A word that is longer gets a line of its own.
 fn lines_of(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {

@@ -15,10 +15,11 @@ pub struct Row {
     pub value: String,
     /// Every sample in the order of measurement, as a percentage above or below the median.
     pub deviations: Vec<f64>,
-    /// The 95% interval of the median, as percentages above or below the median; `None` with too
-    /// few samples.
+    /// The 95% interval of the median, as percentages above or below the median; `None` for a point with too
+    /// few samples, or with times of 0.
     pub interval: Option<[f64; 2]>,
-    /// The first and third quartile, as percentages above or below the median; `None` with too few samples.
+    /// The first and third quartile, as percentages above or below the median; `None` for a point with too
+    /// few samples, or with times of 0.
     pub quartiles: Option<[f64; 2]>,
     /// The row's tooltip.
     pub tip: String,

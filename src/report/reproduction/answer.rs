@@ -30,7 +30,7 @@ const RAY_BYTES: f64 = 24.0;
 pub struct Answer {
     /// The best memory strategy of each scene, with the memories of its vectors and triangles.
     pub strategy: String,
-    /// The best local size.
+    /// The best local size for each scene.
     pub size: String,
     /// Why the best strategy is faster than the preset `naive`.
     pub why: String,
@@ -109,7 +109,7 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut V
 fn unknown(runs: &[Run<'_>], device: &str) -> Answer {
     let remedy = |command: String| format!("; `{command}` measures them");
     let command = completion(runs, device).map_or(String::new(), remedy);
-    let line = format!("not known, because no run has several memory strategies{command}");
+    let line = format!("not known, because no run has times of several memory strategies{command}");
     Answer { strategy: line.clone(), size: line.clone(), why: line.clone(), sure: line, plots: Vec::new() }
 }
 
@@ -137,7 +137,7 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
 }
 
 /// Returns the best strategy with its time, such as "private (vectors private, triangles global): 1.887 ms",
-/// or the names of the strategies that tie.
+/// or the names of the strategies that tie, with the time of the fastest.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
@@ -198,7 +198,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let scene = at_size(&best.scene, best.image_size);
     if contest.naive_ties() {
         return format!(
-            "on {scene}, no other choice of memories for vectors and triangles is surely faster than naive"
+            "on {scene}, naive is the fastest choice of memories for vectors and triangles, or ties with the fastest"
         );
     }
     let moved = readable((best.pixels() * triangles as f64 * RAY_BYTES) as u64);
@@ -284,13 +284,13 @@ mod tests {
 
     #[test]
     fn a_reason_is_given_only_for_a_scene_in_which_naive_does_not_tie() {
-        // In one launch, `naive` is faster than `private`; in the other launch, it is slower.
+        // In one launch, `naive` is faster than `private`; in the other launch, `naive` is slower.
         let mut tie = [measured("gpu", "naive", 8, 2.0), measured("gpu", "private", 8, 1.995)];
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
         let answer = of(&tie);
         assert!(answer.sure.ends_with("2 of 2 points tie for fastest"), "{}", answer.sure);
         let none =
-            "on teapot, no other choice of memories for vectors and triangles is surely faster than naive";
+            "on teapot, naive is the fastest choice of memories for vectors and triangles, or ties with the fastest";
         assert_eq!(answer.why, none);
         let on_gourd = |name: &str, ms| Record {
             key: format!("gourd {name}"),

@@ -58,9 +58,8 @@ struct Paper {
 }
 
 impl Reproduction {
-    /// Collects the page's data from the folders. The more of the paper's configs the folders have results
-    /// of, the more claims can be tested. Returns an error if raycl's table of claims or of figures is not
-    /// valid.
+    /// Collects the page's data from the folders. A claim cannot be tested if the folders lack the claim's
+    /// points. Returns an error if raycl's table of claims or of figures is not valid.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let (folders, drivers) = with_common_names(folders);
@@ -121,8 +120,7 @@ fn sort_by_size(runs: &mut [Run<'_>]) {
 
 /// Returns the run for which `count` returns the largest number; the last one if several runs have this
 /// number. Runs for which `count` returns less than `least` are left out. If the other runs have several
-/// image sizes, only runs with the size of the first of them are considered. Returns `None` if no run is
-/// left.
+/// image sizes, only the size that comes first in `runs` is considered. Returns `None` if no run is left.
 fn with_most<'r, 'a>(
     runs: &'r [Run<'a>],
     least: usize,
@@ -228,8 +226,8 @@ mod tests {
     fn all_parts_of_the_page_are_of_the_papers_image_size_if_it_was_measured() {
         let small = [("naive", 4, 0.2), ("naive", 8, 0.3), ("private", 8, 0.1)];
         let small = small.map(|(name, side, ms)| at([200, 125], name, side, ms));
-        // One point was measured only with the smaller images. With the larger images, it may have exceeded a time
-        // limit.
+        // One point was measured only with the smaller images. With the larger images, the point may have
+        // exceeded a time limit.
         let large = [("naive", 4, 2.0), ("private", 8, 1.0)];
         let large = large.map(|(name, side, ms)| at(PAPER_SIZE, name, side, ms));
         for records in [[&small[..], &large].concat(), [&large[..], &small].concat()] {

@@ -15,8 +15,8 @@ for (const view of all(".microscope")) {
     const pane = row.closest(".pane"), top = row.offsetTop - pane.scrollTop;
     if (top < 0 || top > pane.clientHeight - row.offsetHeight) pane.scrollTop = row.offsetTop - pane.clientHeight / 3;
   };
-  // Marks a line permanently. In the pane of `row`, the next arrow key starts at `row`; in the other pane, it starts at
-  // the line's first row.
+  // Keeps a line marked when the mouse pointer leaves. In the pane of `row`, the next arrow key starts at `row`; in the
+  // other pane, the next arrow key starts at the line's first row.
   const keep = (line, row) => {
     pinned = line;
     mark(line);

@@ -21,7 +21,7 @@ document.addEventListener("click", (event) => showTip(pointed(event)));
 document.addEventListener("scroll", () => showTip(null), { passive: true, capture: true });
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") showTip(null); });
 
-// In a focused plot, an arrow key goes to the nearest mark in its direction on the screen.
+// In a focused plot, an arrow key goes to the nearest mark in the key's direction on the screen.
 function step(chart, key) {
   const marks = all(".mark", chart).filter((mark) => mark.getClientRects().length);
   if (!marks.length) return;
@@ -44,7 +44,7 @@ for (const chart of all("svg.chart")) {
   chart.addEventListener("blur", () => showTip(null));
 }
 
-// Legends: pointing at an entry highlights its series, a click hides the series.
+// Legends: pointing at an entry highlights its series, a click hides or shows the series.
 for (const entry of all(".entry")) {
   const chart = entry.closest("svg"), series = all(`.series[data-series="${entry.dataset.for}"]`, chart);
   if (!series.length) continue;

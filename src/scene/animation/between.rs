@@ -1,9 +1,9 @@
-//! Values between keyframes.
+//! Interpolates a track's values between its keyframes.
 
 use super::wire::Interpolation;
 use toml::Value;
 
-/// Returns the value of a finite number; `None` for any other value.
+/// Returns a finite number as `f64`; `None` for infinity, NaN and values that are not numbers.
 fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Float(number) if number.is_finite() => Some(*number),
@@ -12,8 +12,8 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// Returns true if a value can be interpolated: if it is a finite number, or a list of at least one value
-/// whose values can all be interpolated.
+/// Returns true if a value can be interpolated. A finite number can be interpolated, and so can a list that
+/// is not empty and whose elements can all be interpolated.
 pub(super) fn is_numeric(value: &Value) -> bool {
     match value {
         Value::Array(elements) => !elements.is_empty() && elements.iter().all(is_numeric),
@@ -32,9 +32,9 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are the
-/// frames and the values of all keyframes of a track. It is enough if they contain these two keyframes, the
-/// keyframe before them and the keyframe after them, if there are any. Unless the interpolation is `Step`,
+/// Returns the value at the frame `frame`, which lies between the keyframes `begin` and `begin + 1`. `frames`
+/// and `values` are the frames and the values of a track's keyframes. Only the keyframes from `begin - 1` to
+/// `begin + 2` affect the result, so the other keyframes may be left out. Unless the interpolation is `Step`,
 /// all values must have the same structure.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
@@ -63,10 +63,10 @@ pub(super) fn between(
     })
 }
 
-/// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
-/// `PchipInterpolator`. The interpolant stays between the values of the two neighbouring keyframes.
-/// Therefore, a number that is in its range at all keyframes is in this range at all frames, and a camera's
-/// coordinate never moves away from its value at the next keyframe.
+/// Returns the value at the frame `frame` of the monotone cubic interpolant of Fritsch and Butland (1984), as
+/// in SciPy's `PchipInterpolator`. The interpolant stays between the values of the two neighbouring
+/// keyframes. Therefore, a number that is valid at all keyframes is valid at all frames. A coordinate of a
+/// camera never moves away from its value at the next keyframe.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -82,10 +82,11 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     value.clamp(from.min(to), from.max(to))
 }
 
-/// Returns the slope at a keyframe. If there are only two keyframes, the curve is a line. Otherwise, [`end_slope`]
-/// computes the slope at the first and the last keyframe. At any other keyframe, two lines lead to the
-/// neighbouring keyframes. The slope is a weighted harmonic mean of the two lines' slopes, so that the curve
-/// does not overshoot. If the lines' slopes have different signs, or if one of them is 0, the slope is 0.
+/// Returns the curve's slope, per frame, at the keyframe `key`. If there are only two keyframes, the curve is
+/// a straight line. Otherwise, [`end_slope`] computes the slope at the first and the last keyframe. At any
+/// other keyframe, two lines lead to the neighbouring keyframes. The slope is a weighted harmonic mean of the
+/// two lines' slopes, so that the curve does not overshoot. If the lines' slopes have different signs, or if
+/// one of them is 0, the slope is 0.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);
@@ -107,7 +108,7 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 }
 
 /// Returns the slope at the first or the last keyframe. This is the slope of the parabola through this
-/// keyframe and the two keyframes next to it, limited so that the curve does not overshoot (Moler, Numerical
+/// keyframe and the two nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical
 /// Computing with MATLAB, 2004, section 3.6). The first argument has the lengths, in frames, of the two lines
 /// between these three keyframes; the second argument has the slopes of these lines. In both arguments, the
 /// line that ends at the first or the last keyframe of the track comes first.
@@ -133,7 +134,8 @@ mod tests {
 
     #[test]
     fn a_smooth_curve_is_fritsch_and_butlands() {
-        // The expected values were calculated on paper from the slopes at the four keyframes: 5/2, 6/7, 0 and -17/6.
+        // The expected values were calculated on paper from the slopes at the four keyframes: 5/2, 6/7, 0 and
+        // -17/6.
         let (frames, values) = ([0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 3.0, 1.0]);
         let slopes = [0, 1, 2, 3].map(|key| slope(&frames, &values, key));
         let expected = [5.0 / 2.0, 6.0 / 7.0, 0.0, -17.0 / 6.0];

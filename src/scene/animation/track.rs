@@ -28,8 +28,8 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Checks a track of an animation with `frames` frames, and returns the track. `number` is the track's index in the
-    /// scene file, from 0.
+    /// Checks a track of an animation with `frames` frames, and returns the track. `number` is the track's
+    /// index in the scene file, from 0.
     pub fn of(document: &Document, (number, wire): (usize, TrackWire), frames: u32) -> Result<Self> {
         let TrackWire { path, at, values, interpolation } = wire;
         if path.get_ref().split('.').next() == Some("animation") {
@@ -59,7 +59,8 @@ impl Track {
     ///
     /// # Errors
     ///
-    /// Fails if both tracks have the same path, or if `earlier` sets a part of the value that this track sets.
+    /// Fails if both tracks have the same path, or if `earlier` sets a part of the value that this track
+    /// sets.
     pub fn refuse_to_hide(&self, document: &Document, earlier: &Self) -> Result<()> {
         let (path, other) = (self.path.get_ref(), earlier.path.get_ref());
         let refused = |message: String, label: &str| document.error(self.path.span(), message, label);
@@ -101,16 +102,17 @@ impl Track {
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the frames at which a value of this track begins. Returns no frames if no value can lead to a
-    /// picture: a value can name a picture, or a mesh file that names a picture.
+    /// Returns the frames of this track's keyframes. Returns no frames if no value of the track can name a
+    /// picture, or a mesh file that names pictures.
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
-        // Keyframes at equal distances can lie between frames; their values begin at the next whole frame.
+        // A keyframe that was placed by `evenly` can lie between two frames. The picture is then needed from
+        // the later frame on.
         self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 
-    /// Returns the value that the track sets in a frame, as messages need it. The messages contain the
-    /// track's path only if `quotes` is true, that is, if they may quote the scene file.
+    /// Describes, for messages, the value that the track sets in a frame. The description's `name` contains
+    /// the track's path only if `quotes` is true, that is, if messages may quote the scene file.
     pub fn setting(&self, frame: u32, quotes: bool) -> TrackValue {
         let path = self.path.get_ref();
         let (number, keyframe) = (self.number, self.last_keyframe(f64::from(frame)));
@@ -122,19 +124,19 @@ impl Track {
         }
     }
 
-    /// Returns the location, in the file, of the value of the last keyframe that is not after `frame`.
+    /// Returns the location, in the file, of the value of the last keyframe at or before `frame`. If all
+    /// keyframes are after `frame`, returns the location of the first value.
     pub fn value_span(&self, frame: u32) -> std::ops::Range<usize> {
         self.values[self.last_keyframe(f64::from(frame))].span()
     }
 
-    /// Returns the index of the last keyframe that is not after a frame; 0 if all keyframes are after the frame.
+    /// Returns the index of the last keyframe at or before a frame; 0 if all keyframes are after the frame.
     fn last_keyframe(&self, frame: f64) -> usize {
         self.at.partition_point(|at| *at <= frame).saturating_sub(1)
     }
 }
 
-/// Returns true if a value is numeric, or if it is the name of a mesh in a format that cannot name other
-/// files.
+/// Returns true if a value is numeric, or if it names a mesh file whose format cannot refer to other files.
 fn names_no_picture(value: &Value) -> bool {
     let format = value.as_str().and_then(|name| MeshFormat::from_ending(Path::new(name)));
     is_numeric(value) || matches!(format, Some(MeshFormat::Stl | MeshFormat::Ply))
@@ -143,8 +145,8 @@ fn names_no_picture(value: &Value) -> bool {
 /// The help in an error about values that cannot be interpolated.
 pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
 
-/// Returns the frames in `at`. Returns an error unless `at` has one frame for each of the `values` values,
-/// ascending from 1 to `frames` at most.
+/// Returns the frames in `at`, the list that the scene file gives. Returns an error if `at` does not have
+/// `values` elements, or if the elements are not ascending whole numbers from 1 to `frames`.
 fn given(
     document: &Document,
     at: &Spanned<Vec<Spanned<Value>>>,
@@ -173,17 +175,18 @@ fn given(
     Ok(numbers.into_iter().map(f64::from).collect())
 }
 
-/// Returns the frames of `values` keyframes at equal distances. The first is at frame 1 and the last at frame
-/// `frames`; the others can lie between two frames. An animation of one frame has only the first keyframe.
+/// Returns the frames of `values` evenly spaced keyframes. The first keyframe is at frame 1, and the last of
+/// several keyframes is at frame `frames`. The others can lie between two frames. An animation of one frame
+/// has only the first keyframe.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let values = if frames == 1 { 1 } else { values };
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
-    // The multiplication comes before the division, so that whole frames are exact.
+    // The product is computed before the quotient, so that a keyframe at a whole frame is not rounded.
     (0..values).map(|index| 1.0 + length * index as f64 / steps).collect()
 }
 
-/// Returns a track's interpolation: `given` or, if `given` is `None`, the default for these values. Refuses
-/// values that this interpolation cannot interpolate.
+/// Returns a track's interpolation: `given` or, if `given` is `None`, `Smooth` for numeric values and `Step`
+/// for other values. Refuses values that this interpolation cannot interpolate.
 fn checked(
     document: &Document,
     values: &[Spanned<Value>],

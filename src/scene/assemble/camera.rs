@@ -1,8 +1,10 @@
-//! The camera of a scene. The base camera is the paper's camera, the camera of a mesh's file, or a camera
-//! that shows the whole scene. Keys of the scene file replace values of the base camera.
+//! Builds the camera of a scene from a base camera. The base camera is the paper's camera, the camera of a
+//! mesh's file, or a camera that shows the whole scene. Keys of the scene file replace values of the base
+//! camera.
 
 use super::super::document::Document;
 use super::super::framing::{self, Ball, Lens, View};
+use super::super::validate::check_camera;
 use super::super::wire::{CameraWire, Vector};
 use super::super::{Camera, Mesh, Shot};
 use super::Seen;
@@ -10,8 +12,8 @@ use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
 
 impl CameraWire {
-    /// Returns true if the scene file sets an azimuth or an elevation, from which the camera shows the whole
-    /// scene.
+    /// Returns true if the scene file sets an azimuth or an elevation. raycl then places the camera so that
+    /// it shows the whole scene.
     pub(super) fn is_framed(&self) -> bool {
         self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
     }
@@ -23,11 +25,31 @@ impl CameraWire {
     }
 }
 
-/// Returns the base camera, of which the scene file's keys replace values. Without a `ball` (the ball around
-/// the scene), this is the paper's camera with a z_near of 0. With a `ball`, this is the camera of the mesh's
-/// file. If this file has no camera, or if the user sets an azimuth, an elevation or `up`, this is a camera
-/// that shows the whole scene with the field of view `lens`.
-pub(super) fn base_camera(
+/// Returns the scene's camera: the base camera with the values that the scene file sets. `ball` is the ball
+/// around the scene; `None` unless the scene is a bare mesh, or the scene file sets an azimuth or an
+/// elevation. Refuses a camera with values out of range.
+pub(super) fn camera(
+    document: &Document,
+    wire: &CameraWire,
+    mesh: &Mesh,
+    ball: Option<Ball>,
+    seen: &Seen,
+    shot: Shot,
+    notes: &mut Vec<String>,
+) -> Result<Camera> {
+    let lens = field_of_view(document, wire)?;
+    let base = base_camera(wire, lens, mesh, ball, seen, shot, notes);
+    let camera = with_values(document, wire, base, lens, ball)?;
+    let eye = wire.position.as_ref().map_or(0..0, toml::Spanned::span);
+    check_camera(&camera).map_err(|error| document.located(eye, error, "this camera"))?;
+    Ok(camera)
+}
+
+/// Returns the base camera. Without a `ball` (the ball around the scene), this is the paper's camera with a
+/// z_near of 0. With a `ball`, this is the camera of the mesh's file, and `notes` receives the notes on this
+/// camera. If the mesh's file has no camera, or if the scene file sets an azimuth, an elevation or `up`, this
+/// is a camera that shows the whole scene with the field of view `lens`.
+fn base_camera(
     wire: &CameraWire,
     lens: Option<Lens>,
     mesh: &Mesh,
@@ -55,8 +77,9 @@ pub(super) fn base_camera(
 /// Returns the base camera with the values that the scene file sets, including the field of view `lens`. If
 /// the file sets `position` but not `look_at`, the camera looks at the centre of the `ball` (the ball around
 /// the scene) or, without a `ball`, in the base camera's direction. If the file sets `position` or `look_at`
-/// but not `up`, the y axis points up. An `up` of zeros is refused.
-pub(super) fn camera(
+/// but not `up`, the y axis points up. Returns an error if the camera looks at its own position, or if `up`
+/// is zero or parallel to the viewing direction.
+fn with_values(
     document: &Document,
     wire: &CameraWire,
     base: Camera,
@@ -86,7 +109,7 @@ pub(super) fn camera(
 
 /// Returns the field of view that the scene file sets; `None` if the file sets none. Returns an error if the
 /// file sets both fields of view.
-pub(super) fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<Lens>> {
+fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<Lens>> {
     let lens = |degrees: f32, fov_is_vertical: bool| Lens {
         tan_half_fov: (f64::from(degrees).to_radians() / 2.0).tan() as f32,
         fov_is_vertical,

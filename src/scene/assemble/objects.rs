@@ -54,7 +54,8 @@ pub(super) fn make(
     Ok(file)
 }
 
-/// Moves the object's triangles into the coordinates of the scene, and applies the object's `material` to them.
+/// Transforms the object's triangles to the coordinates of the scene, and applies the object's `material` to
+/// them.
 pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile) -> MeshFile {
     let vector = |values: Option<[f32; 3]>, default| values.map_or(default, Vec3::from_array);
     let transform = Transform {
@@ -62,7 +63,7 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    // A mesh without a scene file may have been moved to the origin when it was read. It stays there.
+    // A mesh that was far from the origin was moved to the origin when it was read. A bare mesh stays there.
     let origin = if document.bare { DVec3::ZERO } else { file.placement.origin };
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
@@ -98,8 +99,8 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // Messages may quote a mesh without a scene file if `document.quotes` is true, and any other mesh if its
-    // file is in the scene file's folder.
+    // Messages may quote a bare mesh if `document.quotes` is true. They may quote any other mesh if its file
+    // is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
@@ -170,8 +171,8 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     }
 }
 
-/// Returns the shape with this name and with the object's parameters. Returns an error if there is no such
-/// shape, or if it does not have one of the parameters.
+/// Returns the shape with this name and with the object's parameters. Returns an error if no shape has this
+/// name, or if the shape does not have one of these parameters.
 fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
     let Some(mut shape) = Shape::from_name(name.get_ref()) else {
         let suggestion = or_meant(name.get_ref(), Shape::NAMES);
@@ -218,9 +219,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
 }
 
 /// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
-/// position and one normal. Joining it with the rest of the scene takes at least half as much memory again.
-/// Rounded up, every two triangles of the shape need the memory of three triangles, two positions and two
-/// normals.
+/// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
+/// memory again. Rounded up, every two triangles of the shape need the memory of three triangles, two
+/// positions and two normals.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

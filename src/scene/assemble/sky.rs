@@ -13,9 +13,9 @@ use std::sync::Arc;
 use toml::Spanned;
 
 /// Returns the sky of a scene file. `up` is the direction of the zenith. `is_seen` is true if rays that hit
-/// nothing see the sky's picture. Adds a note if the picture has values that are negative or not a number.
-/// Also adds notes on properties of the picture that raycl ignores, such as other primary colours than those
-/// of sRGB.
+/// nothing see the sky's picture instead of the background. Adds a note if the picture has values that are
+/// negative or not a number. Also adds notes on properties of the picture that raycl ignores, such as other
+/// primary colours than those of sRGB.
 pub(super) fn build(
     document: &Document,
     sky: &Spanned<SkyWire>,

@@ -1,4 +1,4 @@
-//! Tests of cameras, lights and creases of scenes that are built from documents.
+//! Tests of scenes that are built from scene files and bare meshes.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -58,7 +58,8 @@ fn a_scene_that_turns_faces_outwards_unless_the_eye_is_inside() {
 fn a_surface_that_turns_is_noted_if_it_faces_away_at_first() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
-    // The triangle hides the sphere and faces it. It is much smaller than the sphere, which faces outwards.
+    // The triangle hides the sphere from the camera, and the triangle's normal points away from the camera.
+    // The triangle is small, so the scene counts as a closed mesh, and raycl reverses no normals.
     let text = "two_sided = true\ncamera = { position = [0, 0, 3], look_at = [0, 0, 0] }\n\
         [[object]]\nshape = \"sphere\"\ntriangles = 500\n\
         [[object]]\nvertices = [[-0.3, -0.3, 2.9], [0, 0.6, 2.9], [0.3, -0.3, 2.9]]\nfaces = [[0, 1, 2]]\n";
@@ -156,8 +157,8 @@ fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
     std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n").unwrap();
-    // The position is behind the triangle. If only the position were used, the camera would look along -z, away from
-    // the triangle.
+    // The position is behind the triangle. If only the position were used, the camera would look along -z,
+    // away from the triangle.
     let behind = Value::Array([1, 1, -5].map(Value::Integer).to_vec());
     let scene = load_scene_with(&path, &[("camera.position".to_owned(), behind)]).unwrap().scene;
     assert!(scene.camera.forward.distance(Vec3::Z) < 1e-6, "{}", scene.camera.forward);
@@ -232,8 +233,8 @@ fn a_scenes_name_is_not_empty() {
     assert_eq!(loaded("").unwrap().scene.name, "a");
 }
 
-/// Each element of the list below has a valid setting, an invalid setting and a part of the expected error. Invalid
-/// numbers lie outside the range that docs/scenes.md gives.
+/// Each element of the list below has a valid setting, an invalid setting and a part of the expected error.
+/// Invalid numbers lie outside the range that docs/scenes.md gives.
 #[test]
 fn numbers_out_of_their_range_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -314,7 +315,8 @@ fn the_shadow_bias_is_a_ten_thousandth_of_the_diagonal_unless_it_is_given() {
     assert_eq!(bias(&[("shadow_bias".to_owned(), Value::Float(0.25))]), 0.25);
 }
 
-/// Near the origin, the default shadow bias must be, bit for bit, the bias with which the stored records were measured.
+/// Near the origin, the default shadow bias must be, bit for bit, the bias with which the stored records were
+/// measured.
 #[test]
 fn far_from_the_origin_the_shadow_bias_exceeds_the_rounding_of_coordinates_and_the_scene_is_noted() {
     let folder = tempfile::tempdir().unwrap();
@@ -412,8 +414,8 @@ fn the_camera_of_a_file_is_scaled_like_its_mesh_unless_it_is_too_far_away() {
         let scene = load_scene_with(&path, &[]).unwrap().scene;
         (scene.mesh.positions[1].x.max(scene.mesh.positions[2].x), scene.camera.position, scene.camera.z_near)
     };
-    // The mesh has edges of length 2^-34. The mesh is scaled by 2^35, unless the camera would then be beyond the limit
-    // of coordinates.
+    // The mesh has edges of length 2^-34. The mesh is scaled by 2^35, unless the camera would then be beyond
+    // the limit of coordinates.
     let scale = 2_f32.powi(35);
     assert_eq!(scene(2_f64.powi(-31)), (2.0, Vec3::Z * 16.0, 0.1 * scale));
     assert_eq!(scene(16.0), (2.0, Vec3::Z * 16.0 * scale, 0.1 * scale));
@@ -436,7 +438,8 @@ fn a_sky_without_a_horizon_has_one_colour() {
     assert_eq!((graded.zenith, graded.horizon), (Vec3::splat(0.5), Vec3::splat(0.25)));
 }
 
-/// Returns a scene of one triangle in front of the paper's camera. Its file begins with the text `before`.
+/// Returns a scene of one triangle in front of the paper's camera. The scene's file begins with the text
+/// `before`.
 fn loaded(before: &str) -> Result<crate::scene::Loaded, crate::Error> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
@@ -445,7 +448,8 @@ fn loaded(before: &str) -> Result<crate::scene::Loaded, crate::Error> {
     load_scene_with(&path, &[])
 }
 
-/// Returns the message of the error for a scene file that begins with `text`, and the line that the error marks.
+/// Returns the message of the error for a scene file that begins with `text`, and the line that the error
+/// marks.
 fn message_and_line(text: &str) -> (String, usize) {
     let crate::Error::Input(error) = loaded(text).unwrap_err() else { panic!("not an input error") };
     let source = error.source_code.as_ref().unwrap().inner();
@@ -462,7 +466,8 @@ fn an_azimuth_or_an_elevation_alone_frames_the_scene() {
     assert!(beside.forward.x < -0.5 && beside.position.x > 1.0, "{beside:?}");
 }
 
-/// The triangle has a width and a height of 1. Seen from +z, it fills 0.92 of a square picture's width and height.
+/// The triangle has a width and a height of 1. Seen from +z, it fills 0.92 of a square picture's width and
+/// height.
 #[test]
 fn a_camera_that_raycl_places_has_the_distance_that_fits_the_field_of_view() {
     let angles = "azimuth_degrees = 0\nelevation_degrees = 0\n";
@@ -495,7 +500,7 @@ fn an_option_that_sets_the_field_of_view_of_a_bare_mesh_also_sets_the_distance()
     // The default field of view is 35 degrees, so the distance grows by the factor tan(17.5 degrees) / tan(5
     // degrees), which is 3.6.
     assert!((3.0..4.0).contains(&ratio), "{ratio}");
-    // The user's position stays as it is.
+    // A position that the user sets does not change with the field of view.
     let position = Value::Array([1, 2, 5].map(Value::Integer).to_vec());
     let placed = camera(&[fov(10), ("camera.position".to_owned(), position)]);
     assert_eq!(placed.position, Vec3::new(1.0, 2.0, 5.0));
@@ -606,7 +611,7 @@ fn a_skys_picture_that_is_not_what_it_is_used_as_is_noted() {
     assert!(notes().len() == 1 && notes()[0].starts_with(start), "{:?}", notes());
 }
 
-/// The path is right if its file can be opened, so the remedy is not about paths.
+/// If the picture's file can be opened, its path is correct, so the help does not mention paths.
 #[test]
 fn a_skys_picture_without_colours_is_refused_with_its_channels() {
     use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, WritableImage as _};
@@ -716,7 +721,8 @@ fn a_scene_that_is_seen_from_behind_is_noted() {
     );
 }
 
-/// A mesh in another folder may belong to somebody else, but a note that quotes nothing from the file is shown.
+/// A mesh in another folder may belong to somebody else, so notes must not quote it. Notes that quote nothing
+/// from the file are shown.
 #[test]
 fn a_note_without_text_of_the_file_is_shown_for_a_mesh_of_another_folder() {
     let folder = tempfile::tempdir().unwrap();
@@ -760,6 +766,7 @@ fn shapes_of_too_many_triangles_are_refused_before_they_are_made() {
     };
     let refused = load(12_000, 10_000).unwrap_err();
     assert!(refused.to_string().contains("at least 11250 triangles; expected at most 10000"), "{refused}");
-    // A shape may have slightly fewer triangles than its target.
+    // A target slightly above the limit is accepted, because a shape may have fewer triangles than its
+    // target.
     assert!(load(10_500, 10_000).unwrap() > 10_000);
 }

@@ -1,4 +1,5 @@
-//! Colours of vertices and triangles. A triangle has one material, so it gets the mean of its corners' colours.
+//! Colours of vertices and triangles. A triangle has one material, so it gets the mean of its corners'
+//! colours.
 
 use crate::scene::material::Material;
 use crate::scene::{Mesh, Triangle};
@@ -65,8 +66,8 @@ fn painted(mesh: &Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) -> (Vec<Mater
     (materials, numbers)
 }
 
-/// Returns true if a channel of a linear colour is not a number, or is outside 0 to 1 by more than half of a
-/// rounding step, which is 1 / `STEPS`.
+/// Returns true if a channel of a linear colour is NaN, or lies outside 0 to 1 by more than half of a
+/// rounding step. A rounding step is 1 / `STEPS`.
 pub(super) fn is_outside(colour: &Vec3) -> bool {
     let most = 0.5 / STEPS;
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
@@ -79,7 +80,7 @@ pub(super) fn note_outside(count: usize, element: &str) -> Option<String> {
     (count > 0).then(|| format!("{} shown with channels limited to this range", elements()))
 }
 
-/// Returns a note for the user on the colours of `count` vertices.
+/// Returns a note which says that the colours of `count` vertices are averaged over each triangle.
 pub(in crate::scene) fn note(count: usize) -> String {
     format!("colours of {}: each triangle has one colour, the mean of its corners", counted(count, "vertex"))
 }

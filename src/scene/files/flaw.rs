@@ -1,5 +1,5 @@
-//! Mistakes in mesh files, and the errors that report these mistakes. A mesh outside the folder of the scene
-//! file that names it may belong to somebody else, so errors must not quote it.
+//! Mistakes in mesh files, and the errors that report these mistakes. A scene file may name a mesh in another
+//! folder. This mesh may belong to somebody else, so errors must not quote it.
 
 use crate::error::Error;
 
@@ -30,7 +30,7 @@ impl Flaw {
         Self { unquoted: Some(unquoted.into()), ..Self::from(what) }
     }
 
-    /// Sets the number of the line.
+    /// Sets the number of the line that contains the mistake.
     pub fn at(self, line: usize) -> Self {
         Self { line: Some(line), ..self }
     }
@@ -41,7 +41,7 @@ impl Flaw {
     }
 }
 
-/// Makes a mistake whose description quotes nothing from the file. Numbers of elements and bytes do not count
+/// Makes a `Flaw` whose description quotes nothing from the file. Numbers of elements and bytes do not count
 /// as quotations.
 impl<T: Into<String>> From<T> for Flaw {
     fn from(what: T) -> Self {

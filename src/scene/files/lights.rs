@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
-/// When the brightness at the mesh's centre is computed, a light that is nearer to the centre than this
-/// counts as if it were at this distance. The distance is in radii of the mesh.
+/// The least distance of a light in the computation of the brightness at the mesh's centre, in radii of the
+/// mesh. A nearer light counts as if it were at this distance.
 const NEAREST_RADII: f64 = 0.25;
 
 /// The origin of a light: a point, or infinity.
@@ -18,7 +18,7 @@ enum Source {
     Direction(DVec3),
 }
 
-/// A light of a file. raycl uses only the ratios between the strengths of a file's lights.
+/// A light of a mesh file. raycl uses only the ratios between the strengths of the file's lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct FileLight {
     source: Source,
@@ -27,12 +27,11 @@ pub(in crate::scene) struct FileLight {
 }
 
 impl FileLight {
-    /// Makes a point light.
     pub(super) fn point(position: DVec3, intensity: DVec3) -> Self {
         Self { source: Source::Point(position), strength: intensity }
     }
 
-    /// Makes a directional light.
+    /// Makes a directional light. If `direction` is zero, the light shines along -y.
     pub(super) fn direction(direction: DVec3, irradiance: DVec3) -> Self {
         Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
     }
@@ -59,8 +58,8 @@ impl FileLight {
         is_near && self.strength.is_finite()
     }
 
-    /// Returns the light's position and power. The powers of all lights still lack a common factor. `centre`
-    /// and `radius` are those of the mesh's ball.
+    /// Returns the light's position, and its power without the factor by which `of_file` multiplies the
+    /// powers of all lights. `centre` and `radius` are those of the ball around the mesh.
     fn placed(&self, centre: DVec3, radius: f64) -> (DVec3, DVec3) {
         match self.source {
             Source::Point(position) => (position, self.strength),
@@ -72,8 +71,9 @@ impl FileLight {
     }
 }
 
-/// Returns the lights `lights` as lights of a scene. Together, they illuminate the centre of the mesh's ball
-/// as brightly as one light with the power `power` at the distance `distance`.
+/// Returns `lights` as lights of a scene. Together, these lights illuminate the point `centre` as brightly as
+/// one light with the power `power` at the distance `distance`. `centre` and `radius` are those of the ball
+/// around the mesh.
 pub(in crate::scene) fn of_file(
     lights: &[FileLight],
     (centre, radius): (DVec3, f64),

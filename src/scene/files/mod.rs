@@ -40,8 +40,8 @@ pub(in crate::scene) struct MeshFile {
     /// How the mesh was moved and scaled, in double precision, before its positions were rounded to single
     /// precision.
     pub placement: Placement,
-    /// The index of the first triangle of each part after the first; empty unless the file is glTF. The parts of a glTF
-    /// file are its nodes with a mesh.
+    /// The index of the first triangle of each part after the first; empty unless the file is glTF. The parts
+    /// of a glTF file are its nodes with a mesh.
     pub more_starts: Vec<u32>,
     /// The first usable camera of the file, moved and scaled like the mesh; `None` if there is none.
     pub camera: Option<Camera>,

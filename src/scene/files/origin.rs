@@ -64,8 +64,8 @@ impl Placement {
     }
 
     /// Converts a position of the mesh from the file's coordinates to the mesh's coordinates, in single
-    /// precision. The placement does not depend on positions that no triangle uses. If such a position is
-    /// beyond `MAX_COORDINATE` after the conversion, it is moved to this limit.
+    /// precision. A position that no triangle uses may be beyond `MAX_COORDINATE` after the conversion. Such
+    /// a position is moved to this limit.
     pub fn settled(&self, position: DVec3) -> Vec3 {
         let most = DVec3::splat(MAX_COORDINATE.into());
         self.apply(position).clamp(-most, most).as_vec3()
@@ -79,7 +79,7 @@ impl Placement {
     }
 
     /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved
-    /// nor scaled. The notes are for a mesh without a scene file, which stays moved and scaled.
+    /// nor scaled. The notes are for a bare mesh, which stays moved and scaled.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {
@@ -103,12 +103,12 @@ impl Placement {
 }
 
 /// Returns the vector to be subtracted from the positions of a mesh with this centre and radius. If the
-/// centre is far from the origin, this vector is the centre, and it is rounded to whole numbers if the radius
-/// is above 1. If the centre is not far from the origin, this vector is zero.
+/// centre is far from the origin, this vector is the centre, rounded to whole numbers if the radius is above
+/// 1. Otherwise, this vector is zero.
 fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     let far = centre.is_finite() && length(centre) > FAR_RADII * radius;
-    // The centre of a small mesh is not rounded, because the nearest point with whole coordinates may lie outside the
-    // mesh.
+    // The centre of a small mesh is not rounded, because the nearest point with whole coordinates may lie
+    // outside the mesh.
     let rounded = if radius > 1.0 { centre.round() } else { centre };
     if far { rounded } else { DVec3::ZERO }
 }
@@ -158,8 +158,8 @@ pub(super) fn settle_if(
     Ok((positions.iter().map(settled).collect(), placement))
 }
 
-/// Returns the placement (how positions are moved and scaled) for a mesh or an outline with these positions. Positions
-/// that are not valid are ignored.
+/// Returns the placement (how positions are moved and scaled) for a mesh, or for the outline of a polygon,
+/// with these positions. Positions that are not valid are ignored.
 pub(super) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Placement {
     let valid = positions.filter(|position| is_valid(position));
     let (low, high) = valid.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| {
@@ -175,7 +175,7 @@ pub(super) fn is_valid(position: &DVec3) -> bool {
     position.is_finite() && position.as_vec3().abs().max_element() <= MAX_COORDINATE
 }
 
-/// Returns a mistake if a triangle has a position that is not valid.
+/// Returns an error if a triangle has a position that is not valid.
 fn check(positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
     let mut used = triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| corner as usize);
     let Some(vertex) = used.find(|&vertex| !is_valid(&positions[vertex])) else { return Ok(()) };

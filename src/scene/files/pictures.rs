@@ -20,7 +20,8 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// The supported formats. The first bytes of a file show its format, but TGA has no typical first bytes. If
 /// the first bytes are of no known format, the file is a TGA if it has a TGA's footer or extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
-/// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Older files have none.
+/// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Older files have
+/// none.
 const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 
 /// A result whose error continues a message that begins with the picture's name.
@@ -43,8 +44,8 @@ impl Usage {
         Self { wrap, least_alpha: 0 }
     }
 
-    /// Returns the usage of a picture that is a mask: surfaces have holes where the picture's alpha is less than
-    /// `least_alpha`, a number from 0 to 1.
+    /// Returns the usage of a picture that is a mask: surfaces have holes where the picture's alpha is less
+    /// than `least_alpha`, a number from 0 to 1.
     pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
         Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
     }
@@ -63,8 +64,8 @@ pub(in crate::scene) struct Pictures {
 }
 
 impl Pictures {
-    /// Returns the index in `list` of the texture with this picture file and usage. Adds the texture if it is not in
-    /// the list.
+    /// Returns the index in `list` of the texture with this picture file and usage. Adds the texture if it is
+    /// not in the list.
     pub fn file(&mut self, reach: Reach<'_>, name: &str, usage: Usage) -> Parsed<u32> {
         let path = reach.locate(name)?;
         let picture = || {
@@ -90,8 +91,8 @@ impl Pictures {
         self.texture(key, usage, || decoded(&bytes()?, None))
     }
 
-    /// Returns the index in `list` of the texture with this picture and usage. `key` identifies the picture, which
-    /// `picture` decodes if it is not decoded yet.
+    /// Returns the index in `list` of the texture with this picture and usage. `key` identifies the picture,
+    /// which `picture` decodes if it is not decoded yet.
     fn texture(
         &mut self,
         key: PathBuf,
@@ -134,7 +135,8 @@ pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
     texture.texels = texture.texels.iter().map(with_alpha).collect();
 }
 
-/// Decodes a picture. `ending` is the format that the extension of the picture's file names.
+/// Decodes a picture. `ending` is the format for which the extension of the picture's file stands; `None` if
+/// the extension is unknown or missing.
 fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let is_tga = ending == Some(ImageFormat::Tga) || bytes.ends_with(TGA_FOOTER);
     let format = image::guess_format(bytes).ok().or(is_tga.then_some(ImageFormat::Tga));
@@ -161,8 +163,8 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     Ok(([width, height], words(&picture)))
 }
 
-/// Refuses a picture of this width and height if decoding it needs more memory than available. `texel_bytes` is the
-/// memory for one texel.
+/// Refuses a picture of this width and height if decoding it needs more memory than is available.
+/// `texel_bytes` is the memory for one texel.
 pub(in crate::scene) fn room_for(
     (width, height): (u32, u32),
     texel_bytes: u64,

@@ -1,8 +1,9 @@
-//! Reads PLY files, ASCII or binary in either byte order. The crate `ply-rs-bw` reads the headers and the elements of
-//! binary files.
+//! Reads PLY files, ASCII or binary in either byte order. The crate `ply-rs-bw` reads the headers and the
+//! elements of binary files.
 
 mod ascii;
 mod colour;
+mod elements;
 mod header;
 mod needed;
 
@@ -18,23 +19,23 @@ use crate::scene::normals::MISSING;
 use crate::scene::obj::{MAX_CONCAVE_CORNERS, quoted, triangulate};
 use crate::words::{counted, counted_are};
 use colour::{CHANNELS, Colour};
+use elements::{ColouredFace, Face, Skipped, Vertex};
 use glam::{DVec3, Vec3};
 use header::Tidied;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{
-    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
-};
+use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
 
 /// Memory for a vertex while a file is read, in bytes: the vertex itself, its position in double and in
 /// single precision, its normal and its colour.
 const VERTEX_BYTES: u64 = (size_of::<Vertex>() + size_of::<DVec3>() + 3 * size_of::<Vec3>()) as u64;
-/// Memory for the list of a triangle's corners, in bytes: 12 bytes, and what an allocator adds to each block.
+/// Memory for the list of a triangle's corners, in bytes: 12 bytes for the corners, and the rest for the
+/// allocator.
 const LIST_BYTES: usize = 32;
 /// Memory for a face while a file is read, in bytes: the face itself, the list of its corners, and one
 /// triangle.
 const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
-/// Additional memory for a face with a colour of its own, in bytes: a copy of the face with its colour, and
-/// the colour of one triangle.
+/// Additional memory for a face if faces have colours, in bytes: a copy of the face with its colour, and the
+/// colour of one triangle.
 const FACE_COLOUR_BYTES: u64 = (size_of::<ColouredFace>() + size_of::<Vec3>()) as u64;
 /// Memory for each different colour of triangles, in bytes: a material, and an entry in the map of colours.
 /// The sum is doubled, because the list of materials and the map may be half empty.
@@ -81,7 +82,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     Ok(file)
 }
 
-/// Returns the mistake that the crate `ply-rs-bw` found. Of the crate's message, only the first line is used.
+/// Converts an error of the crate `ply-rs-bw`. Of the crate's message, only the first line is used.
 fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
@@ -94,7 +95,7 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     }
 }
 
-/// Returns a mistake if the file is too short for the elements that its header states, or if elements have no
+/// Returns an error if the file is too short for the elements that its header states, or if elements have no
 /// properties. Without this check, a small file could state a huge number of elements, and would take much
 /// memory and time.
 fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw> {
@@ -102,7 +103,7 @@ fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw>
     // In an ASCII file, a separator follows each number. The last number of the file needs none.
     let unneeded = u64::from(header.encoding == Encoding::Ascii);
     for element in header.elements.values().filter(|element| element.count > 0) {
-        let (name, count) = (quoted(element.name.as_bytes()), element.count as u64);
+        let name = quoted(element.name.as_bytes());
         let least: u64 = element.properties.values().map(|of| least_bytes(header, &of.data_type)).sum();
         if least == 0 {
             let without = "has elements without properties";
@@ -111,11 +112,13 @@ fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw>
                 format!("the header {without}"),
             ));
         }
-        let needed = count.saturating_mul(least);
+        let needed = least.saturating_mul(element.count as u64);
         if needed > left + unneeded {
-            let states = format!("its header states {count} elements {name} of at least {least} bytes each");
+            let (elements, size) = (counted(element.count, "element"), counted(least as usize, "byte"));
+            let states = format!("its header states {elements} {name} of at least {size} each");
+            let left = counted_are(left as usize, "byte");
             return Err(Flaw::quoting(
-                format!("the file is too short: {states}, but only {left} bytes are left for them"),
+                format!("the file is too short: {states}, but only {left} left for them"),
                 "the file is too short for the elements that its header states",
             ));
         }
@@ -369,151 +372,20 @@ struct Triangles {
     short: usize,
 }
 
-/// A vertex. A property that the file does not have stays 0, or 1 for alpha.
-struct Vertex {
-    position: DVec3,
-    normal: Vec3,
-    colour: Colour,
-}
-
-impl PropertyAccess for Vertex {
-    fn new() -> Self {
-        Self { position: DVec3::ZERO, normal: Vec3::ZERO, colour: Colour::new() }
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(value) = number(&property) else { return PropertyAccessResult::Ignored };
-        match name {
-            "x" => self.position.x = value,
-            "y" => self.position.y = value,
-            "z" => self.position.z = value,
-            "nx" => self.normal.x = value as f32,
-            "ny" => self.normal.y = value as f32,
-            "nz" => self.normal.z = value as f32,
-            _ if self.colour.set(name, &property, value) => {}
-            _ => return PropertyAccessResult::Ignored,
-        }
-        PropertyAccessResult::Set
-    }
-}
-
-/// Returns the mistake of a concave face that has too many corners to be divided into triangles.
+/// Returns the error for a concave face that has too many corners to be divided into triangles.
 fn too_large(number: usize) -> Flaw {
     let most = MAX_CONCAVE_CORNERS;
     Flaw::from(format!("face {number} is concave and has more than {most} corners"))
         .with_remedy("divide the face into smaller ones")
 }
 
-/// Returns the mistake of a face or a strip with a vertex that does not exist. `kind` is "face" or "strip",
+/// Returns the error for a face or a strip with a vertex that does not exist. `kind` is "face" or "strip",
 /// and `what` quotes the vertex.
 fn missing(kind: &str, number: usize, what: &str) -> Flaw {
     Flaw::quoting(
         format!("{kind} {number}: {what}"),
         format!("{kind} {number} has a vertex that does not exist in the file"),
     )
-}
-
-fn number(property: &Property) -> Option<f64> {
-    Some(match property {
-        Property::Char(value) => f64::from(*value),
-        Property::UChar(value) => f64::from(*value),
-        Property::Short(value) => f64::from(*value),
-        Property::UShort(value) => f64::from(*value),
-        Property::Int(value) => f64::from(*value),
-        Property::UInt(value) => f64::from(*value),
-        Property::Float(value) => f64::from(*value),
-        Property::Double(value) => *value,
-        _ => return None,
-    })
-}
-
-/// The indices of the vertices of a face or a strip; `None` if the element has no such list.
-struct Face(Option<Property>);
-
-impl Face {
-    fn numbers(&self) -> Vec<i64> {
-        match &self.0 {
-            Some(Property::ListChar(list)) => list.iter().map(|&i| i.into()).collect(),
-            Some(Property::ListUChar(list)) => list.iter().map(|&i| i.into()).collect(),
-            Some(Property::ListShort(list)) => list.iter().map(|&i| i.into()).collect(),
-            Some(Property::ListUShort(list)) => list.iter().map(|&i| i.into()).collect(),
-            Some(Property::ListInt(list)) => list.iter().map(|&i| i.into()).collect(),
-            Some(Property::ListUInt(list)) => list.iter().map(|&i| i.into()).collect(),
-            _ => Vec::new(),
-        }
-    }
-
-    fn corners(&self, count: usize) -> std::result::Result<Vec<u32>, String> {
-        self.numbers().into_iter().map(|number| corner(number, count)).collect()
-    }
-
-    /// Passes the triangles of a strip to `push`. Two corners of every second triangle are swapped, so that
-    /// all triangles face the same side. The index -1 starts a new strip.
-    fn triangles(&self, count: usize, push: &mut impl FnMut([u32; 3])) -> std::result::Result<(), String> {
-        for strip in self.numbers().split(|&number| number == -1) {
-            let corners: Vec<u32> =
-                strip.iter().map(|&number| corner(number, count)).collect::<std::result::Result<_, _>>()?;
-            for (index, window) in corners.windows(3).enumerate() {
-                let [a, b, c] = [window[0], window[1], window[2]];
-                push(if index.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
-            }
-        }
-        Ok(())
-    }
-}
-
-fn corner(number: i64, count: usize) -> std::result::Result<u32, String> {
-    match u32::try_from(number) {
-        Ok(index) if (index as usize) < count => Ok(index),
-        _ => Err(format!("vertex {number} does not exist; the file has {count} vertices, numbered from 0")),
-    }
-}
-
-/// Returns true if `name` is the name of the property that lists a face's corners.
-fn is_corners(name: &str) -> bool {
-    matches!(name, "vertex_indices" | "vertex_index")
-}
-
-impl PropertyAccess for Face {
-    fn new() -> Self {
-        Self(None)
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        if is_corners(name) {
-            self.0 = Some(property);
-            return PropertyAccessResult::Set;
-        }
-        PropertyAccessResult::Ignored
-    }
-}
-
-/// A face with a colour of its own.
-struct ColouredFace {
-    face: Face,
-    colour: Colour,
-}
-
-impl PropertyAccess for ColouredFace {
-    fn new() -> Self {
-        Self { face: Face::new(), colour: Colour::new() }
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        match number(&property) {
-            Some(value) if self.colour.set(name, &property, value) => PropertyAccessResult::Set,
-            _ => self.face.set_property(name, property),
-        }
-    }
-}
-
-/// An element whose properties are not stored.
-struct Skipped;
-
-impl PropertyAccess for Skipped {
-    fn new() -> Self {
-        Self
-    }
 }
 
 #[cfg(test)]

@@ -21,7 +21,8 @@ const TRIANGLE_BYTES: usize = 50;
 /// Number of bytes at the beginning of a file that show whether the file is text. A file is not text if these
 /// bytes contain a zero byte and no word `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
-/// The program Materialise Magics writes this key into the header of a binary file, before a colour for all facets.
+/// The program Materialise Magics writes this key into the header of a binary file, before a colour for all
+/// facets.
 const COLOUR: &[u8] = b"COLOR=";
 
 /// The bits of a corner's coordinates, by which corners are sorted, and the corner's index.
@@ -42,8 +43,8 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             hold(named.name, count as u64, &Available::read())?;
             (binary(bytes, count), notes(bytes, count))
         }
-        // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read`, which
-        // demands four times the file's size, is then enough.
+        // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read` demands four
+        // times the file's size, which is enough for such triangles.
         false => {
             let Text { corners, unknown, is_in_solid } = ascii(bytes).map_err(failed)?;
             let mut notes: Vec<String> = unknown.notes("statement", named.quotes).collect();
@@ -86,8 +87,8 @@ fn count(bytes: &[u8]) -> Option<usize> {
 }
 
 /// Returns the number of triangles to be read: the number in the header or, if the header has a 0, the number
-/// of all triangles in the file. A program that writes to a stream may leave a 0 in the header. Returns a
-/// mistake if the header's number is larger than the file allows.
+/// of all triangles in the file. A program that writes to a stream may leave a 0 in the header. Returns an
+/// error if the header's number is larger than the number of triangles in the file.
 fn held(bytes: &[u8]) -> std::result::Result<usize, Flaw> {
     let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
     match said {
@@ -320,6 +321,17 @@ mod tests {
         assert!(error.contains("the header says 2 triangles, but the file holds 1"), "{error}");
     }
 
+    /// The attribute of a facet is a number of two bytes.
+    #[test]
+    fn either_byte_of_an_attribute_counts() {
+        for at in [132, 133] {
+            let mut bytes = binary_of(&[Vec3::ZERO, Vec3::X, Vec3::Y]);
+            bytes[at] = 1;
+            let notes = parse("b.stl", &bytes).unwrap().notes;
+            assert_eq!(notes, ["attributes of 1 facet, such as a colour, are not read"], "byte {at}");
+        }
+    }
+
     #[test]
     fn the_number_of_facets_with_attributes_is_reported() {
         let mut bytes = binary_of(&[Vec3::ZERO, Vec3::X, Vec3::Y].repeat(2));
@@ -330,8 +342,8 @@ mod tests {
         }
     }
 
-    /// While equal corners are joined, the five lists whose sizes this test adds up are in memory, besides
-    /// the bytes of the file.
+    /// The test adds up the sizes of the five lists that are in memory while equal corners are joined. The
+    /// bytes of the file are in memory, too, but are not counted here.
     #[test]
     fn a_binary_file_is_refused_if_its_corners_cannot_be_joined() {
         let (corners, sorted, numbers, positions, triangle) = (3 * 24, 3 * 32, 3 * 4, 3 * 24, 28);

@@ -1,7 +1,7 @@
 use super::*;
 use crate::scene::{Shape, generate, normals};
 
-/// Returns a view from the default direction, for images of an aspect ratio.
+/// Returns a view from the default direction, for images with the aspect ratio `aspect`.
 const fn three_quarter(aspect: f64) -> View {
     View {
         up: DVec3::Y,
@@ -16,8 +16,8 @@ fn from(azimuth: f64, elevation: f64, up: DVec3) -> View {
     View { up, azimuth_degrees: Some(azimuth), elevation_degrees: Some(elevation), ..three_quarter(1.6) }
 }
 
-/// Returns the extent of a mesh in a picture, as fractions of half the picture's width and height: left, right, bottom,
-/// top.
+/// Returns the extent of a mesh in a picture, as fractions of half the picture's width and height: left,
+/// right, bottom, top.
 fn extent(camera: &Camera, mesh: &Mesh, aspect: f64) -> [f64; 4] {
     let mut extent = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for position in &mesh.positions {
@@ -59,8 +59,8 @@ fn the_whole_mesh_fills_a_picture_across_or_down_at_any_scale_and_length() {
     }
 }
 
-/// Returns the camera for a field of view in degrees, and the tangents of half its field of view across the width and
-/// across the height.
+/// Returns the camera for a field of view in degrees, and the tangents of half its field of view across the
+/// width and across the height.
 fn with_lens(mesh: &Mesh, degrees: f64, fov_is_vertical: bool, shot: Shot) -> (Camera, [f64; 2]) {
     let tan = (degrees.to_radians() / 2.0).tan();
     let lens = Lens { tan_half_fov: tan as f32, fov_is_vertical };
@@ -70,8 +70,8 @@ fn with_lens(mesh: &Mesh, degrees: f64, fov_is_vertical: bool, shot: Shot) -> (C
     (camera, across_and_down)
 }
 
-/// Returns the largest distance of a mesh's points from the middle of a picture, as fractions of half the picture's
-/// width and height, after the mesh was turned by `turn` about the origin.
+/// Returns the largest distance of a mesh's points from the middle of a picture, as fractions of half the
+/// picture's width and height, after the mesh was turned by `turn` about the origin.
 fn reach(camera: &Camera, mesh: &Mesh, [tan_x, tan_y]: [f64; 2], turn: DMat3) -> [f64; 2] {
     let mut reach = [0.0_f64; 2];
     for position in &mesh.positions {
@@ -224,6 +224,19 @@ fn a_point_is_framed_too() {
     assert!(lights(&camera, ball).iter().all(|light| light.power.min_element() > 0.0));
 }
 
+/// Far from the origin, neighbouring f32 numbers are far apart.
+#[test]
+fn the_eye_is_not_in_the_centre_of_a_point_far_from_the_origin() {
+    let mut mesh = generate(&Shape::Ground);
+    let point = Vec3::new(3e6, 4e6, 1.2e7);
+    mesh.positions.iter_mut().for_each(|position| *position = point);
+    let ball = Ball::around(&mesh, DVec3::Y);
+    // The point is 1.3e7 away from the origin, and the ball's radius is a millionth of this distance.
+    assert!((ball.radius - 13.0).abs() < 1e-9, "{}", ball.radius);
+    let camera = camera(&mesh, ball, &three_quarter(1.0));
+    assert_ne!(camera.position, point);
+}
+
 #[test]
 fn a_small_mesh_far_from_the_origin_fills_the_picture() {
     for far in [1e3, 1e5, 1e6] {
@@ -271,9 +284,9 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
         };
         Ball::around(&mesh, DVec3::Y).opening
     };
-    // The mesh has a front with an area of 1, and a back with the given area. With a back of 0.82, the two areas differ
-    // by 0.18, which is less than a tenth of their sum, 1.82. With a back of 0.8, they differ by 0.2, which is more
-    // than a tenth of their sum, 1.8.
+    // The mesh has a front with an area of 1, and a back with the area `back`. With a back of 0.82, the two
+    // areas differ by 0.18, which is less than a tenth of their sum, 1.82. With a back of 0.8, they differ by
+    // 0.2, which is more than a tenth of their sum, 1.8.
     assert_eq!([opening(0.82), opening(0.8)], [None, Some(DVec3::Z)]);
     assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }
@@ -282,8 +295,8 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
 /// each side: left, right, bottom, top, back, front. The number is 1 if the side faces outwards, -1 if it
 /// faces inwards, and 0 if it is missing.
 fn sides_of_box(corner: Vec3, size: Vec3, sides: [i32; 6]) -> Mesh {
-    // The three lowest bits of a corner's number say where the corner is along x, y and z: 0 at one end of the box, and
-    // 1 at the other end.
+    // The three lowest bits of a corner's number say where the corner is along x, y and z: 0 at the end with
+    // the smaller coordinate, and 1 at the other end.
     let units = (0..8_u32).map(|corner| Vec3::from_array([0, 1, 2].map(|axis| (corner >> axis & 1) as f32)));
     let outwards = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6_u32]];
     let positions = units.map(|unit| corner + unit * size).collect();
@@ -333,7 +346,8 @@ fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
     for sides in [[1; 6], [-1; 6], [1, 1, 0, 1, 1, 1]] {
         assert_eq!(opening(&[(on_floor, cube, sides)]), Some(DVec3::Z), "{sides:?}");
     }
-    // The mesh still counts as a shell if it contains only a small body, or if a part of the shell is recessed.
+    // The mesh still counts as a shell if it contains only a small body, or if a part of the shell is
+    // recessed.
     assert_eq!(opening(&[(on_floor, cube * 0.5, [1; 6])]), Some(DVec3::NEG_Z));
     let recess = (Vec3::new(0.5, 0.5, 1.0), Vec3::new(2.0, 1.2, 0.5), [0, 0, 0, 0, 1, 0]);
     assert_eq!(opening(&[recess]), Some(DVec3::NEG_Z));
@@ -362,8 +376,8 @@ fn a_rough_surface_is_no_room() {
     assert!(opening.z < -0.99, "{opening}");
 }
 
-/// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, it must be seen from
-/// outside.
+/// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, it must be seen
+/// from outside.
 #[test]
 fn a_vaulted_surface_is_seen_from_its_front_whatever_the_order_of_its_corners() {
     let half = |is_reversed: bool, front: f32| {
@@ -391,8 +405,8 @@ fn a_closed_mesh_is_closed_although_all_its_normals_have_the_same_direction() {
     assert!(ball.is_closed() && ball.opening.is_none());
 }
 
-/// Of the 12 triangles of a cube, each has a twelfth of the area. If one of them is reversed, the sum of the area
-/// vectors has the length of a sixth of the area.
+/// Of the 12 triangles of a cube, each has a twelfth of the area. If one of them is reversed, the sum of the
+/// area vectors has the length of a sixth of the area.
 #[test]
 fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
     let cube = |wrong: &[usize], own_normals: bool| {
@@ -410,14 +424,15 @@ fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
         assert_eq!(cube(&[wrong], true), (false, true), "{wrong}");
         assert_eq!(cube(&[wrong], false), (false, true), "{wrong}");
     }
-    // With normals of the mesh's own, the order of corners does not matter. Without them, a whole side (here the
-    // front, whose triangles are the last two) that faces inwards does matter.
+    // If the mesh has its own normals, the order of corners does not matter. If the normals follow from the
+    // order of corners, a whole side that faces inwards opens the mesh. Here, this is the front, whose
+    // triangles are the last two.
     assert_eq!(cube(&[10, 11], true), (false, true));
     assert_eq!(cube(&[10, 11], false), (false, false));
     // A cube without a side has the same sum of area vectors as a cube with one reversed triangle.
     let open = Ball::around(&sides_of_box(Vec3::ZERO, Vec3::ONE, [1, 1, 1, 1, 1, 0]), DVec3::Y);
     assert!(open.is_open() && !open.is_closed());
-    // A sheet may have two triangles in the same place.
+    // A sheet is open, even if it has two triangles in the same place.
     let mut sheet = sides_of_box(Vec3::ZERO, Vec3::ONE, [0, 0, 0, 0, 0, 1]);
     sheet.triangles.truncate(1);
     sheet.append(sheet.clone());

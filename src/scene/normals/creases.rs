@@ -8,8 +8,8 @@ use rayon::prelude::*;
 /// two of these faces would take too long.
 const MOST_FACES: usize = 1024;
 /// An edge stays smooth if the angle between its faces exceeds the crease angle by at most this. Rounding of
-/// positions turns faces slightly. If the faces of a regular prism met at exactly the crease angle, rounding
-/// would otherwise decide which of its edges are sharp.
+/// positions turns faces slightly. Without this tolerance, rounding would decide which edges of a regular
+/// prism are sharp if the prism's faces meet at exactly the crease angle.
 const ROUNDING_DEGREES: f64 = 0.01;
 
 /// A face at a position: its unit normal, and this normal multiplied by twice the face's area.
@@ -27,9 +27,9 @@ impl Face {
 }
 
 /// Replaces the smooth normals of the triangles `triangles` at positions where the normals of two of their
-/// faces differ by more than the crease angle. At such a position, each face gets a normal of its own: the
-/// mean, weighted by area, of those face normals that differ from its face normal by at most the crease
-/// angle.
+/// faces differ by more than the crease angle. At such a position, each face gets a separate normal: a mean
+/// of face normals, weighted by area. The mean includes the faces at the position whose normals differ from
+/// the face's normal by at most the crease angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease_degrees = f64::from(crease_degrees.max(0.0)) + ROUNDING_DEGREES;
     // No two normals differ by more than 180 degrees.
@@ -117,8 +117,8 @@ mod tests {
         bare(positions, halves)
     }
 
-    /// Returns the side wall of a regular prism whose corners have a distance of `scale` from its axis. The prism is
-    /// turned and moved, so that rounding turns each face differently.
+    /// Returns the side wall of a regular prism whose corners have a distance of `scale` from its axis. The
+    /// prism is turned and moved, so that rounding turns each face differently.
     fn wall(sides: u32, scale: f64) -> Mesh {
         let corner = |number: u32, height: f64| {
             let (sin, cos) = (TAU * f64::from(number) / f64::from(sides) + 0.1).sin_cos();

@@ -1,5 +1,6 @@
 //! Reads the texture coordinates (`vt`) of OBJ files. Coordinates far from 0 are stored in double precision,
-//! since single precision would lose the digits after the point, which place a repeated picture.
+//! since single precision would lose the digits after the point. These digits decide where a repeated picture
+//! lies.
 
 use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens};
 use crate::scene::Mapped;
@@ -49,8 +50,8 @@ impl Coordinates {
     }
 }
 
-/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN. Also returns the
-/// number of their lines.
+/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN; the second result
+/// counts the lines with such coordinates.
 pub(super) fn read(chunk: &Chunk) -> (Coordinates, Seen) {
     let (mut coordinates, mut odd) = (Coordinates::default(), Seen::default());
     for (offset, line) in chunk.lines() {
@@ -64,7 +65,8 @@ pub(super) fn read(chunk: &Chunk) -> (Coordinates, Seen) {
     (coordinates, odd)
 }
 
-/// Reads the two numbers of a texture coordinate. The second number may be missing, and a third number is ignored.
+/// Reads the two numbers of a texture coordinate. The second number may be missing, and a third number is
+/// ignored.
 fn coordinate(offset: usize, rest: &[u8]) -> Result<[f64; 2], Mistake> {
     let mut tokens = tokens(rest);
     let mut next = |usual: Option<&'static [u8]>| {
@@ -82,7 +84,7 @@ fn value(token: &[u8]) -> Option<f64> {
     if rounded.abs() > Mapped::NEAR { decimal(token) } else { Some(rounded) }
 }
 
-/// Returns the mistake in a texture coordinate that is not valid.
+/// Returns the error for a texture coordinate that is not valid.
 pub(super) fn mistake_in_coordinate(offset: usize, rest: &[u8]) -> Mistake {
     let none = |_| Mistake::new(offset, "a texture coordinate is not valid");
     coordinate(offset, rest).map_or_else(|mistake| mistake, none)
@@ -98,7 +100,8 @@ mod tests {
         let read = |line: &[u8]| coordinate(0, line).unwrap();
         assert_eq!(read(b" 0.1 64.000001"), [f64::from(0.1_f32), 64.0]);
         assert_eq!(read(b" 500000.1 -64.1"), [500_000.1, -64.1]);
-        // Double precision would hold this number, but single precision must be able to hold the shifted coordinates.
+        // Double precision would hold this number, but single precision must be able to hold the shifted
+        // coordinates.
         assert!(coordinate(0, b" 1e39 0").is_err());
     }
 

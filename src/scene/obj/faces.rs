@@ -60,13 +60,14 @@ impl FaceContext<'_> {
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
-    /// For each triangle, the indices of its corners' texture coordinates. The index of a corner without a texture
-    /// coordinate is [`MISSING`]. The list is empty if no texture coordinates were read.
+    /// For each triangle, the indices of its corners' texture coordinates. The index of a corner without a
+    /// texture coordinate is [`MISSING`]. The list is empty if no texture coordinates were read.
     pub coordinate_indices: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
-    /// The byte offset of the first face that has normals at some corners only; `None` if there is no such face.
+    /// The byte offset of the first face that has normals at some corners only; `None` if there is no such
+    /// face.
     partial_normals: Option<usize>,
-    /// Faces with the index of a normal that does not exist in the file.
+    /// Faces that name a normal that does not exist in the file.
     lost_normals: Seen,
     /// Faces with fewer than three corners.
     short: Seen,
@@ -100,11 +101,12 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
 /// missing normal or texture coordinate is [`MISSING`].
 type Corner = (u32, u32, u32);
 
-/// The number that a [`Corner`] contains instead of a normal's index if the file has no normal with this index.
+/// The number that a [`Corner`] contains instead of a normal's index if the file has no normal with this
+/// index.
 const LOST: u32 = MISSING - 1;
 
-/// The number that a [`Corner`] contains instead of a normal's index if this normal is not valid: one of its numbers is
-/// missing, not finite or out of range.
+/// The number that a [`Corner`] contains instead of a normal's index if this normal is not valid: one of its
+/// numbers is missing, not finite or out of range.
 const ODD: u32 = MISSING - 2;
 
 /// Returns true if some corners have a normal and others have none.
@@ -247,8 +249,8 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
 
 /// Returns the index, from 0, of the element that the number in `part` means. `what` names the kind of
 /// elements, such as "vertex". The number of the first element is one. Negative numbers count backwards: -1
-/// means the last element before the face. `seen` is the number of elements before the face, and `total` that
-/// of the whole file. Returns an error if there is no such element.
+/// means the last element before the face. `seen` is the number of elements before the face, and `total` the
+/// number of elements in the whole file. Returns an error if there is no such element.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
@@ -275,7 +277,7 @@ fn not_an_index(part: &[u8], token: &[u8]) -> String {
 }
 
 /// Parses an integer. The result is limited to half of the largest i64, with either sign. The limit does not
-/// matter, since no mesh has as many elements, and callers refuse such an index anyway.
+/// matter: no mesh has so many elements, so callers refuse an index of this size.
 fn integer(token: &[u8]) -> Option<i64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),

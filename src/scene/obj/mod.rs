@@ -75,26 +75,19 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
 /// two reasons to read a mesh again. Some triangles may have coordinates that are valid only if the mesh is
 /// scaled. Or vertices that no face uses may have influenced the mesh's placement.
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
-    let Source { name, text, quotes } = *source;
-    let chunks = text::chunks(text);
+    let chunks = text::chunks(source.text);
     let (points, placement) = read_points(&chunks, reading);
     let mut notes = Vec::new();
     points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
-
     let coordinates = match materials.maps.iter().any(Maps::has_any) {
         true => read_coordinates(source, &chunks, &mut notes),
         false => Vec::new(),
     };
     let starts = faces::starts(&points, &coordinates);
     let total = starts[points.len()];
-    if total.positions.max(total.normals) >= i32::MAX as usize {
-        return Err(Error::input(format!(
-            "{name}: too many vertices or normals; expected fewer than 2^31 - 1"
-        ))
-        .with_help("split the mesh into several files"));
-    }
+    check_total(source.name, total)?;
     let mut mesh = Mesh { materials: materials.list, ..Mesh::default() };
     add_points(&mut mesh, &points, total);
     let (odd_vertices, odd_normals) = (odd::vertices(&points, &starts), odd::normals(&points, &starts));
@@ -111,7 +104,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     let mut faces: Vec<FaceChunk> = in_order(source, faces.collect())?;
     mesh.triangles = concatenate(&mut faces);
     if mesh.triangles.is_empty() {
-        return Err(source.error(without_triangles(text, total.positions, &points)));
+        return Err(source.error(without_triangles(source.text, total.positions, &points)));
     }
     if reach.permitted.scaled && !reading.is_large && odd::use_large(&odd_vertices, &mesh, source) {
         return Ok(ControlFlow::Continue(Reading::LARGE));
@@ -121,11 +114,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     }
     odd::check_vertices(&odd_vertices, &mesh, source, &mut notes).map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
-    faces::note_partial_normals(&faces, source, &mut notes);
-    faces::note_odd_faces(&faces, source, &mut notes);
-    faces::note_unknown_materials(&faces, quotes, &mut notes);
-    notes::of_statements(&points, &mesh, quotes, &mut notes);
-    notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
+    add_notes(source, &points, &faces, &mesh, &materials.asked, &mut notes);
     if mapped {
         let corners = faces.iter().flat_map(|chunk| chunk.coordinate_indices.iter().copied()).collect();
         let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
@@ -133,6 +122,15 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     }
     paint_vertices(&mut mesh, &points, &mut notes);
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
+}
+
+/// Refuses a mesh with more vertices or normals than the indices of 31 bits can count.
+fn check_total(name: &str, total: faces::Start) -> Result<()> {
+    if total.positions.max(total.normals) < i32::MAX as usize {
+        return Ok(());
+    }
+    Err(Error::input(format!("{name}: too many vertices or normals; expected fewer than 2^31 - 1"))
+        .with_help("split the mesh into several files"))
 }
 
 /// Adds the positions and normals of all pieces of the file to a mesh. `total` has their total numbers.
@@ -145,7 +143,24 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     }
 }
 
-/// Returns the mistake of a file without triangles that has `vertices` vertices.
+/// Adds notes on faces, statements and materials of which raycl ignores or replaces parts. `asked` has the
+/// unsupported features of each material.
+fn add_notes(
+    source: &Source,
+    points: &[PointChunk],
+    faces: &[FaceChunk],
+    mesh: &Mesh,
+    asked: &[Asked],
+    notes: &mut Vec<String>,
+) {
+    faces::note_partial_normals(faces, source, notes);
+    faces::note_odd_faces(faces, source, notes);
+    faces::note_unknown_materials(faces, source.quotes, notes);
+    notes::of_statements(points, mesh, source.quotes, notes);
+    notes::of_materials(asked, mesh, source.quotes, notes);
+}
+
+/// Returns the error for a file without triangles that has `vertices` vertices.
 fn without_triangles(text: &[u8], vertices: usize, points: &[PointChunk]) -> Mistake {
     let (vertices, unknown) = (counted(vertices, "vertex"), unknown_keywords(points));
     let what = match text.trim_ascii() {
@@ -261,8 +276,9 @@ fn in_order<T>(source: &Source, results: Vec<std::result::Result<T, Mistake>>) -
     results.into_iter().collect::<std::result::Result<_, _>>().map_err(|mistake| source.error(mistake))
 }
 
-/// Moves the triangles of all pieces into one list. All threads copy, since the system fills each new page of memory
-/// with zeros, which takes longer than copying. The memory of a piece is freed as soon as the piece is copied.
+/// Moves the triangles of all pieces into one list. All threads copy, since the system fills each new page of
+/// memory with zeros, which takes longer than copying. The memory of a piece is freed as soon as the piece is
+/// copied.
 fn concatenate(faces: &mut [FaceChunk]) -> Vec<Triangle> {
     let mut all = Vec::with_capacity(faces.iter().map(|chunk| chunk.triangles.len()).sum());
     for chunk in faces {

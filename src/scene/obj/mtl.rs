@@ -40,9 +40,9 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds notes on the others. Several files may define a material
-/// of the same name. The last `mtllib` line that names one of these files then counts and, if this line names
-/// several of these files, the first file in the line. The specification of OBJ demands this order.
+/// Loads all MTL files that can be loaded, and adds notes on the others. Among several files that define a
+/// material of the same name, the file in the last `mtllib` line counts. Among such files in one line, the
+/// first file counts. The specification of OBJ demands this order.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -159,8 +159,9 @@ impl Reach<'_> {
     /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
     /// one name if a file with this name exists (the name may end before a comment). It is also one name if
     /// the first word neither ends in `.mtl` nor is the name of a file. In all other cases, each word is a
-    /// name. Some programs write a blank within a name as `\ `. The text is read in this way if a file then
-    /// has such a name with a blank. If there is no file with a name, the name without its folders is tried, too.
+    /// name. Some programs write a blank within a name as `\ `. If a file with such a name exists, the text
+    /// is divided only at its other blanks. If there is no file with a name, raycl also tries the name
+    /// without its folders.
     fn file_names(&self, library: &str) -> Vec<String> {
         let exists = |name: &str| self.locate(name).is_ok();
         let existing = |text: &str| possible_paths(text).find(|path| exists(path)).map(str::to_owned);
@@ -196,9 +197,9 @@ impl Reach<'_> {
         }
     }
 
-    /// Returns the part of a note that names a file whose name differs from one of `names` only in upper and lower
-    /// case. Returns an empty text if there is no such file, or if a file with one of `names` exists. `names` are the
-    /// names of a file that cannot be used.
+    /// Returns the part of a note that names a file whose name differs from one of `names` only in upper and
+    /// lower case. Returns an empty text if there is no such file, or if a file with one of `names` exists.
+    /// `names` are the possible names of a file that cannot be used.
     pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
         let names: Vec<_> = names.map(|name| self.folder.join(name.as_ref().replace('\\', "/"))).collect();
         if names.iter().any(|name| name.exists()) {
@@ -208,16 +209,16 @@ impl Reach<'_> {
         found.next().map(|found| format!(", but there is a file {}", quoted_name(&found))).unwrap_or_default()
     }
 
-    /// Returns the name, without folders, of a file that differs from that of `named` only in upper and lower case.
-    /// Returns `None` if no file has such a name, or if the mesh may not read the file.
+    /// Returns the name, without folders, of a file that differs from that of `named` only in upper and lower
+    /// case. Returns `None` if no file has such a name, or if the mesh may not read the file.
     fn in_other_case(&self, named: &Path) -> Option<String> {
         let (folder, wanted) = (named.parent()?, named.file_name()?.to_str()?);
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let folder = folder.canonicalize().ok().filter(|folder| self.permits(folder))?;
         let files = folder.read_dir().ok()?.flatten().filter(|entry| entry.path().is_file());
         let names = files.filter_map(|entry| entry.file_name().into_string().ok());
-        // Of several similar names, the first in alphabetical order is returned, so that the note does not depend on
-        // the order in which the system lists the folder.
+        // Of several similar names, the first in alphabetical order is returned, so that the note does not
+        // depend on the order in which the system lists the folder.
         names.filter(|name| name != wanted && name.to_lowercase() == wanted.to_lowercase()).min()
     }
 
@@ -227,7 +228,8 @@ impl Reach<'_> {
     }
 }
 
-/// Divides a text at its blanks, except those that follow a `\`: such a blank belongs to a name, which loses the `\`.
+/// Divides a text at its blanks, except those that follow a `\`. Such a blank belongs to a name, and the `\`
+/// before it is removed.
 fn unescaped_words(text: &str) -> Vec<String> {
     let joined = text.replace("\\ ", "\0");
     joined.split_whitespace().map(|word| word.replace('\0', " ")).collect()
@@ -299,7 +301,7 @@ struct Checked {
     more: Seen,
 }
 
-/// The properties of a material that raycl reads itself, and not `tobj`.
+/// The properties of a material that raycl reads without `tobj`.
 #[derive(Default)]
 struct Extras {
     asked: Asked,
@@ -382,8 +384,8 @@ mod tests {
     use super::super::parse;
     use super::*;
 
-    /// Reads a mesh of one triangle, whose folder has the material files `files`. Returns the notes, and the
-    /// triangle's material.
+    /// Reads a mesh of one triangle, whose folder has the material files `files`. `library` is the text after
+    /// `mtllib` in the mesh. Returns the notes, and the triangle's material.
     fn read(library: &str, files: &[(&str, &str)], quotes: bool) -> (Vec<String>, Material) {
         let folder = tempfile::tempdir().unwrap();
         files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
@@ -422,7 +424,8 @@ mod tests {
             let noted = notes(library, true);
             assert!(noted[0].starts_with(&format!("{}:2: `x` in Kd; ", path.display())), "{noted:?}");
             assert!(noted[1].starts_with(&format!("{}:3: texture `no.png` ", path.display())), "{noted:?}");
-            // The name of the material file is a text of the mesh.
+            // The mesh contains the name of the material file, so notes that must not quote the mesh leave
+            // the name out.
             let noted = notes(library, false);
             assert!(noted[0].starts_with("its material file:2: a value of Kd is not valid; "), "{noted:?}");
             assert!(noted[1].starts_with("its material file:3: texture cannot be read ("), "{noted:?}");

@@ -1,6 +1,7 @@
-//! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of range.
-//! For example, programs write NaN for points that were not measured. A vertex that is not valid is a mistake
-//! only if a face uses the vertex. A normal or a texture coordinate that is not valid counts as missing.
+//! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of
+//! range. For example, programs write NaN for points that were not measured. A vertex that is not valid is a
+//! mistake only if a face uses the vertex. A normal or a texture coordinate that is not valid counts as
+//! missing.
 
 use super::coordinates::mistake_in_coordinate;
 use super::faces::Start;
@@ -54,7 +55,7 @@ pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
     }
 }
 
-/// Returns a mistake if a triangle uses a vertex that is not valid. Otherwise, adds a note on the vertices
+/// Returns an error if a triangle uses a vertex that is not valid. Otherwise, adds a note on the vertices
 /// that are not valid, if there are any.
 pub(super) fn check_vertices(
     odd: &[Odd],

@@ -1,6 +1,6 @@
-//! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported statements.
-//! Vertices and normals that are not valid are recorded; they are refused only later, and only if a face uses
-//! them ([`super::odd`]).
+//! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported
+//! statements. Vertices and normals that are not valid are recorded; they are refused only later, and only if
+//! a face uses them ([`super::odd`]).
 
 use super::asked::Asked;
 use super::odd::Odd;
@@ -49,7 +49,8 @@ impl Reading {
         Some(self.placement.map_or(exact.as_vec3(), |placement| placement.settled(exact)))
     }
 
-    /// Reads a position in double precision, without moving or scaling it. Returns `None` if the position is not valid.
+    /// Reads a position in double precision, without moving or scaling it. Returns `None` if the position is
+    /// not valid.
     fn exact<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<DVec3> {
         let mut values = [0.0; 3];
         for value in &mut values {
@@ -133,7 +134,7 @@ impl PointChunk {
         self.normals.push(normal);
     }
 
-    /// Makes the vertices with only two coordinates vertices that are not valid.
+    /// Marks the vertices with only two coordinates as not valid.
     fn drop_flat(&mut self) {
         self.flat.iter().for_each(|flat| self.positions[flat.number] = Vec3::NAN);
         self.odd_vertices.append(&mut self.flat);
@@ -148,8 +149,8 @@ impl PointChunk {
     }
 
     /// Returns the bounding box of the valid positions of this piece, in double precision. The box includes
-    /// only the vertices for which `counts` returns true; `None` if there are none. The argument of `counts`
-    /// is a vertex's index within the piece.
+    /// only the vertices for which `counts` returns true. The argument of `counts` is a vertex's index within
+    /// the piece. Returns `None` if the box includes no vertex.
     pub fn exact_bounds(
         &self,
         chunk: &Chunk,
@@ -205,8 +206,8 @@ pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
     colours
 }
 
-/// If some vertices of the file have two coordinates and others three, makes those with two coordinates
-/// vertices that are not valid. If all valid vertices have two coordinates, as in a plane drawing, nothing
+/// If some vertices of the file have two coordinates and others three, marks the vertices with two
+/// coordinates as not valid. If all valid vertices have two coordinates, as in a plane drawing, nothing
 /// changes.
 pub(super) fn drop_mixed(chunks: &mut [PointChunk]) {
     let flat: usize = chunks.iter().map(|chunk| chunk.flat.len()).sum();
@@ -231,13 +232,13 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-/// Returns the mistake in a vertex that is not valid.
+/// Returns the error for a vertex that is not valid.
 pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8]) -> Mistake {
     let flat = |_| Mistake::new(offset, "a vertex with 2 numbers; expected three: x y z");
     position(offset, &mut tokens(rest)).map_or_else(|mistake| mistake, flat)
 }
 
-/// Returns the mistake in a normal that is not valid.
+/// Returns the error for a normal that is not valid.
 pub(super) fn mistake_in_normal(offset: usize, rest: &[u8]) -> Mistake {
     let none = |_| Mistake::new(offset, "a normal is not valid");
     vector(offset, "normal", &mut tokens(rest)).map_or_else(|mistake| mistake, none)

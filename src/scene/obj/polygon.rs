@@ -1,10 +1,10 @@
-//! Divides polygons into triangles. A polygon that is convex, apart from rounding errors, becomes a fan of triangles;
-//! any other polygon is divided by ear clipping.
+//! Divides polygons into triangles. A polygon that is convex, apart from rounding errors, becomes a fan of
+//! triangles; any other polygon is divided by ear clipping.
 
 use glam::{DVec2, DVec3};
 
-/// Ear clipping takes quadratic time: up to two seconds for this many corners. Concave faces with more corners are
-/// refused.
+/// Ear clipping takes quadratic time: up to two seconds for this many corners. Concave faces with more
+/// corners are refused.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
 /// An outline with more corners than this is also divided into a fan if only rounding makes the outline
@@ -26,7 +26,8 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
     (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&flat))
 }
 
-/// Projects the outline onto the coordinate plane in which its area is largest. The result runs counter-clockwise.
+/// Projects the outline onto the coordinate plane in which its area is largest. The result runs
+/// counter-clockwise.
 fn flatten(outline: &[DVec3]) -> Vec<DVec2> {
     let next = outline.iter().cycle().skip(1);
     // This is Newell's normal, which also exists for outlines that are not quite flat.
@@ -60,10 +61,10 @@ fn is_convex(flat: &[DVec2]) -> bool {
 
 /// Returns true if a fan covers an outline once, except for overlaps that rounding explains. Positions are
 /// rounded to single precision. In a circle of very many corners, the angles are so flat that rounding makes
-/// some corners concave. Some triangles of the fan are then reversed. Their total area may be at most that of
-/// a seam, a narrow strip along the outline. The seam's width is four times the largest rounding error of a
-/// coordinate. The width is limited to a fraction of the outline's size ([`WIDEST_SEAM`]), because an outline
-/// in double precision may be small and far from the origin.
+/// some corners concave. Some triangles of the fan are then reversed. Twice their total area may be at most
+/// the area of a seam, a narrow strip along the outline. The seam's width is four times the largest rounding
+/// error of a coordinate. The width is limited to a fraction of the outline's size ([`WIDEST_SEAM`]), because
+/// an outline in double precision may be small and far from the origin.
 fn has_sound_fan(flat: &[DVec2]) -> bool {
     let first = flat[0];
     let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
@@ -226,8 +227,8 @@ mod tests {
         outline
     }
 
-    /// Returns the corners of a spiral band, with `corners` corners on each of its two sides. With 200 corners on each
-    /// side, the band has five turns.
+    /// Returns the corners of a spiral band, with `corners` corners on each of its two sides. With 200
+    /// corners on each side, the band has five turns.
     fn spiral(corners: usize) -> Vec<DVec3> {
         let at = |i: usize, inner: f64| {
             let (radius, angle) = (inner + 0.01 * i as f64, std::f64::consts::TAU * i as f64 / 40.0);
@@ -278,13 +279,14 @@ mod tests {
         assert!(!is_convex(&flatten(&outline)) && outline.len() > MAX_CONCAVE_CORNERS);
         let (sum, oriented) = total_area(&outline);
         assert!((sum - oriented).abs() < 1e-5, "overlap: {sum} against {oriented}");
-        // The outline gets a dent that is deeper than rounding explains. It is refused, also after it is
-        // moved far from the origin.
+        // The outline gets a dent that is deeper than rounding explains. The outline is refused, also after
+        // it is moved far from the origin.
         outline[100].x -= 0.3;
         assert_eq!(triangulate(&outline), None);
         outline.iter_mut().for_each(|corner| corner.y += 1e7);
         assert_eq!(triangulate(&outline), None);
-        // The first triangle of a fan from the first corner would be reversed, so this outline must not become a fan.
+        // The first triangle of a fan from the first corner would be reversed, so this outline must not
+        // become a fan.
         let quad = [(0.0, 0.0), (1.0, 1e-7), (2.0, 0.0), (1.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
         assert_eq!(triangulate(&quad).map(|triangles| triangles.contains(&[0, 1, 2])), Some(false));
     }
@@ -311,7 +313,8 @@ mod tests {
         assert_eq!(total_area(&face.map(corner)), (126.0, 126.0));
     }
 
-    /// Returns a polygon around a point, counter-clockwise, with corners at random distances of up to `radius`.
+    /// Returns a polygon around a point, counter-clockwise, with corners at random distances of up to
+    /// `radius`.
     fn blob(random: &mut ChaCha8Rng, centre: DVec2, radius: f64, corners: usize) -> Vec<DVec2> {
         let corner = |i: usize| {
             let turns = (i as f64 + random.random_range(0.0..0.9)) / corners as f64;
@@ -321,9 +324,9 @@ mod tests {
         (0..corners).map(corner).collect()
     }
 
-    /// Returns true if the point `p` lies in the angle to the left of the two sides of an outline at the
-    /// corner `at`. This angle may be larger than 180 degrees. An outline with a bridge has several corners
-    /// at some positions. The function returns true for at most one of these corners.
+    /// Two sides of an outline meet at the corner `at`. Returns true if the point `p` lies in the angle to
+    /// the left of these sides, which may be larger than 180 degrees. An outline with a bridge has several
+    /// corners at some positions. The function returns true for at most one of these corners.
     fn faces(outline: &[DVec2], at: usize, p: DVec2) -> bool {
         let count = outline.len();
         let [a, b, c] = [at + count - 1, at, at + 1].map(|at| outline[at % count]);
@@ -341,7 +344,8 @@ mod tests {
         sides.all(|(a, b)| !crosses(*a, *b))
     }
 
-    /// Joins the last outline, a hole, to the first by a bridge between two random corners that see each other.
+    /// Joins the last outline, a hole, to the first by a bridge between two random corners that see each
+    /// other.
     fn bridge(random: &mut ChaCha8Rng, outlines: &mut Vec<Vec<DVec2>>) {
         loop {
             let (outline, hole) = (&outlines[0], &outlines[outlines.len() - 1]);
@@ -366,8 +370,8 @@ mod tests {
         for case in 0..300 {
             let holes = 1 + case % 3;
             let mut outlines = vec![blob(&mut random, DVec2::ZERO, 100.0, 12)];
-            // The outer outline stays at least 26 units away from its centre, and the holes stay within 16 units of
-            // this centre.
+            // The outer outline stays at least 26 units away from its centre, and the holes stay within 16
+            // units of this centre.
             for hole in 0..holes {
                 let centre = DVec2::from_angle(std::f64::consts::TAU * hole as f64 / 3.0) * 9.0;
                 let corners = random.random_range(5..9);

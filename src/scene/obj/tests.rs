@@ -1,4 +1,5 @@
-//! Tests with irregular and invalid files; `tobj` is the reference for valid files.
+//! Tests with irregular and invalid files. For valid files, the results are compared with those of the crate
+//! `tobj`.
 
 mod materials;
 mod odd;
@@ -93,7 +94,7 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
 #[test]
 fn a_concave_face_of_too_many_corners_is_reported_with_its_own_remedy() {
     let count = MAX_CONCAVE_CORNERS + 2;
-    // The corners lie in turn on a large circle and on a small circle.
+    // The corners lie alternately on a large circle and on a small circle.
     let vertex = |i: usize| {
         let (radius, angle) = ([1.0, 0.5][i % 2], std::f64::consts::TAU * i as f64 / count as f64);
         format!("v {} {} 0\n", radius * angle.cos(), radius * angle.sin())
@@ -377,8 +378,8 @@ fn many_chunks_read_as_one() {
     assert!(message(&text).contains("test.obj:160001:"));
 }
 
-/// Returns files with vertices, normals and triangles. One large triangle at the origin is in all files, so that no
-/// mesh is so far from the origin that it is centred.
+/// Generates OBJ files with vertices, normals and triangles. All files contain one large triangle at the
+/// origin, so that no mesh is far enough from the origin to be moved.
 fn obj_text() -> impl Strategy<Value = String> {
     let vertex = prop::array::uniform3(1e-2_f32..1e3);
     let counts = (prop::collection::vec(vertex, 3..40), prop::collection::vec(any::<[u32; 6]>(), 1..60));

@@ -74,8 +74,8 @@ impl Source<'_> {
         1 + self.text[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
     }
 
-    /// Returns a mistake's line and message for a note. If the text may not be quoted, the message is replaced by the
-    /// form that the line should have.
+    /// Returns a mistake's line and message for a note. If the text may not be quoted, the message is
+    /// replaced by the form that the line should have.
     pub fn note_of(&self, mistake: &Mistake) -> String {
         let line = self.line(mistake.offset);
         match self.quotes {
@@ -150,8 +150,9 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces, about sixteen for each thread: reading a piece of faces takes longer than
-/// reading as long a piece of vertices, so with few pieces, one thread would have to read the last piece alone.
+/// Divides a text at line ends into pieces, about sixteen for each thread. Faces take longer to read than
+/// vertices. If there were only few pieces, the other threads would wait while one thread reads the last
+/// piece.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     let target = (text.len() / (16 * rayon::current_num_threads())).max(CHUNK_BYTES);
     let mut chunks = Vec::new();
@@ -229,7 +230,8 @@ pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// Returns the words of a line with a name, up to a word that is only `#`: from there on, the line is a comment.
+/// Returns the words of a line with a name, up to a word that is only `#`: from there on, the line is a
+/// comment.
 pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     separated(line).take_while(|token| *token != b"#")
 }
@@ -239,8 +241,9 @@ pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 ///
 /// 1. The whole text.
 /// 2. The text before the first word that is only `#`. Such a word certainly begins a comment.
-/// 3. The text before the first word that begins with `#`, whatever follows the `#`. Such a word may begin a comment,
-///    or belong to a name such as `Material #25`. If nothing is before this word, the name is the second one.
+/// 3. The text before the first word that begins with `#`, whatever follows the `#`. Such a word may begin a
+///    comment, or belong to a name such as `Material #25`. If nothing is before this word, the name is the
+///    second one.
 pub(super) fn possible_names(text: &str) -> [&str; 3] {
     let certain = before_comment(text, |comment| {
         let rest = &comment[1..];
@@ -288,15 +291,15 @@ pub(in crate::scene) fn quoted(token: &[u8]) -> String {
     format!("`{}{end}`", printable(words(token).chars().take(40)))
 }
 
-/// Returns the name of a file for messages: in backquotes and printable. A name of more than 200 characters loses its
-/// beginning, and not its end, since the end tells which file is meant.
+/// Returns the name of a file for messages: in backquotes and printable. A name of more than 200 characters
+/// loses its beginning, and not its end, since the end tells which file is meant.
 pub(in crate::scene) fn quoted_name(name: &str) -> String {
     let omitted = name.chars().count().saturating_sub(SHOWN_NAME_CHARACTERS);
     let begin = if omitted > 0 { "..." } else { "" };
     format!("`{begin}{}`", printable(name.chars().skip(omitted)))
 }
 
-/// Returns a text whose characters are escaped, except those that can be printed.
+/// Returns a text in which all characters are escaped, except printable ASCII characters.
 fn printable(characters: impl Iterator<Item = char>) -> String {
     let mut shown = String::new();
     for character in characters {

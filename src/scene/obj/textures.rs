@@ -32,7 +32,8 @@ pub(super) struct Maps {
 
 impl Maps {
     /// Makes a material's textures, and counts their unsupported options. The settings of the colour texture
-    /// place both the texture and the mask. If the mask has other settings, they are counted as unsupported.
+    /// (scale, offset and wrap mode) place both the texture and the mask. If the mask has other settings,
+    /// they are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         [&colour, &mask].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
         let settings = [&colour, &mask].map(|map| map.as_ref().map(Map::placement));
@@ -192,8 +193,8 @@ impl Map {
         possible_names(&self.named)[1]
     }
 
-    /// Returns a note on a picture that cannot be used. `what` is the picture's purpose, `why` is the reason, and
-    /// `instead` says what is shown instead.
+    /// Returns a note on a picture that cannot be used. `what` is the picture's purpose, `why` is the reason,
+    /// and `instead` says what is shown instead.
     fn note(&self, reach: Reach<'_>, what: &str, why: &str, instead: &str) -> String {
         let (name, hint) = match reach.permitted.quotes {
             true => (format!(" {}", quoted_name(self.name())), reach.other_case(self.paths())),
@@ -216,6 +217,7 @@ impl Map {
 
     /// Returns the index, in `Pictures::list`, of the map's texture: the first file of [`Self::paths`] that
     /// can be used. If no file can be used, returns what is wrong with the first file that the mesh may read.
+    /// If there is no such file either, returns what is wrong with the file [`Self::name`].
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
         let mut unusable = None;
         for path in self.paths().filter(|path| reach.locate(path).is_ok()) {

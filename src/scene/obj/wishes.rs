@@ -1,15 +1,15 @@
 //! Counts statements of OBJ and MTL that raycl does not support. Statements that affect no picture, such as
 //! names and groups (`o`, `g`, `mg`), are not counted. Some statements have an effect only together with
-//! another statement, and only the other statement is counted. Examples are texture coordinates (`vt`), which
-//! need a texture, the parameters (`cstype`, `deg`, `parm`, ...) of a free-form shape, which need the shape,
-//! and the refractive index (`Ni`), which needs a refracting material.
+//! another statement, and only the other statement is counted. Texture coordinates (`vt`) need a texture,
+//! parameters of a free-form shape (`cstype`, `deg`, `parm`, ...) need the shape, and the refractive index
+//! (`Ni`) needs a refracting material.
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
 /// Counts a line of an OBJ file if it asks for something that raycl does not support. `rest` is the line
 /// after the keyword. The function is not called for `v`, `vn`, `f`, `fo`, `s`, `usemtl` and `mtllib`, which
-/// other code handles.
+/// other modules read.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
@@ -31,7 +31,7 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
 
 /// Counts a line of a material if it asks for something that raycl does not support. `rest` is the line after
 /// the keyword. The function is not called for `newmtl`, `Kd`, `Ks`, `Ns`, `illum`, `map_Kd` and `map_d`,
-/// which other code handles.
+/// which other modules read.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);

@@ -6,7 +6,8 @@ use crate::scene::Mesh;
 use crate::scene::normals::flatten;
 use std::f64::consts::PI;
 
-/// Returns a gourd of about `triangles` triangles. With 648 triangles, it has exactly 18 segments and 18 rings.
+/// Returns a gourd of about `triangles` triangles. With 648 triangles, it has exactly 18 segments and 18
+/// rings.
 pub(super) fn gourd(triangles: u32) -> Mesh {
     let (segments, rings) = split(f64::from(triangles) / 2.0, 1.0);
     revolve(segments, rings, profile)
@@ -41,8 +42,8 @@ fn scattered(index: u32) -> f32 {
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Returns the gourd's radius and height at t: those of a unit sphere, with the radius changed to a belly and
-/// a head with a waist between them.
+/// Returns the gourd's radius and height at t. They are those of a unit sphere, but the radius is changed so
+/// that the gourd has a belly, a waist and a head.
 fn profile(t: f64) -> (f64, f64) {
     let (sin, cos) = (PI * t).sin_cos();
     let bulge = |at: f64, width: f64| (-((t - at) / width).powi(2)).exp();

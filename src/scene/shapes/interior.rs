@@ -16,8 +16,8 @@ const MIN_COLUMN_TRIANGLES: f64 = 40.0;
 /// round.
 const COLUMN_SHARE: f64 = 0.75;
 
-/// Returns a hall of about `triangles` triangles, at least twelve. With fewer than 640 triangles, the hall has
-/// fewer than 12 columns.
+/// Returns a hall of about `triangles` triangles, at least twelve. With fewer than 640 triangles, the hall
+/// has fewer than 12 columns.
 pub(super) fn interior(triangles: u32) -> Mesh {
     let triangles = f64::from(triangles);
     let columns = ((COLUMN_SHARE * triangles / MIN_COLUMN_TRIANGLES) as u32).min(MAX_COLUMNS) & !1;

@@ -30,7 +30,8 @@ pub enum Shape {
         /// Target number of triangles.
         triangles: u32,
     },
-    /// Newell's teapot, 6.43 units wide and 3.15 units high, which stands on the plane y = 0 with its spout towards +x.
+    /// Newell's teapot, 6.43 units wide and 3.15 units high, which stands on the plane y = 0 with its spout
+    /// towards +x.
     Teapot {
         /// Each of the 32 patches has `fineness` x `fineness` quads.
         fineness: u32,

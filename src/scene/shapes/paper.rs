@@ -1,4 +1,5 @@
-//! The shapes whose coordinates are in the paper's code (Hughes et al., *Computer Graphics*, chapter 15).
+//! Shapes of the paper's pictures whose coordinates are published, in the paper or in chapter 15 of the book
+//! (Hughes et al., *Computer Graphics*).
 
 use crate::scene::{Material, Mesh, Triangle};
 use glam::Vec3;
@@ -29,8 +30,8 @@ pub(super) fn ground() -> Mesh {
     mesh
 }
 
-/// Returns the pyramid of the paper's Figure 3: the two visible faces with the paper's normals, then the back and the
-/// base.
+/// Returns the pyramid of the paper's Figure 3: the two visible faces with the paper's normals, then the back
+/// and the base.
 pub(super) fn pyramid() -> Mesh {
     let [apex, front, left, right] =
         [(0.0, 2.0, -3.5), (0.0, -1.0, -2.0), (-2.0, -1.0, -3.0), (2.0, -1.0, -3.0)].map(Vec3::from);

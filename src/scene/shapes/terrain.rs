@@ -20,8 +20,8 @@ pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     })
 }
 
-/// Returns the height and its slopes along x and z. The hills of each octave have half the width and two
-/// fifths of the height of those of the previous octave.
+/// Returns the height and its slopes along x and z. In each octave, the hills are half as wide and two fifths
+/// as high as in the previous octave.
 fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);

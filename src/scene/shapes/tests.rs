@@ -42,7 +42,7 @@ fn the_ground_has_no_gaps() {
 fn a_sphere_of_eight_triangles_is_an_octahedron() {
     let mesh = generate(&Shape::Sphere { triangles: 8 });
     let areas: Vec<f32> = areas(&mesh).collect();
-    // Each side of a triangle is the square root of 2.
+    // Each side of a triangle has the length sqrt(2), so its area is sqrt(0.75).
     let is_right = |area: &f32| (area - 0.75_f32.sqrt()).abs() < 1e-6;
     assert!(areas.len() == 8 && areas.iter().all(is_right), "{areas:?}");
 }

@@ -57,8 +57,8 @@ ranges! {
     /// For angles between faces.
     Crease: "an angle from 0 to 180 degrees", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
-    /// For fields of view. Angles near 0 and 180 degrees are refused, since the tangent of half such an angle is almost
-    /// 0 or very large.
+    /// For fields of view. Angles near 0 and 180 degrees are refused, since the tangent of half such an angle
+    /// is almost 0 or very large.
     Angle: "an angle between 0.001 and 179.99 degrees", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0.001, "exclusiveMaximum": 179.99 };
 }

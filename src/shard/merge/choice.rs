@@ -24,8 +24,8 @@ pub struct Chosen {
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes
 /// precedence over all other records, and a record with a time takes precedence over a record without a time.
 /// Among records without a time, [`Record::rank`] decides on the order. If these rules do not decide between
-/// several records of a point, the record of a preferred attempt is used. The points of a block have the same
-/// preferred attempt: points of different attempts were not measured in the same rounds. To find the
+/// several records of a point, the record of a preferred attempt is used. All points of a block have the same
+/// preferred attempt, because points of different attempts were not measured in the same rounds. To find the
 /// preferred attempt, raycl counts, for each attempt, those points of the block for which no other attempt
 /// has a better record. The preferred attempt is the one with the largest count. If several attempts have
 /// this count, the attempt with the most samples of the counted points is preferred. If these attempts also

@@ -198,7 +198,7 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
 }
 
 /// Returns the records in all attempts' `controls.jsonl`: records of control points that a block measured
-/// although the points belong to another block. If an attempt copied all launches of such a record, an
+/// although the points belong to another block. If an attempt copied all launches of one of these records, an
 /// earlier attempt may have a record of the same launches. In this case, only one of the two records is
 /// returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {

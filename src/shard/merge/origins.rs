@@ -18,9 +18,9 @@ pub type Launch = (usize, u32);
 pub struct Origins {
     /// The original of each copied launch.
     originals: HashMap<Launch, Launch>,
-    /// The name of each attempt's machine. The list begins with the attempts of the folder. After them come
-    /// attempts whose folders are missing, but from which other attempts copied launches. The machine of such
-    /// an attempt is known from the attempt's name.
+    /// The name of each attempt's machine. The list begins with the attempts of the folder. Next come
+    /// attempts whose folders are missing, but from which other attempts copied launches. The machine of an
+    /// attempt without a folder is known from the attempt's name.
     hosts: Vec<String>,
 }
 

@@ -37,7 +37,8 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     Ok(())
 }
 
-/// Returns true if a path in a record leads to a file inside the record's folder.
+/// Returns true if a path in a record is relative and has no `..`. A path of this form can lead out of the
+/// record's folder only through a link.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }

@@ -46,8 +46,9 @@ impl Planned {
         self.points.iter().map(|point| point.key.as_str())
     }
 
-    /// Returns the names of the devices in the merged folder: by the index of an attempt, and by the name that the
-    /// attempt's records give to a device. Two attempts may give the same name to devices of different kinds.
+    /// Returns a map to the names of devices in the merged folder. A key of the map is an attempt's index and
+    /// a device's name in the attempt's records. Two attempts may give the same name to devices of different
+    /// kinds.
     pub fn devices<'a>(
         &self,
         records: impl Iterator<Item = &'a Measured>,

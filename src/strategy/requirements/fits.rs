@@ -72,8 +72,9 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     Ok(())
 }
 
-/// Checks that kernels can count the values of a heap and the entries of a queue, if the strategy has them. A counter
-/// that overflows would give two work-items the same element.
+/// Checks that kernels can count the values of the heap for working vectors, and the entries of the queue of
+/// leftover shadow rays, if the strategy has a heap or a queue. A counter that overflows would give two
+/// work-items the same element.
 pub fn counters(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let [across, down] = workload.global_size(strategy).map(|items| items as u128);
     let each = u128::from(strategy.vectors.bytes_per_ray() / 4);

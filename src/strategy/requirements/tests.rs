@@ -1,4 +1,4 @@
-//! Tests with the paper's device, and of the arithmetic at arbitrary sizes.
+//! Tests of requirements against the limits of the paper's device, and of the arithmetic at random sizes.
 
 use super::super::{AXES, Cause, PRESETS, Strategy, preset};
 use super::*;

@@ -47,7 +47,7 @@ impl Graphics {
 
     /// Returns half blocks instead of sixels if the answer came from tmux (a program that divides a terminal
     /// into several). Since version 3.4, tmux accepts sixels even if the terminal around tmux cannot draw
-    /// them. In that case, tmux shows nothing or a placeholder.
+    /// sixels; tmux then shows nothing or a placeholder.
     fn shown_by_tmux(self, is_tmux: bool) -> Self {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }
@@ -65,7 +65,8 @@ impl Graphics {
         }
     }
 
-    /// Returns the size of a picture that fills this many characters.
+    /// Returns the size in pixels of a picture that fills `cells` characters across and down. A picture of
+    /// sixels is at most `MOST_SIXELS` wide and high.
     ///
     /// `cell` is the size of a character in pixels.
     pub fn size(self, cells: [u32; 2], cell: [u32; 2]) -> [u32; 2] {
@@ -90,15 +91,15 @@ impl Graphics {
         }
     }
 
-    /// Returns the text that removes the last picture.
+    /// Returns the text that removes the last picture from the terminal; empty unless the form is kitty's.
     pub fn end(self) -> &'static str {
         if self == Self::Kitty { "\x1b_Ga=d,d=I,i=1,q=2\x1b\\" } else { "" }
     }
 }
 
-/// Returns the commands of kitty's protocol that replace the terminal's picture 1 by this one. The commands contain the
-/// picture's red, green and blue bytes, compressed by deflate and encoded in base64. The cursor stays where it is, and
-/// the terminal does not answer.
+/// Returns the commands of kitty's protocol that show `picture` in place of the last picture: both have the
+/// number 1. The commands contain the picture's red, green and blue bytes, compressed by deflate and encoded
+/// in base64. The commands leave the cursor where it is, and ask the terminal for no answer.
 fn kitty(picture: &RgbImage) -> std::io::Result<String> {
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::fast());
     deflated.write_all(picture)?;

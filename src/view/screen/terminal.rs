@@ -51,9 +51,9 @@ impl Terminal {
     /// If no user can press keys, or if the terminal does not report the size of a character in pixels, uses
     /// half blocks without asking.
     ///
-    /// raycl begins to use the whole terminal when it first shows a picture, writes a line or looks for
-    /// input. Until then, for example while a large scene is loaded, Ctrl-C ends raycl. When the returned
-    /// value is dropped, raycl stops using the terminal.
+    /// The terminal changes to raw mode and to its alternate screen when raycl first shows a picture, writes
+    /// a line or looks for input. Before this change, for example while a large scene is loaded, Ctrl-C ends
+    /// raycl. When the returned value is dropped, the terminal returns to its usual mode and screen.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
@@ -99,7 +99,8 @@ impl Terminal {
         [0, 1].map(|axis| self.size[axis].min(room[axis]))
     }
 
-    /// Begins to use the whole terminal, if a user can press keys.
+    /// Changes the terminal to raw mode and to its alternate screen. Does nothing if this has been done, or
+    /// if no user can press keys.
     fn enter(&mut self) -> Result<()> {
         if !self.is_interactive || self.is_entered {
             return Ok(());

@@ -10,7 +10,8 @@ pub fn last_line(text: &str, [across, down]: [u16; 2]) -> String {
 }
 
 /// Returns the codes that write lines of text over a picture, from its upper left corner. The picture covers
-/// `[across, down]` characters; lines that have no room there are left out, and long lines are cut.
+/// `[across, down]` characters. Lines below the picture are left out, and lines wider than the picture are
+/// cut.
 pub fn over(lines: &[String], [across, down]: [usize; 2]) -> String {
     let widest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0).min(across);
     let rows = (1..=down).zip(lines);

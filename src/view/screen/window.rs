@@ -213,7 +213,8 @@ fn too_few_colours(display: &str, depth: u8, bits: u8) -> Error {
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
-    /// True if the window's last report was about a key that was already down before this report and still is.
+    /// True if the last call of `set_key_state` reported a key as down that was already down before this
+    /// call.
     is_held: bool,
 }
 

@@ -7,16 +7,17 @@
 // contradicts: culling=back because the matrix keeps no sign of the normal
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// A matrix of three rows takes the corners to (0,0,0), (1,0,0) and (0,1,0), so that a point's first two coordinates are its
-// weights of the second and third corner, and the third is 0 in the triangle's plane:
+// A matrix of three rows maps the triangle's corners to (0,0,0), (1,0,0) and (0,1,0). The first two coordinates of a
+// mapped point are the point's weights of the second and third corner. The third coordinate, the height, is 0 in the
+// triangle's plane:
 //
 //     w1      a.x a.y a.z u       x
 //     w2   =  b.x b.y b.z v   x   y
 //     height  c.x c.y c.z w       z
 //                                 1
 //
-// The matrix is divided by the largest component of the normal, so the normal's sign is lost: the test cannot tell the
-// front of a triangle from its back.
+// The matrix is divided by the largest component of the normal, so the normal's sign is lost: the test cannot
+// distinguish the front of a triangle from its back.
 
 typedef struct {
     varying t_min;
@@ -52,7 +53,7 @@ Row row_of(Corners corners) {
         row.a = uniform3(e2.y, -e2.x, 0.0f), row.u = CROSS(c, a, x, y);
         row.b = uniform3(-e1.y, e1.x, 0.0f), row.v = -CROSS(b, a, x, y);
     }
-    // A triangle of no area is a matrix of zeros: every distance is then 0 / 0, and nothing hits it.
+    // A triangle without area gets a matrix of zeros. The distance t is then 0 / 0, so no ray hits this triangle.
     const float per_n = n == 0.0f ? 0.0f : 1.0f / n;
     row.a = uniform3(row.a.x * per_n, row.a.y * per_n, row.a.z * per_n), row.u *= per_n;
     row.b = uniform3(row.b.x * per_n, row.b.y * per_n, row.b.z * per_n), row.v *= per_n;
@@ -60,8 +61,8 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hit points. Returns 0 only if no lane hits;
-// a result of 1 does not promise a hit.
+// Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
+// no lane hits. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     const varying above = row.c.x * origin.x + row.c.y * origin.y + row.c.z * origin.z + row.w;
     const varying falls = row.c.x * direction.x + row.c.y * direction.y + row.c.z * direction.z;
@@ -74,7 +75,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying z = origin.z + hit->t * direction.z;
     hit->w1 = row.a.x * x + row.a.y * y + row.a.z * z + row.u;
     hit->w2 = row.b.x * x + row.b.y * y + row.b.z * z + row.v;
-    // The terms' rounding errors, so that a ray along a shared edge falls through between no two triangles.
+    // Each weight may exceed its bounds by its rounding error, so that no ray slips through between two triangles.
     const varying slack1 =
         4.0f * ROUNDING * (fabs(row.a.x * x) + fabs(row.a.y * y) + fabs(row.a.z * z) + fabs(row.u));
     const varying slack2 =

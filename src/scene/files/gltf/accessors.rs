@@ -16,11 +16,12 @@ const MOST_ELEMENTS: u64 = 1 << 31;
 pub(super) struct Numbers<'a> {
     pub root: &'a Root,
     buffers: &'a [Bytes<'a>],
-    /// The largest number of elements that an accessor may have.
+    /// An upper limit on the number of elements of an accessor, computed from the sizes of the buffers.
     most: usize,
 }
 
-/// The elements of an accessor (a list of numbers or vectors in a buffer). The elements are `stride` bytes apart.
+/// The elements of an accessor (a list of numbers or vectors in a buffer). The elements are `stride` bytes
+/// apart.
 struct StridedView<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -42,8 +43,8 @@ impl StridedView<'_> {
         Some(values)
     }
 
-    /// Returns one number. If the accessor is normalised, whole numbers are converted to 0 to 1 or -1 to 1
-    /// (glTF 2.0, 3.6.2.2).
+    /// Converts the bytes of one component to a number. If the accessor is normalised, a whole number becomes
+    /// a number from 0 to 1 or from -1 to 1 (glTF 2.0, 3.6.2.2).
     fn component(&self, bytes: &[u8]) -> f64 {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
@@ -82,8 +83,8 @@ impl<'a> Numbers<'a> {
         self.root.get(index).map_or(0, |accessor| accessor.count.0.min(self.most as u64))
     }
 
-    /// Returns the elements of an accessor (a list of numbers or vectors in a buffer). Each element must have `N`
-    /// components.
+    /// Returns the elements of an accessor (a list of numbers or vectors in a buffer). Each element must have
+    /// `N` components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let message = |what: String| format!("accessor {number}: {what}");
@@ -178,8 +179,8 @@ impl<'a> Numbers<'a> {
         let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
         let range = start.saturating_add(offset).min(end) as usize..end as usize;
         let size = bytes_of(component) * components;
-        // In glTF 1.0, a stride of 0 means that elements follow each other without gaps, and some converters
-        // keep the 0.
+        // In glTF 1.0, a stride of 0 means that elements follow each other without gaps. Some converters from
+        // glTF 1.0 keep this 0.
         let stride = view.byte_stride.map(|stride| stride.0).filter(|stride| *stride > 0).unwrap_or(size);
         if stride < size {
             return Err(format!("a stride of {stride} bytes for elements of {size} bytes"));
@@ -209,8 +210,8 @@ fn components(accessor: &Accessor) -> Parsed<usize> {
 mod tests {
     use super::*;
 
-    /// An accessor without data may have at most 65,536 elements or, if the file's largest buffer has more bytes than
-    /// this, one element per byte.
+    /// An accessor without data may have at most 65,536 elements or, if the file's largest buffer has more
+    /// bytes than this, one element per byte.
     #[test]
     fn elements_without_data_are_zeros_and_a_small_file_has_not_too_many() {
         let zeros = |count: usize, held: usize| {

@@ -34,8 +34,8 @@ pub(super) fn load<'a>(
                 .map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // An empty buffer is refused here, because the checks of accessors do not find it if no
-                // accessor uses the buffer.
+                // Reading an accessor finds an empty buffer only if the accessor uses the buffer, so all
+                // empty buffers are refused here.
                 0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
                 _ => Ok(bytes),
             }
@@ -86,8 +86,9 @@ fn file(path: &Path) -> Parsed<Vec<u8>> {
     reader::bytes(path, Kind::Mesh).map_err(unreadable)
 }
 
-/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not checked. The
-/// text of an error continues a message that begins with the name of the buffer or picture that has the URI.
+/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not
+/// checked. The text of an error continues a message that begins with the name of the buffer or picture that
+/// has the URI.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("is a data: URI without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
@@ -130,6 +131,24 @@ mod tests {
         let buffers = load(&root, Reach { folder: folder.path(), permitted }, None).unwrap();
         assert_eq!(buffers.iter().map(|bytes| bytes.len()).collect::<Vec<_>>(), [4, 3, 4]);
         assert!(Rc::ptr_eq(&buffers[0], &buffers[2]));
+    }
+
+    #[test]
+    fn only_the_first_buffer_is_the_binary_part_of_a_file() {
+        let loaded = |buffers: &str| -> Parsed<Vec<Vec<u8>>> {
+            let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffers}]}}"#);
+            let root: Root = serde_json::from_str(&text).unwrap();
+            let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+            let reach = Reach { folder: Path::new(""), permitted };
+            let buffers = load(&root, reach, Some(Cow::Borrowed(&b"123"[..])))?;
+            Ok(buffers.iter().map(|bytes| bytes.to_vec()).collect())
+        };
+        let own = r#"{"byteLength": 3}"#;
+        assert_eq!(loaded(own), Ok(vec![b"123".to_vec()]));
+        let expected = "buffer 1: it has no URI, and the file has no binary part".to_owned();
+        for first in [own, r#"{"uri": "data:;base64,AQID", "byteLength": 3}"#] {
+            assert_eq!(loaded(&format!("{first}, {own}")), Err(expected.clone()), "{first}");
+        }
     }
 
     #[test]

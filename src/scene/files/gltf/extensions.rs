@@ -6,15 +6,15 @@ use gltf::json::Root;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// Extensions that raycl supports, and extensions on which other code writes a note if a part of the file
+/// Extensions that raycl supports, and extensions on which another module writes a note if a part of the file
 /// uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Beginnings of the names of further extensions on which other code writes notes. These extensions concern
+/// Beginnings of the names of further extensions on which other modules write notes. These extensions concern
 /// only surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// This extension does not count as known, although its name begins with `KHR_materials_`: no other code
-/// writes a note on it. It offers several materials for a surface to choose from.
+/// An extension that gives a surface several materials to choose from. It does not count as known, although
+/// its name begins with `KHR_materials_`, because no other module writes a note on it.
 const VARIANTS: &str = "KHR_materials_variants";
 /// An extension whose name contains one of these words compresses positions in a form that raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
@@ -33,7 +33,8 @@ fn is_compression(extension: &str) -> bool {
     COMPRESSIONS.iter().any(|part| extension.contains(part))
 }
 
-/// Refuses a file whose vertices are compressed. The error names the extensions that compress them.
+/// Refuses a file whose vertices are compressed. The error names the extensions if messages may quote the
+/// file.
 pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
     let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
@@ -60,8 +61,8 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions on which other code writes no notes. The notes contain the names
-/// of the extensions only if `quotes` is true.
+/// Returns notes on unsupported extensions, except those on which other modules write notes. The notes
+/// contain the names of the extensions only if `quotes` is true.
 pub(super) fn notes(root: &Root, quotes: bool) -> impl Iterator<Item = String> {
     let required = |extension: &String| root.extensions_required.contains(extension);
     let unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));

@@ -32,8 +32,8 @@ pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
     Some(format!("the file asks for {named} of glTF: it is read as version 2.0"))
 }
 
-/// Reads the JSON without the parts that raycl does not use; returns `None` if the rest is not valid glTF
-/// 2.0.
+/// Reads the JSON without the parts that raycl does not use. Adds empty `nodes` and `attributes` where they
+/// are missing, because `gltf-json` demands them. Returns `None` if the resulting JSON is not valid glTF 2.0.
 fn tidied(json: &[u8]) -> Option<Read> {
     let mut value: Value = serde_json::from_slice(json).ok()?;
     let version = &value["asset"]["version"];
@@ -61,7 +61,8 @@ fn objects<'a>(
     list.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// Adds the key `key` with the value `usual` to each object of the list `list` that does not have this key.
+/// Adds the key `key` with the value `usual` to each object that does not have this key. `list` is the key of
+/// the list of objects in `of`.
 fn complete(of: &mut Map<String, Value>, list: &str, key: &str, usual: &Value) {
     for object in objects(of, list) {
         object.entry(key).or_insert_with(|| usual.clone());
@@ -172,8 +173,8 @@ mod tests {
             read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).unwrap().animations
         };
         let valid = "{\"channels\": [], \"samplers\": []}";
-        // `gltf-json` refuses animations without channels, so the third file is read without the contents of its
-        // animations.
+        // `gltf-json` refuses animations without channels, so the third file is read without the contents of
+        // its animations.
         assert_eq!([count("[]"), count(&format!("[{valid}, {valid}]")), count("[{}, {}, {}]")], [0, 2, 3]);
     }
 }

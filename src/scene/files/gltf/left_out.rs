@@ -33,8 +33,8 @@ pub(super) struct LeftOut {
     /// The number of corners after the last whole triangle of a primitive.
     pub spare: usize,
     pub odd_coordinates: usize,
-    /// The number of triangles whose texture coordinates are so far from 0 that the texture is placed only
-    /// coarsely.
+    /// The number of triangles whose texture coordinates are so far from 0 that single precision stores them
+    /// inexactly.
     pub coarse: usize,
     /// The number of triangles that have a texture but no texture coordinates.
     pub unmapped: usize,
@@ -65,7 +65,7 @@ impl LeftOut {
         let notes = [
             (self.unplaced, "mesh that no node places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
-            (self.odd_cameras, "camera without a known type and its values", "not used"),
+            (self.odd_cameras, "camera of an unknown type or without the values of its type", "not used"),
             (
                 self.odd_views,
                 "camera with a yfov that is not between 0.001 and 179.99 degrees",

@@ -50,9 +50,9 @@ const BLENDED: f32 = 0.5;
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        // The factor makes every point of the surface less than half opaque, as in a picture of a shadow.
-        // Without holes, the surface would hide the surfaces behind it. The factor is therefore ignored, and
-        // the texture's alpha alone decides which points are holes.
+        // The material's `factor` alone makes every point of the surface less than half opaque, as in a
+        // picture of a shadow. Without holes, the surface would hide the surfaces behind it. The factor is
+        // therefore ignored, and only the texture's alpha decides which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
@@ -126,16 +126,8 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         ("emissiveTexture", wire.emissive_texture.is_some() && emits),
     ];
     textures.iter().filter(|(_, has)| *has).for_each(|(name, _)| asked.add(Wish::Texture, name.as_bytes()));
-    match (wire.alpha_mode, colour_texture(wire)) {
-        (Checked::Valid(AlphaMode::Mask), _) if is_hidden(wire) => {
-            asked.add(Wish::Transparency, b"alphaMode MASK");
-        }
-        (Checked::Valid(AlphaMode::Blend), Some(_)) if factor(wire) > 0.0 => {
-            asked.add(Wish::Blending, b"alphaMode BLEND");
-        }
-        (Checked::Valid(AlphaMode::Blend), _) => asked.add(Wish::Transparency, b"alphaMode BLEND"),
-        (Checked::Invalid, _) => asked.add(Wish::UnknownAlpha, b"alphaMode"),
-        _ => {}
+    if let Some((wish, key)) = alpha_wish(wire) {
+        asked.add(wish, key.as_bytes());
     }
     let (key, colour) = stated_colour(wire);
     if is_outside(&colour) {
@@ -147,8 +139,8 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
     if emits {
         asked.add(Wish::Emission, b"emissiveFactor");
     }
-    // In a material with one of these extensions, `metallicFactor` and `roughnessFactor` have no effect. A material
-    // that does not state `metallicFactor` is metal.
+    // In a material with one of these extensions, `metallicFactor` and `roughnessFactor` have no effect. A
+    // material that does not state `metallicFactor` is metal.
     let replacing = ["KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"];
     let is_replaced = replacing.iter().any(|name| extension(wire, name).is_some());
     if pbr.metallic_factor.0 > 0.0 && !is_replaced {
@@ -157,17 +149,40 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         asked.add(Wish::Shine, b"roughnessFactor");
     }
     for (name, _) in others(wire) {
-        let wish = match name.as_str() {
-            "KHR_materials_transmission" | "KHR_materials_volume" | "KHR_materials_diffuse_transmission" => {
-                Wish::Refraction
-            }
-            "KHR_materials_unlit" => Wish::Unlit,
-            "KHR_materials_emissive_strength" | "KHR_materials_ior" => continue,
-            _ => Wish::Shine,
-        };
-        asked.add(wish, name.as_bytes());
+        if let Some(wish) = extension_wish(name) {
+            asked.add(wish, name.as_bytes());
+        }
     }
     asked
+}
+
+/// Returns the unsupported kind of transparency for which a material asks, and the words for it in notes;
+/// `None` if the material asks for none.
+fn alpha_wish(wire: &Wire) -> Option<(Wish, &'static str)> {
+    match (wire.alpha_mode, colour_texture(wire)) {
+        (Checked::Valid(AlphaMode::Mask), _) if is_hidden(wire) => {
+            Some((Wish::Transparency, "alphaMode MASK"))
+        }
+        (Checked::Valid(AlphaMode::Blend), Some(_)) if factor(wire) > 0.0 => {
+            Some((Wish::Blending, "alphaMode BLEND"))
+        }
+        (Checked::Valid(AlphaMode::Blend), _) => Some((Wish::Transparency, "alphaMode BLEND")),
+        (Checked::Invalid, _) => Some((Wish::UnknownAlpha, "alphaMode")),
+        _ => None,
+    }
+}
+
+/// Returns the unsupported feature for which an extension of a material asks; `None` if there is no note on
+/// the extension.
+fn extension_wish(name: &str) -> Option<Wish> {
+    match name {
+        "KHR_materials_transmission" | "KHR_materials_volume" | "KHR_materials_diffuse_transmission" => {
+            Some(Wish::Refraction)
+        }
+        "KHR_materials_unlit" => Some(Wish::Unlit),
+        "KHR_materials_emissive_strength" | "KHR_materials_ior" => None,
+        _ => Some(Wish::Shine),
+    }
 }
 
 #[cfg(test)]

@@ -47,7 +47,8 @@ pub(super) struct Walk<'a> {
     has_maps: bool,
     /// The texture coordinates of each triangle; empty if no material has a texture.
     mapped: Vec<Mapped>,
-    /// The index of the first triangle of each node that has a mesh.
+    /// The index of the first triangle of each node that has a mesh. If no node has one, the index of the
+    /// first triangle of each mesh.
     starts: Vec<u32>,
     /// For each perspective camera: its position in double precision, the camera moved to the origin, and its
     /// zfar, if the file states one. zfar is the depth beyond which the file's camera sees nothing.
@@ -224,8 +225,8 @@ impl<'a> Walk<'a> {
                 index.value()
             ));
         }
-        // A light without strength is left out. If all lights of the file are left out, raycl adds its own
-        // lights.
+        // A light without strength is left out, so that raycl adds its own lights if no light of the file
+        // shines.
         if strength == DVec3::ZERO {
             self.left_out.dark += 1;
             return Ok(());
@@ -245,9 +246,9 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Returns true if the file's camera and lights, scaled like the mesh, are within raycl's limits. If they
-    /// are not, the mesh is not scaled. A camera beyond the limits is so far away, at least 1e11 radii of the
-    /// mesh, that the mesh covers less than a pixel.
+    /// Returns true if the file's first camera and its lights, scaled like the mesh, are within raycl's
+    /// limits. If this is false, the mesh is not scaled. A camera beyond the limits is so far away, at least
+    /// 1e11 radii of the mesh, that the mesh covers less than a pixel.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
@@ -271,8 +272,8 @@ impl<'a> Walk<'a> {
         notes
     }
 
-    /// Returns the mesh in single precision, with the file's first camera and its lights. `note_materials`
-    /// adds notes on the materials of the mesh.
+    /// Returns the mesh in single precision, with the first camera and all lights of the file.
+    /// `note_materials` adds notes on the materials of the mesh.
     pub fn settled(
         self,
         (materials, pictures): (Vec<Material>, Vec<Texture>),
@@ -301,8 +302,9 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Returns the nodes of the file's default scene, or else of its first scene, in order. If the file has no
-/// scene, returns the nodes without a parent and their descendants. A parent comes before its children.
+/// Returns the nodes of the file's default scene or, if this scene does not exist, of the first scene. If the
+/// file has no scene, returns the nodes without a parent and their descendants. A parent comes before its
+/// children.
 pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
     let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
     let mut next: Vec<PlacedNode> = match scene {
@@ -337,7 +339,7 @@ pub(super) fn meshes_of(root: &Root, placed: &[PlacedNode]) -> Vec<Index<GltfMes
     if of_nodes.is_empty() { (0..root.meshes.len() as u32).map(Index::new).collect() } else { of_nodes }
 }
 
-/// Returns the indices of the materials of the triangles in the meshes of the nodes `placed`.
+/// Returns the indices of the materials that are used by triangles of the nodes `placed`.
 pub(super) fn materials_of(root: &Root, placed: &[PlacedNode]) -> HashSet<usize> {
     // Each mesh is examined only once, even if many nodes place it.
     let meshes: HashSet<usize> = meshes_of(root, placed).iter().map(Index::value).collect();

@@ -5,10 +5,10 @@ use super::accessors::Numbers;
 use super::materials::white;
 use crate::scene::files::colours::is_outside;
 use glam::{DVec3, Vec3};
-use gltf::json::Index;
 use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
+use gltf::json::{Index, Root};
 
 /// A part of a mesh (a primitive in glTF), in the coordinates of its node.
 pub(super) struct Part {
@@ -49,7 +49,8 @@ pub(super) struct Sizes {
     pub positions: u64,
 }
 
-/// Those accessors of a primitive that raycl reads; `None` if the primitive does not have the accessor.
+/// The accessors of a primitive that raycl reads. A field is `None` if the primitive does not have this
+/// accessor.
 struct Used {
     positions: Option<Index<Accessor>>,
     normals: Option<Index<Accessor>>,
@@ -117,13 +118,7 @@ impl Part {
             }
         }
         let indices = corners(numbers, used.indices, positions.len())?;
-        let without = if colours.is_empty() { 0 } else { white(numbers.root) };
-        let material = primitive.material.map_or(Ok(without), |index| {
-            let known = numbers.root.get(index).is_some();
-            known
-                .then(|| index.value() as u32 + 1)
-                .ok_or_else(|| format!("material {} does not exist", index.value()))
-        })?;
+        let material = material(numbers.root, primitive, !colours.is_empty())?;
         let (triangles, dangling) = existing(triangles(mode, &indices), positions.len());
         let empty = used.empty(numbers);
         let part = Self {
@@ -214,6 +209,15 @@ pub(super) fn mode_of(primitive: &Primitive) -> Option<Mode> {
     }
 }
 
+/// Returns the index of a primitive's material in `Materials::list` (see [`Part::material`]).
+fn material(root: &Root, primitive: &Primitive, has_colours: bool) -> Parsed<u32> {
+    let Some(index) = primitive.material else { return Ok(if has_colours { white(root) } else { 0 }) };
+    match root.get(index) {
+        Some(_) => Ok(index.value() as u32 + 1),
+        None => Err(format!("material {} does not exist", index.value())),
+    }
+}
+
 /// Returns those elements of `list` for which `is_used` is true.
 fn only<T>(list: Vec<T>, is_used: &[bool]) -> Vec<T> {
     list.into_iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|(element, _)| element).collect()
@@ -279,7 +283,6 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
 mod tests {
     use super::super::buffers::Bytes;
     use super::*;
-    use gltf::json::Root;
 
     #[test]
     fn strips_and_fans_keep_the_orientation_of_their_first_triangle() {

@@ -113,9 +113,9 @@ fn normalised_numbers_go_from_minus_one_to_one() {
 
 #[test]
 fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
-    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle. The index
-    // of the replaced position is the second of the triangle's indices, 1. The new position consists of the second to
-    // fourth numbers of the positions: 0, 0, 1.
+    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle.
+    // The index of the replaced position is the second of the triangle's indices, 1. The new position
+    // consists of the second to fourth numbers of the positions: 0, 0, 1.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 4}},"#;
@@ -125,9 +125,9 @@ fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
 
 #[test]
 fn sparse_elements_are_normalised_like_the_others() {
-    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle. The index
-    // of the replaced position is the second of the triangle's indices, 1. The new position consists of the sixth to
-    // eighth numbers of the corners: 0, 0, 127.
+    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle.
+    // The index of the replaced position is the second of the triangle's indices, 1. The new position
+    // consists of the sixth to eighth numbers of the corners: 0, 0, 127.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 5}},"#;
@@ -186,8 +186,8 @@ fn materials_cameras_and_lights() {
     }
 }
 
-/// Returns the notes on a camera that looks from the origin along -z at a triangle. `range` has the camera's `znear`
-/// and perhaps its `zfar`.
+/// Returns the notes on a camera that looks from the origin along -z at a triangle. `range` has the camera's
+/// `znear` and perhaps its `zfar`.
 fn camera_notes(range: &str, z_of_triangle: i32) -> Vec<String> {
     let lens = format!(r#"{{"yfov": 1, {range}}}"#);
     let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}], "scenes": ["#);
@@ -256,8 +256,8 @@ fn lights_of_intensity_0_are_left_out_and_noted() {
 
 #[test]
 fn positions_that_no_triangle_uses_are_left_out() {
-    // The triangle uses two of the three positions in the list, and the list of positions also serves as the list of
-    // normals.
+    // The triangle uses two of the three positions in the list, and the list of positions also serves as the
+    // list of normals.
     let text = triangle()
         .replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "NORMAL": 0}"#)
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode([&bytes()[..36], &[1, 0, 2, 0, 1, 0]].concat()));
@@ -284,7 +284,7 @@ fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
     assert!(error.starts_with("reading a.gltf needs about") && error.contains("B for all nodes"), "{error}");
 }
 
-/// A mesh outside the folder of the scene file that names it may belong to somebody else, so errors and notes
+/// A scene file may name a mesh in another folder. This mesh may belong to somebody else, so errors and notes
 /// must not quote it.
 #[test]
 fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
@@ -605,7 +605,7 @@ fn a_camera_whose_values_are_not_valid_is_noted() {
         assert!(!is_used && notes == [note], "{scale}: {notes:?}");
     }
     for (kind, note) in [
-        ("fisheye", "1 camera without a known type and its values is not used"),
+        ("fisheye", "1 camera of an unknown type or without the values of its type is not used"),
         ("orthographic", "1 orthographic camera is not used: all views are in perspective"),
     ] {
         assert_eq!(with(kind, "1", "[1, 1, 1]"), (false, vec![note.to_owned()]), "{kind}");
@@ -693,9 +693,9 @@ fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
     assert_eq!(file.mesh.triangles.len(), 2);
     let colours = "colours of 3 vertices: each triangle has one colour, the mean of its corners";
     assert_eq!(file.notes, [colours]);
-    // The colours are now nine bytes of the positions, read as whole numbers. Only the bytes of the floating-point
-    // number 1 among them are not zero. These bytes belong to the third colour, and make two of its channels larger
-    // than 1.
+    // The colours are now nine bytes of the positions, read as whole numbers. Two of these bytes are not
+    // zero: they are bytes of the floating-point number 1. They are two channels of the third colour, so this
+    // colour has channels larger than 1.
     let notes = with(r#""byteOffset": 8, "componentType": 5121"#).notes;
     let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
     assert_eq!(notes, [colours, outside]);

@@ -15,8 +15,8 @@ use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-/// A texture coordinate with a larger absolute value places the texture coarsely: glTF stores coordinates in
-/// single precision, whose steps are at least 1/2048 of the picture's side beyond this value.
+/// Texture coordinates with a larger absolute value are inexact. glTF stores coordinates in single precision,
+/// and beyond this value, neighbouring numbers differ by at least 1/2048 of the picture's side.
 const COARSE: f64 = 4096.0;
 
 /// The texture of a material's colour.
@@ -39,13 +39,13 @@ impl ColourMap {
         Mapped::new(corners.map(transformed), Some(self.texture), mask, self.usage.wrap)
     }
 
-    /// Returns true if the coordinates of a triangle with this material are so far from 0 that single
-    /// precision places the picture only coarsely. A clamped picture never counts as coarse, since it looks
-    /// the same everywhere far from 0.
+    /// Returns true if the coordinates of a triangle with this material are so far from 0 that they are
+    /// inexact in single precision. Coordinates of a clamped picture never count, since the picture looks the
+    /// same everywhere far from 0.
     pub fn is_coarse(&self, corners: [[f32; 2]; 3]) -> bool {
         corners.into_iter().any(|corner| {
-            // The transform's offset is left out here: it is added in double precision, so it makes no
-            // coordinate coarser.
+            // The transform's offset is left out: it is added in double precision, so it makes no coordinate
+            // less exact.
             let scaled = self.transform.transform_vector2(vector(corner)).abs().to_array();
             scaled.into_iter().zip(self.usage.wrap).any(|(value, wrap)| value > COARSE && wrap != Wrap::Clamp)
         })
@@ -153,8 +153,8 @@ fn sampler_of<'a>(root: &'a Root, texture: &Texture) -> Option<&'a Sampler> {
     root.get(texture.sampler?)
 }
 
-/// Returns the unsupported options in the sampler of a material's colour texture: hard edges between texels, and wrap
-/// modes that glTF does not define.
+/// Returns the unsupported options in the sampler of a material's colour texture: hard edges between texels,
+/// and wrap modes that glTF does not define.
 pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Item = &'static str> {
     let texture = colour_texture(wire).and_then(|info| root.get(info.index));
     let sampler = texture.and_then(|texture| sampler_of(root, texture));

@@ -1,4 +1,4 @@
-//! Reads the elements of an ASCII file, one per line. The crate `ply-rs-bw` is not used here, because it
+//! Reads the elements of an ASCII PLY file, one per line. The crate `ply-rs-bw` is not used here, because it
 //! refuses numbers such as `nan`, `.5` and `5.`, which other programs write.
 
 use crate::scene::files::flaw::Flaw;
@@ -36,8 +36,8 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Returns true if a line is empty or a comment. PLY allows comments only in the header, but some files also have
-/// comments between elements.
+/// Returns true if a line is empty or a comment. PLY allows comments only in the header, but some files also
+/// have comments between elements.
 fn is_ignored(line: &[u8]) -> bool {
     line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()).is_none_or(|word| word == b"comment")
 }
@@ -105,7 +105,7 @@ fn several<'a, T>(
     (0..count).map(|_| next(words, read, expected)).collect()
 }
 
-/// Reads the next word with `read`. Returns a mistake if there is no word, or if `read` returns `None`.
+/// Reads the next word with `read`. Returns an error if there is no word, or if `read` returns `None`.
 fn next<'a, T>(
     words: &mut impl Iterator<Item = &'a [u8]>,
     read: fn(&[u8]) -> Option<T>,
@@ -123,7 +123,8 @@ fn parsed<T: FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Parses a whole number, also with a decimal point, as some programs write it.
+/// Parses a whole number. Some programs write it with a decimal point or an exponent. Returns `None` if the
+/// number is not whole or does not fit into `T`.
 fn whole<T: TryFrom<i64>>(word: &[u8]) -> Option<T> {
     // All whole numbers up to this one are exact in double precision.
     const MOST: f64 = (1_u64 << 53) as f64;

@@ -63,7 +63,7 @@ pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     if is_read || !is_ply { Ok(tidied) } else { Err(too_long()) }
 }
 
-/// Returns the mistake of a header that is longer than `MAX_BYTES`.
+/// Returns the error for a header that is longer than `MAX_BYTES`.
 fn too_long() -> Flaw {
     Flaw::from(format!(
         "no line `end_header` in the first {MAX_BYTES} bytes; expected a header of at most this size"
@@ -71,8 +71,8 @@ fn too_long() -> Flaw {
     .with_remedy("export the file with fewer comments in its header, or convert it to OBJ")
 }
 
-/// Returns what is wrong with the line `number`, from 1, of a header that the crate `ply-rs-bw` refuses.
-/// Returns `None` if the message of `ply-rs-bw` is to be used.
+/// Returns the error for the line `number`, from 1, of a header that the crate `ply-rs-bw` refuses. Returns
+/// `None` if this function has no better message than `ply-rs-bw`.
 pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     let before = || header.lines().take(number.saturating_sub(1));
     let line = header.lines().nth(number.checked_sub(1)?)?;
@@ -97,7 +97,7 @@ pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     Some(flaw)
 }
 
-/// Returns what is wrong with the header line of a property that has these types.
+/// Returns the error for the header line of a property that has these types.
 fn of_types(types: &[&str]) -> Flaw {
     match types.iter().find(|of| !TYPES.contains(of)) {
         Some(unknown) => {
@@ -109,9 +109,9 @@ fn of_types(types: &[&str]) -> Flaw {
     }
 }
 
-/// Returns the byte that ends each line of a header. It is CR if the first line ends with a CR that no LF follows, and
-/// otherwise LF. Only the first line is examined: after the header's last line, a binary file has data, which
-/// may begin with a byte equal to LF.
+/// Returns the byte that ends each line of a header. It is CR if the first line ends with a CR that no LF
+/// follows, and otherwise LF. Only the first line is examined: after the header's last line, a binary file
+/// has data, which may begin with a byte equal to LF.
 fn line_end(head: &[u8]) -> u8 {
     match head.iter().position(|&byte| byte == b'\n' || byte == b'\r') {
         Some(at) if head[at] == b'\r' && head.get(at + 1) != Some(&b'\n') => b'\r',
@@ -119,7 +119,8 @@ fn line_end(head: &[u8]) -> u8 {
     }
 }
 
-/// The names in the header so far. Each map leads from the name in the tidied header to the name in the file.
+/// The names in the lines of the header that were read so far. The keys of both maps are names in the tidied
+/// header, and the values are the names in the file.
 #[derive(Default)]
 struct Names {
     elements: HashMap<String, String>,
@@ -130,8 +131,8 @@ struct Names {
 
 impl Names {
     /// Returns the words of the next line. The name of an element or a property is replaced if `ply-rs-bw`
-    /// would refuse it, because the name contains characters that PLY does not define, such as brackets, or
-    /// because it occurs twice. The name of a colour channel is converted to lower case.
+    /// would refuse the name. `ply-rs-bw` refuses names that occur twice, and names with characters that PLY
+    /// does not define, such as brackets. The name of a colour channel is converted to lower case.
     fn replaced<'a>(&mut self, mut words: Vec<Cow<'a, str>>) -> Vec<Cow<'a, str>> {
         self.line += 1;
         let (at, used) = match words.first().map(|word| &**word) {
@@ -207,8 +208,8 @@ mod tests {
         assert!(tidied(format!("ply\n{}", " ".repeat(MAX_BYTES)).as_bytes()).is_err());
         // `tidied` accepts a long file that is no PLY, because a later check refuses the file's first line.
         assert!(tidied(" ".repeat(MAX_BYTES + 1).as_bytes()).is_ok());
-        // `tidied` also accepts a file of exactly `MAX_BYTES` bytes without `end_header`, because a later check reports
-        // the file's mistake.
+        // `tidied` also accepts a file of exactly `MAX_BYTES` bytes without `end_header`, because a later
+        // check reports the file's mistake.
         assert!(tidied(" ".repeat(MAX_BYTES).as_bytes()).is_ok());
     }
 

@@ -2,7 +2,7 @@
 //! define any elements with any properties. Without these checks, a missing property would be read as zeros.
 
 use super::colour::CHANNELS;
-use super::is_corners;
+use super::elements::is_corners;
 use crate::error::or_meant;
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
@@ -12,7 +12,7 @@ use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 /// Largest number of properties that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Returns a mistake if vertices have no x or y, or if faces or strips have no list of corners.
+/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners.
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     check_names(header)?;
     let element = |name: &str| header.elements.get(name).filter(|element| element.count > 0);
@@ -28,7 +28,7 @@ pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     }
 }
 
-/// Returns a mistake if the header has no vertices, or neither faces nor strips, but an element with a
+/// Returns an error if the header lacks vertices, or lacks both faces and strips, but has an element with a
 /// similar name.
 fn check_names(header: &Header) -> Result<(), Flaw> {
     let lacks = |names: &[&str]| !names.iter().any(|name| header.elements.contains_key(*name));
@@ -42,7 +42,7 @@ fn check_names(header: &Header) -> Result<(), Flaw> {
     Ok(())
 }
 
-/// Returns the mistake of an element that lacks a property. `what` says which property is missing.
+/// Returns the error for an element that lacks a property. `what` says which property is missing.
 fn without(element: &ElementDef, what: &str) -> Flaw {
     let mut names: Vec<String> = element.properties.values().take(MOST_LISTED).map(described).collect();
     names.extend((element.properties.len() > MOST_LISTED).then(|| "...".to_owned()));

@@ -22,8 +22,8 @@ fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
     assert!(file.notes.iter().any(|note| note.contains("4 vertices")), "{:?}", file.notes);
 }
 
-/// Two faces of a plane, a triangle and a square, with colours of their own: red, and green of half the intensity. The
-/// faces are followed by a strip without a colour.
+/// Two faces in one plane: a red triangle, and a square that is green with half the intensity. After the
+/// faces, the file has a strip without a colour.
 const PAINTED: &str = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
     element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\n\
     property uchar blue\nelement tristrips 1\nproperty list uchar int vertex_indices\nend_header\n\
@@ -53,7 +53,7 @@ fn triangles_get_the_colours_of_their_faces_unless_vertices_have_colours() {
     let bright = PAINTED.replace("uchar red", "float red").replace("uchar green", "float green");
     let notes = parse("a.ply", bright.as_bytes()).unwrap().notes;
     assert_eq!(notes, ["2 faces with a colour outside 0 to 1 are shown with channels limited to this range"]);
-    // In the last file, the vertices are blue.
+    // If the vertices also have a colour, here blue, the colours of the faces are not used.
     let vertices = "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
     let both = PAINTED.replace("property float z\n", vertices);
     let (header, data) = both.split_once("end_header\n").unwrap();
@@ -222,8 +222,8 @@ fn headers_of_other_programs_are_read() {
     }
 }
 
-/// The first two headers of this test state elements without properties. If raycl did not refuse these headers, reading
-/// the elements of the first header would take all memory, and reading those of the second header would never end.
+/// The first two headers of this test state elements without properties. If raycl did not refuse these
+/// headers, it would run out of memory with the first header, and read forever with the second header.
 #[test]
 fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
     let message_of = |format: &str, elements: &str, data: &str| {
@@ -243,7 +243,8 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
             for count in ["11", "100000000000", "18446744073709551615"] {
                 let message =
                     message_of(format, &format!("element vertex {count}\nproperty {property}"), data);
-                let states = format!("the file is too short: its header states {count} elements `vertex`");
+                let elements = counted(count.parse().unwrap(), "element");
+                let states = format!("the file is too short: its header states {elements} `vertex`");
                 let left = format!("but only {} bytes are left for them", data.len());
                 assert!(message.starts_with(&format!("a.ply: {states}")), "{message}");
                 assert!(message.contains(&left), "{message}");
@@ -256,6 +257,9 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
     let expected = "the file is too short: its header states 3 elements `face` of at least 6 bytes each, but only 17 \
                     bytes are left for them";
     assert_eq!(message, format!("a.ply: {expected}"));
+    let message = message_of("binary_little_endian", "element vertex 1\nproperty short x", "x");
+    let expected = "1 element `vertex` of at least 2 bytes each, but only 1 byte is left for them";
+    assert!(message.ends_with(expected), "{message}");
     // Four numbers of one digit and the three blanks between them take 7 bytes.
     let four = "ply\nformat ascii 1.0\nelement vertex 4\nproperty uchar x\nend_header\n";
     let header = Parser::<Skipped>::new().read_header(&mut Reader::new(four.as_bytes())).unwrap();
@@ -271,7 +275,7 @@ fn what_a_header_needs_is_held_against_the_memory() {
     };
     let header = |vertices: usize, faces: usize| header_with(vertices, "", faces);
     assert!(hold("a.ply", &header(1000, 1000)).is_ok());
-    // The list of a face's corners is a block of memory of its own.
+    // A face's list of corners takes a separate block of memory.
     let (face, list, triangle) = (size_of::<Face>() as u64, 32, 28);
     assert_eq!(FACE_BYTES, face + list + triangle);
     for (vertices, faces) in [(1 << 50, 0), (0, 1 << 50)] {
@@ -289,8 +293,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
         message.contains(&format!(" + {face} B x 1000 faces + {COLOUR_BYTES} B x 1000 colours")),
         "{message}"
     );
-    // Each face may have a colour of its own, so the number of colours is the number of faces, but at most the number
-    // of all colours with 8 bits per channel.
+    // Each face may have a different colour, so the number of colours is the number of faces. It is at most
+    // 2^24, the number of all colours with 8 bits per channel.
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
         let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();
@@ -377,7 +381,7 @@ fn comments_between_the_elements_of_an_ascii_file_are_ignored() {
     let text = text.replacen("4 0 1 2 3\n", "  comment\n4 0 1 2 3\n", 1) + "comment the end\n";
     let [plain, commented] = [SQUARE, text.as_str()].map(|text| parse("a.ply", text.as_bytes()).unwrap());
     assert_eq!((commented.mesh, commented.notes), (plain.mesh, plain.notes));
-    // The line of a mistake counts the comments before it.
+    // The line number of a mistake counts the comments before the mistake.
     let error = parse("a.ply", text.replacen("4 0 1 2 3", "4 0 1 x 3", 1).as_bytes()).err().unwrap();
     assert!(error.to_string().starts_with("a.ply:23: `x`"), "{error}");
 }
@@ -437,7 +441,8 @@ fn a_message_begins_with_the_files_name() {
     assert!(error.starts_with("a.ply:"), "{error}");
 }
 
-/// Returns an ASCII file of these vertices, whose first three are a face.
+/// Returns an ASCII file with the vertices `vertices`, and with one face whose corners are the first three
+/// vertices.
 fn triangle_of_floats(vertices: &[&str]) -> String {
     let (count, lines) = (vertices.len(), vertices.join("\n"));
     format!(
@@ -464,7 +469,8 @@ fn a_map_keeps_all_digits_of_its_text_beside_a_vertex_that_no_face_uses() {
 fn a_tiny_concave_face_is_divided_like_a_large_one() {
     let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\n\
         element face 1\nproperty list uchar int vertex_indices\nend_header\n";
-    // A fan from the first corner would contain a triangle outside this outline, which is concave at the second corner.
+    // A fan from the first corner would contain a triangle outside this outline, which is concave at the
+    // second corner.
     let corners = |edge: f64| {
         let text = format!(
             "{header}{edge:e} 0 0\n{quarter:e} {quarter:e} 0\n0 {edge:e} 0\n0 0 0\n4 0 1 2 3\n",
@@ -505,7 +511,8 @@ fn a_header_without_what_a_mesh_needs_is_refused_by_name() {
         assert!(shown.starts_with(&format!("a.ply: {message}")), "{shown}");
         assert_eq!(withheld, shown.split_once(';').map_or(&*shown, |(what, _)| what), "{shown}");
     }
-    // Strips need a list of corners, too. If the header states 0 elements of a type, this type needs no properties.
+    // Strips need a list of corners, too. If the header states 0 elements of a type, this type needs no
+    // properties.
     let strips = SQUARE.replacen("element face", "element tristrips", 1).replacen("indices", "list", 1);
     let error = parse("a.ply", strips.as_bytes()).err().unwrap().to_string();
     assert!(error.starts_with("a.ply: `tristrips` has no list "), "{error}");

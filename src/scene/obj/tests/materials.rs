@@ -3,8 +3,8 @@
 use super::*;
 use crate::scene::material::PAPER_SHININESS;
 
-/// Makes a folder with a mesh that names a material file by `library`, and a material file outside of it.
-/// Returns true if the outer file was read, and the notes.
+/// Makes a folder with a mesh, and a material file outside this folder. `library` is the name of the material
+/// file in the mesh. Returns true if the material file was read, and the notes.
 #[cfg(unix)]
 fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let outer = tempfile::tempdir().unwrap();
@@ -112,8 +112,8 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
         let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}{lines}");
         parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
     };
-    // In OBJ, the second coordinate in a texture is measured upwards from the texture's lower edge; if this coordinate
-    // is missing, it is 0.
+    // In OBJ, the second coordinate in a texture is measured upwards from the texture's lower edge; if this
+    // coordinate is missing, it is 0.
     let coordinates = "vt 0.25 0\nvt 0.5\nvt 0 0.75\n";
     for face in ["f 1/1 2/2 3/3", "f 1/-3 2/-2 3/-1", "f 1/1/ 2/2/ 3/3/"] {
         let rows = mapped(&format!("{coordinates}{face}\n"));
@@ -143,7 +143,8 @@ fn texture_coordinates_far_from_0_place_a_picture_as_exactly_as_near_ones() {
     assert_eq!([mapped("", far), mapped("-o 1000000 -1000000", near)], [expected.clone(), expected]);
 }
 
-/// A texture is multiplied by white if `Kd` is missing or black. Triangles without coordinates show no texture.
+/// A texture is multiplied by white if `Kd` is missing or black. Triangles without coordinates show no
+/// texture.
 #[test]
 fn triangles_without_texture_coordinates_keep_the_colour_of_their_material() {
     let folder = tempfile::tempdir().unwrap();
@@ -190,9 +191,9 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
 }
 
-/// Reads a mesh file with the lines `obj` and then one triangle. Returns the red channel of the triangle's material,
-/// and the notes on the file. The folder of the mesh file has two material files, `my paints.mtl` and `#1.mtl`, which
-/// both contain the text `mtl`.
+/// Reads a mesh file with the lines `obj` and then one triangle. Returns the red channel of the triangle's
+/// material, and the notes on the file. The folder of the mesh file has two material files, `my paints.mtl`
+/// and `#1.mtl`, which both contain the text `mtl`.
 fn red(mtl: &str, obj: &str) -> (f32, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     for name in ["my paints.mtl", "#1.mtl"] {
@@ -217,8 +218,8 @@ fn a_comment_may_follow_a_name() {
     ] {
         assert_eq!(red(mtl, obj), (expected, Vec::new()), "{obj}");
     }
-    // If the material `red` and the material `red # paint` are both defined, the name `red` means the first one, in
-    // whatever order the two are defined.
+    // If the material `red` and the material `red # paint` are both defined, the name `red` means the
+    // material `red`, whichever of the two is defined first.
     let both = format!("newmtl red\nKd 1 0 0\n{mtl}");
     assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # walls").0, 1.0);
     assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # paint").0, 0.25);
@@ -469,8 +470,8 @@ fn of_many_files_that_are_missing_the_first_are_noted_and_the_others_counted() {
     assert_eq!(notes[7], "997 more textures cannot be used either");
 }
 
-/// Returns the notes on a mesh of six triangles with the materials `a0` to `a5`. `material` returns the text of a
-/// material in the MTL file.
+/// Returns the notes on a mesh of six triangles with the materials `a0` to `a5`. `material` returns the text
+/// of a material in the MTL file.
 fn notes_on_six(material: impl Fn(usize) -> String) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), (0..6).map(material).collect::<String>()).unwrap();

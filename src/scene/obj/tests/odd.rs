@@ -139,7 +139,7 @@ fn a_mesh_that_may_be_scaled_can_have_coordinates_of_any_size() {
     }
     let too_large = parsed("v 0 0 0\nv 1e301 0 0\nv 0 1 0\nf 1 2 3\n", true).err().unwrap().to_string();
     assert!(too_large.starts_with("m.obj:2: "), "{too_large}");
-    // A vertex that no face uses does not make the mesh small.
+    // A large vertex that no face uses does not cause the mesh to be scaled.
     let unused = parsed("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1e20 0 0\nf 1 2 3\n", true).unwrap();
     assert_eq!((unused.placement.scale, unused.mesh.positions[1]), (1.0, Vec3::X));
     assert!(unused.notes.iter().any(|note| note.contains("1 such vertex")), "{:?}", unused.notes);
@@ -162,7 +162,7 @@ fn a_vertex_that_no_face_uses_does_not_decide_where_the_mesh_is_and_how_large() 
         assert_eq!(beside.notes, plain.notes, "{corners}{unused}");
         crate::scene::validate::check_positions(&beside.mesh).unwrap();
     }
-    // Vertices are numbered through all pieces of the file.
+    // The index of an unused vertex counts the vertices of all pieces of the file before it.
     let mut text = String::new();
     for i in 0..40_000 {
         text.push_str(&format!("v {i} 5400000 0\nv {i} 5400000.25 0\nv {i} 5400000 1\nf -3 -2 -1\n"));

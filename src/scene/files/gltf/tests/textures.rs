@@ -10,8 +10,8 @@ fn png() -> Vec<u8> {
     png
 }
 
-/// Returns the file of [`triangle`] with a material and with texture coordinates, which are the first six numbers of
-/// the positions. Texture 0 is the picture of [`png`].
+/// Returns the file of [`triangle`] with a material and with texture coordinates, which are the first six
+/// numbers of the positions. Texture 0 is the picture of [`png`].
 fn textured(material: &str) -> String {
     let png = STANDARD.encode(png());
     let lists = format!(
@@ -205,8 +205,8 @@ fn a_picture_that_cannot_be_decoded_from_its_uri_is_noted_in_a_sentence() {
     }
 }
 
-/// A picture in the file is the colour of an opaque surface, and both the colour and the mask of another
-/// surface.
+/// Two surfaces show the same picture. For the opaque surface, the picture is the colour. For the other
+/// surface, the picture is both the colour and the mask.
 #[test]
 fn a_picture_has_the_same_mip_levels_in_the_file_and_beside_it() {
     let mut bytes = Cursor::new(Vec::new());

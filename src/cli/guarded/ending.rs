@@ -1,0 +1,55 @@
+//! How a child process ended: its exit code, or the signal that ended it.
+
+use crate::device::patience::HUNG;
+use std::process::ExitStatus;
+
+/// Returns a text that says how a process ended, if a driver may have ended it; otherwise `None`.
+pub fn drivers_doing(status: ExitStatus) -> Option<String> {
+    if status.code() == Some(HUNG) {
+        return Some("a driver did not answer".to_owned());
+    }
+    let (signal, name) = crash(status)?;
+    Some(format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
+}
+
+/// Returns the number and the name of the signal with which a process crashed; `None` if the process did not crash.
+pub fn crash(status: ExitStatus) -> Option<(i32, &'static str)> {
+    signal(status).filter(|(_, name)| CRASHES.contains(name))
+}
+
+/// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, come from outside the
+/// process, so they are not the driver's fault.
+const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
+
+/// Returns the number and the name of the signal that ended a process; `None` if no signal ended it.
+#[cfg(unix)]
+pub fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {
+    use std::os::unix::process::ExitStatusExt as _;
+    let signal = status.signal()?;
+    Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or("a signal without a name")))
+}
+
+/// Returns `None`: a process on this system is not ended by a signal.
+#[cfg(not(unix))]
+pub fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
+    None
+}
+
+/// Returns the exit code of a process, or 128 plus the number of the signal that ended it, as shells do.
+pub fn exit_code(status: ExitStatus) -> i32 {
+    status.code().unwrap_or_else(|| 128 + signal(status).map_or(0, |(signal, _)| signal))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::process::ExitStatusExt as _;
+
+    #[test]
+    fn a_process_that_a_signal_ended_has_128_plus_the_signal_as_exit_code() {
+        let of_wait = |status| exit_code(ExitStatus::from_raw(status));
+        // The status that the system call `wait` returns has the number of the signal in its low bits, and the exit
+        // code above these bits.
+        assert_eq!([of_wait(2), of_wait(15), of_wait(2 << 8), of_wait(0)], [130, 143, 2, 0]);
+    }
+}

@@ -1,0 +1,44 @@
+//! Takes the locks of the devices on which the points of a group are measured.
+
+use super::device_of;
+use crate::device_lock::{Held, LockName, LockWait};
+use crate::error::Result;
+use crate::experiment::Run;
+use crate::experiment::asleep;
+use crate::experiment::pending::PendingPoint;
+use crate::experiment::result_sink::ResultSink;
+use std::sync::atomic::AtomicBool;
+
+/// Returns one name of a lock per point: the lock of the point's device. Baselines and points on CPUs share
+/// the lock of the host's processors. Devices that only tests use ([`asleep`]) have no lock.
+pub(super) fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
+    let awake = points
+        .iter()
+        .filter(|pending| device_of(run, pending).is_none_or(|device| !asleep::is_asleep(device)));
+    awake.map(|pending| LockName::of(device_of(run, pending))).collect()
+}
+
+/// Takes the locks `devices`. While other processes hold these locks, the sink (the receiver of results and
+/// messages) is told that the run waits. During this wait, builders (processes that compile programs) begin
+/// no program for these devices, because compiling would disturb the other processes' measurements.
+pub(super) fn take_locks(
+    run: &Run<'_>,
+    devices: Vec<LockName>,
+    sink: &mut impl ResultSink,
+    interrupted: &AtomicBool,
+) -> Result<Vec<Held>> {
+    let mut tells = |waiting: LockWait<'_>| match waiting {
+        LockWait::For(line) => {
+            run.ahead.into_iter().for_each(|ahead| ahead.pause(&devices));
+            sink.says(line);
+        }
+        LockWait::Still => sink.waits(),
+    };
+    let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
+    // Builders (processes that compile programs) may start to compile programs again, even if the locks could
+    // not be taken. With `--spread`, each device has a thread of its own, and the run ends only when all
+    // these threads have ended. The thread of another device with the same lock may be waiting for a program
+    // that a builder has to build.
+    run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
+    held
+}

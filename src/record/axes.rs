@@ -1,0 +1,14 @@
+//! The axes and their values in the text of a record's strategy.
+
+/// Axes that are newer than some records. The value of each axis describes what raycl did before the axis existed.
+const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
+
+/// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text. The value
+/// of a newer axis describes what raycl did before the axis existed. Returns no axis for a baseline.
+pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
+    let stated = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
+    let is_unstated = move |(axis, _): &(&str, &str)| {
+        stated().any(|(name, _)| name == "traversal") && stated().all(|(name, _)| name != *axis)
+    };
+    stated().chain(BEFORE.into_iter().filter(is_unstated))
+}

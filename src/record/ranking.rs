@@ -1,0 +1,144 @@
+//! Ranks records by their times, and computes the smallest difference between two records that is no tie.
+
+use super::point_times::median;
+use super::ratios::ratio;
+use super::relative_times::RelativeTimes;
+use super::together::{between_runs, has_time, in_order};
+use super::types::Record;
+use crate::measure::{BetweenRuns, Paired, PairedSample, Ranking, median_of};
+use std::collections::HashMap;
+
+/// A point ties with the fastest point unless the samples show that the point takes longer by more than this
+/// fraction.
+const TIE: f64 = 0.01;
+
+/// Ranks the measured records by their times. The winners are the fastest record and every record that ties
+/// with it. A record ties if the samples do not show that the record takes more than 1% longer. A record with
+/// too few samples, or with times of 0, has no rank.
+///
+/// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Records
+/// whose levels can be compared form a family ([`RelativeTimes::family`]; a kernel family is something else).
+/// The ratio of two records of different families is the ratio of their medians (see [`ratio`]). The levels
+/// of each family are therefore shifted by a constant, so that the mean of the levels equals the mean of the
+/// logarithms of the family's medians.
+pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
+    let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
+    let mut families: HashMap<String, Vec<f64>> = HashMap::new();
+    for times in measured.iter().filter_map(|record| record.relative_times.as_ref()) {
+        families.entry(times.family()).or_default().push(times.median_ms.middle.ln() - times.level());
+    }
+    let mean_of = |all: &Vec<f64>| all.iter().sum::<f64>() / all.len() as f64;
+    let shifts: HashMap<&str, f64> =
+        families.iter().map(|(family, all)| (family.as_str(), mean_of(all))).collect();
+    let is_alone = shifts.len() < 2;
+    let shift = |times: &RelativeTimes| {
+        if is_alone { Some(0.0) } else { shifts.get(times.family().as_str()).copied() }
+    };
+    let level = |times: &RelativeTimes| Some(times.level() + shift(times)?);
+    let levels = measured.into_iter().map(|record| (record, record.relative_times.as_ref().and_then(level)));
+    let ties = |record: &Record, best: &Record| {
+        std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)
+    };
+    Ranking::by(levels, ties)
+}
+
+/// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.
+/// Each set of records that were measured together has its own value. The function returns the least and the
+/// greatest of these values, or `None` if no value is known.
+pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
+    let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
+    let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
+    parts.fold(None, |range: Option<[f64; 2]>, part| {
+        let [low, high] = range.unwrap_or([part; 2]);
+        Some([low.min(part), high.max(part)])
+    })
+}
+
+/// Returns the smallest difference between two points, as a fraction, at which the samples can show that the
+/// points do not tie. Two points tie unless the samples show that one of the points takes more than 1%
+/// longer. `part` is the smallest difference, as a fraction, that the samples can show at all.
+fn beyond_a_tie(part: f64) -> f64 {
+    (1.0 + part) * (1.0 + TIE) - 1.0
+}
+
+/// Returns the smallest difference between two of these records that a single launch can show, as a fraction, by the
+/// rule of [`resolution`]. The result is the median over launches. Records with equal launch numbers must have been
+/// measured together, on one device. Records with times of 0 are left out.
+pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
+    let records: Vec<&Record> = records.iter().filter(|record| has_time(record)).collect();
+    let samples = in_order(records.iter().copied(), &[]);
+    let between: Vec<BetweenRuns> = records.iter().map(|record| between_runs(record)).collect();
+    let launches = samples.chunk_by(|one, other| one.launch == other.launch);
+    let of = |launch: &[PairedSample]| {
+        Paired::of(launch, records.len()).over_runs(between.clone()).resolution().map(beyond_a_tie)
+    };
+    median_of(&launches.filter_map(of).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{few, judged, measured, sampled};
+    use super::super::together::tests::in_two_launches;
+    use super::*;
+
+    #[test]
+    fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
+        let records = judged([
+            measured("gpu", "naive", 8, 10.0),
+            measured("gpu", "wide", 1, 10.09),
+            // The samples show that this point takes at least 0.4% longer than the fastest point. They do not
+            // show that the point takes at least 1% longer.
+            measured("gpu", "wide", 4, 10.15),
+            measured("gpu", "wide", 2, 10.3),
+            few("gpu", "naive", 4, 1.0, 4),
+        ]);
+        let ranking = ranking(&records);
+        let names = |of: &[&Record]| of.iter().map(|record| record.samples_ms[0]).collect::<Vec<_>>();
+        assert_eq!(
+            (names(&ranking.winners), names(&ranking.unranked)),
+            (vec![10.0, 10.09, 10.15], vec![1.0])
+        );
+    }
+
+    /// The samples of two sessions cannot be paired, so the ratio of their points is the ratio of two medians. By
+    /// the means of their three launches, `naive` takes longer than `wide`. By the medians of all samples,
+    /// `naive` takes less time than `wide`.
+    #[test]
+    fn points_of_several_sessions_are_ranked_by_the_medians_of_which_their_ratios_are_computed() {
+        let session = |name: &str, first_launch: u32, ms: [f64; 3]| {
+            sampled(name, (0..15).map(|index| (first_launch + index / 5, ms[index as usize / 5])))
+        };
+        let records = judged([session("wide", 0, [1.2; 3]), session("naive", 3, [1.0, 1.0, 4.0])]);
+        let ranked = ranking(&records).ranked;
+        assert_eq!(ranked[0].name, "naive");
+        let ratios = ranked.iter().map(|record| ratio(record, ranked[0]).expect("enough samples").middle);
+        assert!(ratios.clone().all(|ratio| ratio >= 1.0), "{:?}", ratios.collect::<Vec<_>>());
+        // Samples of the same rounds are paired, and their points are ranked by the means.
+        let same = [session("wide", 0, [1.2; 3]), session("naive", 0, [1.0, 1.0, 4.0])];
+        assert_eq!(ranking(&judged(same.clone())).ranked[0].name, "wide");
+        // A point of another session does not change this order.
+        let records = judged([&same[..], &[session("tile", 3, [5.0; 3])]].concat());
+        let ranked = ranking(&records).ranked;
+        let names: Vec<_> = ranked.iter().map(|record| record.name.as_str()).collect();
+        assert_eq!(names, ["wide", "naive", "tile"]);
+    }
+
+    #[test]
+    fn a_tie_is_decided_by_the_intervals_end() {
+        // In one launch, this point is as fast as the other point; in the other launch, it is 6% slower. The mean
+        // difference is 3%, but this mean is uncertain.
+        let wavers = sampled("wide", (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 10.6 })));
+        let records = judged([in_two_launches("naive", 10.0, 0.0), wavers]);
+        assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);
+        assert_eq!(ranking(&records).winners.len(), 2);
+    }
+
+    #[test]
+    fn what_can_be_told_apart_is_beyond_a_tie() {
+        let records = judged([in_two_launches("naive", 10.0, 0.0), in_two_launches("wide", 5.0, 0.0)]);
+        let [low, high] = resolution(&records).expect("two points");
+        let only_runs = 1.96 * BetweenRuns::ON_OTHER_DEVICES.own * 2.0_f64.sqrt();
+        let expected = only_runs.exp() * (1.0 + TIE) - 1.0;
+        assert!((low - expected).abs() < 1e-5 && (high - expected).abs() < 1e-5, "{low} {high}");
+    }
+}

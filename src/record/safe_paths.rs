@@ -1,0 +1,74 @@
+//! Checks the paths in a folder of results. The folder may come from a stranger, so its paths must not lead out of the
+//! folder or to a device file.
+
+use crate::reader;
+use std::io::{Error as IoError, ErrorKind};
+use std::path::Path;
+
+const LINK: &str = "it is a link, which may lead out of the folder";
+
+/// Creates a subfolder in a folder of results. Fails if a link with this name exists.
+pub fn own_folder(path: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(path)?;
+    match path.symlink_metadata()?.is_symlink() {
+        true => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
+        false => Ok(()),
+    }
+}
+
+/// Fails if `path` is a link, a pipe or a device, to which raycl must not append. A missing file is
+/// accepted.
+pub fn own_file(path: &Path) -> std::io::Result<()> {
+    match path.symlink_metadata() {
+        Ok(metadata) if metadata.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
+        Ok(_) => ordinary(path),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+/// Fails if `path` is a pipe or a device, since reading from a pipe or a device may never end.
+pub fn ordinary(path: &Path) -> std::io::Result<()> {
+    let metadata = path.metadata()?;
+    match metadata.is_file() || metadata.is_dir() {
+        true => Ok(()),
+        false => Err(IoError::new(ErrorKind::InvalidInput, "it is not an ordinary file")),
+    }
+}
+
+/// Returns the bytes of a picture's file in a folder of results. Returns `None` if the path, after links are followed,
+/// leads out of the folder or to something other than an ordinary file. Also returns `None` if the file cannot be read,
+/// or is larger than the pictures that reports show.
+pub fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
+    let resolved = folder.join(path).canonicalize().ok()?;
+    let inside = resolved.starts_with(folder.canonicalize().ok()?);
+    inside.then(|| reader::bytes(&resolved, reader::Kind::Shown).ok())?
+}
+
+#[cfg(all(test, unix))]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::super::whole::write_page;
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn links_are_not_followed_and_devices_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let [outer, file, plots] = ["outer", "file", "plots"].map(|name| folder.path().join(name));
+        std::fs::write(&outer, "untouched").unwrap();
+        symlink(&outer, &file).unwrap();
+        symlink("/tmp", &plots).unwrap();
+        assert!(own_file(&file).unwrap_err().to_string().contains("link"));
+        assert!(own_folder(&plots).unwrap_err().to_string().contains("link"));
+        assert!(
+            own_file(&folder.path().join("new")).is_ok() && own_folder(&folder.path().join("made")).is_ok()
+        );
+        assert!(ordinary(Path::new("/dev/zero")).is_err());
+        write_page(&file, b"page").unwrap();
+        assert_eq!(
+            (std::fs::read(&outer).unwrap(), std::fs::read(&file).unwrap()),
+            (b"untouched".into(), b"page".into())
+        );
+    }
+}

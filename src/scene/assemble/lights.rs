@@ -1,0 +1,68 @@
+//! The lights of a scene. They come from the scene file, from a bare mesh's own file or from a studio (the
+//! default surroundings of a bare mesh), or are a key light and a fill light.
+
+use super::Seen;
+use crate::error::Result;
+use crate::scene::document::Document;
+use crate::scene::files;
+use crate::scene::framing::{self, Ball};
+use crate::scene::studio::Studio;
+use crate::scene::validate::{Brightness, check_light};
+use crate::scene::wire::{LightWire, SceneWire};
+use crate::scene::{Camera, Light};
+use glam::Vec3;
+
+/// Returns the lights of a scene. If there is a `studio`, these are the studio's lights. Otherwise, these are
+/// the lights that the scene file or the user sets. If none are set for a bare mesh, these are the lights of
+/// the mesh's own file. If that file has no lights and the user sets no sky, these are a key light and a fill
+/// light.
+pub(super) fn lights(
+    document: &Document,
+    wire: &SceneWire,
+    seen: &Seen,
+    camera: &Camera,
+    ball: Option<Ball>,
+    studio: Option<&Studio>,
+    notes: &mut Vec<String>,
+) -> Vec<Light> {
+    if let Some(studio) = studio {
+        return studio.lights.clone();
+    }
+    let lights = match (&wire.light, ball.filter(|_| document.bare)) {
+        (None, Some(ball)) if !seen.lights.is_empty() => {
+            files::lights_of_file(&seen.lights, ball.centre_and_radius(), framing::key_at(ball))
+        }
+        (None, Some(ball)) if wire.sky.is_none() => framing::lights(camera, ball),
+        (lights, _) => lights.iter().flatten().map(light).collect(),
+    };
+    if lights.is_empty() && wire.sky.is_none() {
+        notes.push(format!(
+            "{}: no light, so every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
+            document.last_line()
+        ));
+    }
+    lights
+}
+
+/// Refuses lights of the scene file that are too far away or too bright. The error has the light's location
+/// in the file.
+pub(super) fn check_lights(
+    document: &Document,
+    wire: &SceneWire,
+    lights: &[Light],
+    brightness: &Brightness,
+) -> Result<()> {
+    for (wire, light) in wire.light.iter().flatten().zip(lights) {
+        check_light(light).map_err(|error| document.located(wire.position.span(), error, "this light"))?;
+        brightness
+            .check(light)
+            .map_err(|error| document.located(wire.power.span(), error, "too much for single precision"))?;
+    }
+    Ok(())
+}
+
+fn light(wire: &LightWire) -> Light {
+    let (position, power) = (wire.position.get_ref().0, wire.power.get_ref().0);
+    let radius = wire.radius.map_or(0.0, |radius| radius.0);
+    Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius }
+}

@@ -1,0 +1,83 @@
+//! The lines `#include "path"` of kernel files.
+
+use crate::error::{Result, nearest};
+use crate::sources::{SourceLine, Sources, lines, stem};
+
+/// A line `#include "path"` of a kernel file.
+pub struct Include {
+    /// The path in this line.
+    pub path: String,
+    /// The file that has this line.
+    pub file: String,
+    /// The file that has this line, and the number of the line, as messages show them.
+    pub location: String,
+    /// True if a file has this path, or if the path contains an axis in braces.
+    is_there: bool,
+}
+
+impl Include {
+    /// Returns true if this path may be the path of `file`. An axis in braces stands for each of the axis's
+    /// values, whose names `names_of` returns.
+    pub fn may_be_of(&self, file: &str, names_of: impl Fn(&str) -> Vec<String>) -> bool {
+        let braces =
+            self.path.split_once('{').and_then(|(before, rest)| Some((before, rest.split_once('}')?)));
+        let Some((before, (axis, after))) = braces else { return self.path == file };
+        let value = file.strip_prefix(before).and_then(|rest| rest.strip_suffix(after));
+        value.is_some_and(|value| names_of(axis).iter().any(|name| name.replace('-', "_") == value))
+    }
+}
+
+/// Returns the lines with which kernel files include other files. The kernel files are the built-in ones and those in
+/// the user's folder.
+pub fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
+    let files = sources.files()?;
+    let mut all = Vec::new();
+    for file in &files {
+        let own = includes(&sources.path_of(file), &sources.read(file)?)?;
+        all.extend(own.into_iter().map(|include| Include { file: file.clone(), ..include }));
+    }
+    for include in &mut all {
+        include.is_there = include.path.contains('{') || files.contains(&include.path);
+    }
+    Ok(all)
+}
+
+/// Returns the lines with which a kernel file includes other files. An `#include` in a comment has no effect.
+fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
+    let lines = (1..).zip(lines(path, text)?);
+    let include = |(number, line): (usize, SourceLine<'_>)| {
+        let location = format!("{path}, line {number}");
+        Some(Include { path: line.includes?.to_owned(), file: String::new(), location, is_there: false })
+    };
+    Ok(lines.filter_map(include).collect())
+}
+
+/// Returns the line that probably includes a file by a wrong path: its path names no file, and its last part is the
+/// file's name or a similar name.
+pub fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Include> {
+    let mut wrong = includes.iter().filter(|include| !include.is_there);
+    let meant = nearest(stem(file), wrong.clone().map(|include| stem(&include.path)))?;
+    wrong.find(|include| stem(&include.path) == meant)
+}
+
+/// Returns true if the last part of an include's path is the name of this file. If the last part is only
+/// similar to the file's name, another file may be meant.
+pub fn has_name_of(include: &Include, file: &str) -> bool {
+    stem(&include.path) == stem(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_include_in_a_comment_has_no_effect() {
+        let included = |text: &str| -> Vec<_> {
+            let includes = includes("a.cl", text).unwrap();
+            includes.into_iter().map(|include| (include.path, include.location)).collect()
+        };
+        let second = ("b.cl".to_owned(), "a.cl, line 2".to_owned());
+        assert_eq!(included("int a;\n#include \"b.cl\"\n"), [second]);
+        assert!(included("/*\n#include \"b.cl\"\n*/\n").is_empty());
+    }
+}
