@@ -82,6 +82,7 @@ mod manifest;
 mod measure;
 mod memory;
 mod microscope;
+mod numbers;
 mod output;
 mod own_program;
 mod peak;

@@ -7,6 +7,7 @@ mod binary;
 mod common;
 
 mod animation;
+mod architecture;
 mod bad_input;
 mod book;
 mod cache;

@@ -225,7 +225,7 @@ fn values_of_a_material_file_that_leave_single_precision_are_ignored_with_a_note
     {
         let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", &format!("newmtl x\n{line}\n"))]);
         let text = folder.output(&[&["render", "a.obj"][..], &small].concat());
-        has(&text, &["a.mtl:2: ", said, "from 0 to 1e6", "1 such line is ignored"]);
+        has(&text, &["a.mtl:2: ", said, "from 0 to 1e6", "raycl ignores 1 such line"]);
     }
 }
 

@@ -4,7 +4,7 @@
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
-use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, is_long, scene};
+use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, is_long, one_preset_of_each_family, scene};
 use glam::{Vec3, vec3};
 use raycl::device::Builtins;
 use raycl::program::Sources;
@@ -100,14 +100,19 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
+/// Returns one strategy of each family, and two strategies whose work-items cast 16 rays side by side.
+fn of_each_family_and_wide() -> impl Iterator<Item = Strategy> {
+    let wide = ["wide-common-origin", "bvh-packet"].map(|name| preset(name).expect("a preset"));
+    one_preset_of_each_family().into_iter().chain(wide).map(|preset| preset.strategy)
+}
+
 /// In all other tests, pictures are wider than high. Pictures that are wider than high would not show a
 /// mistake in a kernel that uses the width instead of the height.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
     apart!();
     let mut stand = Stand::new(scene("still-life.toml"), [SIZE[1], 2 * SIZE[0]]);
-    let names = ["deferred", "wide-common-origin", "bvh", "bvh-packet", "raster", "tile"];
-    let strategies = names.map(|name| preset(name).expect("a preset").strategy);
+    let strategies = of_each_family_and_wide().filter(|strategy| !strategy.shares_tiles());
     all_agree(&mut stand, strategies.map(|strategy| (strategy, [4, 2])), none);
 }
 
@@ -143,12 +148,10 @@ fn lit_from_close_by(mut scene: Scene) -> Scene {
 fn many_lights_on_all_sides() {
     apart!();
     let mut stand = Stand::new(scene("many-lights.toml"), SIZE);
-    let names = ["deferred", "wide-common-origin", "bvh", "bvh-packet", "raster", "tile", "tile-group"];
-    let strategies = names.map(|name| preset(name).expect("a preset").strategy);
     let local_size = |strategy: &Strategy| if strategy.shares_tiles() { [32, 1] } else { [4, 2] };
     let all_passes =
         |strategy| [Passes::Fused, Passes::Separate].map(|passes| Strategy { passes, ..strategy });
-    let points = strategies.into_iter().flat_map(all_passes);
+    let points = of_each_family_and_wide().flat_map(all_passes);
     let points = points.filter(|strategy| strategy.contradiction().is_none());
     all_agree(&mut stand, points.map(|strategy| (strategy, local_size(&strategy))), none);
 }

@@ -3,17 +3,14 @@
 
 use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::apart::apart;
-use crate::common::{self, compiles_soon, is_long};
+use crate::common::{self, compiles_soon, is_long, one_preset_of_each_family};
 use crate::watertight::faults;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::program::{ProgramSpec, Sources};
-use raycl::strategy::{AXES, Strategy, Workload, preset};
+use raycl::strategy::{AXES, Preset, Strategy, Workload};
 use serde::Deserialize;
 use std::collections::HashSet;
 use std::sync::OnceLock;
-
-/// The usual preset of each family of kernels; changes to kernel files are tested with these presets.
-const USUAL: [&str; 5] = ["deferred", "bvh", "raster", "tile", "tile-group"];
 
 /// `make test` tries every `STEP`th picture.
 const STEP: usize = 10;
@@ -96,10 +93,13 @@ impl Mutant {
     /// Returns the strategies whose programs contain the changed file, at most one for each family. Each strategy is
     /// returned as the text after `--strategy`, and as a value.
     fn strategies(&self) -> Vec<(String, Strategy)> {
-        let is_base = |base: &&&str| self.bases.as_ref().is_none_or(|bases| bases.iter().any(|b| b == *base));
-        let named = USUAL.iter().filter(is_base).map(|base| match self.with.as_str() {
-            "" => ((*base).to_owned(), preset(base).expect("a preset").strategy),
-            with => (format!("{base},{with}"), with_values(base, with)),
+        let is_base = |usual: &&Preset| {
+            self.bases.as_ref().is_none_or(|bases| bases.iter().any(|base| base == usual.name))
+        };
+        let usual = one_preset_of_each_family().into_iter().filter(is_base);
+        let named = usual.map(|usual| match self.with.as_str() {
+            "" => (usual.name.to_owned(), usual.strategy),
+            with => (format!("{},{with}", usual.name), with_values(usual.strategy, with)),
         });
         named.filter(|(_, strategy)| strategy.contradiction().is_none() && self.is_in(strategy)).collect()
     }
@@ -147,9 +147,8 @@ impl Mutant {
     }
 }
 
-/// Returns a preset with other values on some axes.
-fn with_values(base: &str, with: &str) -> Strategy {
-    let mut strategy = preset(base).expect("a preset").strategy;
+/// Returns a strategy with other values on some axes.
+fn with_values(mut strategy: Strategy, with: &str) -> Strategy {
     for assignment in with.split(',') {
         let (axis, value) = assignment.split_once('=').expect("axis=value");
         strategy.set(axis, value).expect("a value of the axis");
@@ -244,8 +243,8 @@ fn every_file_is_broken_in_every_family_that_is_made_of_it() {
             strategies.into_iter().map(|(_, strategy)| (mutant.file.clone(), strategy.family().name))
         })
         .collect();
-    for base in USUAL {
-        for strategy in one_value_away(preset(base).expect("a preset").strategy) {
+    for usual in one_preset_of_each_family() {
+        for strategy in one_value_away(usual.strategy) {
             let family = strategy.family().name;
             for file in files(&strategy) {
                 assert!(broken.contains(&(file.clone(), family)), "{file}: nothing breaks it in {family}");

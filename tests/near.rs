@@ -2,7 +2,7 @@
 //! of these cases, and must be correct with every traversal and every ray-triangle test. tests/mutants/kernels.toml
 //! lists changes to the kernels that these tests notice.
 
-use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon};
+use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, one_preset_of_each_family};
 use raycl::reference::reference;
 use raycl::scene::{Scene, load_scene};
 use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
@@ -16,7 +16,7 @@ fn scene(name: &str) -> Scene {
     load_scene(&path).expect("a scene").scene
 }
 
-/// Returns every family with each ray-triangle test that it supports.
+/// Returns every family, and packets of rays, with each ray-triangle test that they support.
 fn strategies() -> Vec<Strategy> {
     let tests = [
         Intersector::MOLLER_TRUMBORE,
@@ -25,10 +25,10 @@ fn strategies() -> Vec<Strategy> {
         Intersector::PIXEL_LINEAR,
         Intersector::EDGE_PLANES,
     ];
-    let of = |name| preset(name).expect("a preset").strategy;
-    ["deferred", "bvh", "bvh-packet", "raster", "tile", "tile-group"]
+    one_preset_of_each_family()
         .into_iter()
-        .flat_map(|name| tests.map(|intersector| Strategy { intersector, ..of(name) }))
+        .chain([preset("bvh-packet").expect("a preset")])
+        .flat_map(|preset| tests.map(|intersector| Strategy { intersector, ..preset.strategy }))
         .filter(|strategy| strategy.contradiction().is_none() && compiles_soon(strategy))
         .collect()
 }

@@ -60,9 +60,9 @@ pub struct Args {
 
 /// Parses a percentage of at least 0, such as `5` or `5%`.
 pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
-    let number: Option<f64> = text.trim_end_matches('%').parse().ok();
+    let number: Option<f64> = text.strip_suffix('%').unwrap_or(text).parse().ok();
     let fine = number.filter(|percent| percent.is_finite() && *percent >= 0.0);
-    fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number such as 5"))
+    fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number of at least 0, such as 5"))
 }
 
 /// Compares two folders. A folder without results is a user error.
@@ -79,10 +79,10 @@ pub fn run(args: Args) -> Result<()> {
     if !comparison.has_points_in_common() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "raycl compares two points if their records have the same key (a hash that identifies what was measured) \
-             or, failing that, if they have the same scene, image size, device, strategy name and local size; scenes \
-             are the same if their contents are equal, and different devices count as the same if each folder has only \
-             one device",
+            "raycl compares two points if their records have the same key (a hash that identifies what was measured). \
+             It compares all other points if they have the same scene, image size, device, strategy name and local \
+             size. Scenes are the same if their contents are equal; if each folder has only one device, the two \
+             devices count as the same",
         ));
     }
     if let Some(out) = &mut out {
@@ -138,7 +138,7 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let changed = changed(comparison);
     let several = comparison.has_several_devices();
     for pair in &changed {
-        let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::record::ms);
+        let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::numbers::ms);
         table.add_row([
             pair.point(several),
             time(pair.before.median_ms),
@@ -195,8 +195,9 @@ mod tests {
     #[test]
     fn a_percentage_is_a_number_that_is_not_negative_with_or_without_its_sign() {
         assert_eq!(["5", "0.5%", "0"].map(percent), [Ok(5.0), Ok(0.5), Ok(0.0)]);
-        for wrong in ["-1", "nan", "inf", "", "five"] {
-            assert!(percent(wrong).is_err_and(|said| said.contains(&format!("'{wrong}'"))), "{wrong}");
+        for wrong in ["-1", "nan", "inf", "", "five", "5%%", "%"] {
+            let said = format!("'{wrong}' is not a percentage; expected a number of at least 0");
+            assert!(percent(wrong).is_err_and(|error| error.starts_with(&said)), "{wrong}");
         }
     }
 }

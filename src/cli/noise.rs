@@ -6,7 +6,8 @@ use super::run;
 use crate::config::{Experiment, parse_built_in, with_absolute_paths};
 use crate::device::common_names;
 use crate::error::{Error, Result};
-use crate::record::{Folder, Noise, percent, significant};
+use crate::numbers::significant;
+use crate::record::{Folder, Noise, percent};
 use crate::words::{counted, counted_are};
 use std::path::Path;
 

@@ -1,8 +1,9 @@
 //! Shows the progress of a run: a bar on a terminal, plain lines elsewhere.
 
 use crate::experiment::Observer;
+use crate::numbers::ms;
 use crate::printer::{self, tell};
-use crate::record::{Outcome, Record, ms};
+use crate::record::{Outcome, Record};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::time::{Duration, Instant};
 

@@ -348,9 +348,9 @@ fn may_replace(args: &Args, frames: u32) -> bool {
 
 /// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame. For a still
 /// picture, fails if a file of the picture is a file of the scene. For a moving picture that may replace
-/// files, also finds the files that only later frames of the scene use, for the same check in `motion`. For a
-/// still picture, raycl does not look for the files of later frames: these files may be large, and with
-/// `--watch`, raycl would have to read them before every picture.
+/// files, also finds the pictures (such as textures) that only later frames of the scene use, for the same check in
+/// `motion`. For a still picture, raycl does not look for the pictures of later frames: these pictures may be large, and
+/// with `--watch`, raycl would have to read them before every picture.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation
@@ -370,9 +370,9 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns true if a bare mesh gets a ground, soft light and a sky. With `--devices`, a bare mesh gets these
-/// only if `--samples` is given: by default, the number of samples differs between pixels, which several
-/// devices cannot cast.
+/// Returns true if a bare mesh gets a ground, soft light and a sky. With `--plain`, a bare mesh never gets these. With
+/// `--devices`, a bare mesh gets these only if `--samples` is given. Without `--samples`, the pixels of such a picture
+/// have different numbers of samples, and raycl cannot divide such a picture among several devices.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }

@@ -66,7 +66,7 @@ pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
     /// The folder of results [default: results/NAME, where NAME is the name of the config's file without .toml, or
-    /// results/NAME-N with the next number N if there are such folders; with --resume, the latest of these folders.
+    /// results/NAME-N with the next number N if that folder exists; with --resume, the latest of these folders.
     /// Your settings may name another folder than results]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -238,8 +238,8 @@ fn listed(args: &Args) -> Result<Vec<Listed>> {
     }
 }
 
-/// Returns an error if `raycl run --shard` writes into the folder `out`. In this folder, `raycl merge` writes
-/// the results, so a run without shards must not write results there.
+/// Returns an error if the folder `out` belongs to an experiment that is divided into shards. In this folder,
+/// `raycl merge` writes the results, so a run without shards must not write results there.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
@@ -332,10 +332,11 @@ fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
     peak_file(args).map(Peak::read).transpose()
 }
 
-/// With `--peak`, stores the devices' peak rates in the folder of results: the rates in the file of
-/// `--peak=FILE` or, without a file, measured rates. Tells the user which devices have no rates in the file.
-/// The folder does not keep rates that an earlier session stored for a device with another driver or in
-/// another state; the user is told this too.
+/// With `--peak`, stores the devices' peak rates in the folder of results: the rates in the file of `--peak=FILE` or,
+/// without a file, measured rates. Also without `--peak`, removes outdated rates from the folder: rates that an earlier
+/// session stored for a device with another driver or in another state. Unless `--quiet` is given, a note names the
+/// devices that still have no rates in the folder. The note is printed only if `--peak=FILE` is given, or if outdated
+/// rates were removed from the folder.
 fn keep_peak(
     args: &Args,
     run: &Run<'_>,

@@ -73,7 +73,8 @@ impl Subject {
     ///
     /// # Errors
     ///
-    /// Fails if the requested strategy has a mistake, before the scene is read: reading a large mesh takes seconds.
+    /// Fails if the scene cannot be loaded. If the requested strategy has a mistake, fails before it reads the scene,
+    /// because reading a large mesh takes seconds.
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
         let needs_tree = self.requested()?.needs_tree();
         let aspect = f64::from(self.width) / f64::from(self.height);
@@ -84,8 +85,9 @@ impl Subject {
         Ok(loaded)
     }
 
-    /// Returns the requested strategy. Without `--strategy`, returns `tile` with the requested values of
-    /// axes. Like `tile`, the strategies that raycl chooses for scenes with many triangles need a tree.
+    /// Returns the requested strategy. Without `--strategy`, returns `tile` with the requested values of axes. `tile`
+    /// then stands for the strategy that raycl chooses later, when it knows the device and the scene: like `tile`, the
+    /// strategies that raycl chooses for scenes with many triangles need a tree.
     ///
     /// # Errors
     ///

@@ -138,8 +138,8 @@ impl Asked {
     }
 }
 
-/// Returns the numbers in an answer: one number of 4 bytes, or numbers of 8 bytes. Returns no numbers if the
-/// answer has another length.
+/// Returns the numbers in an answer: one number of 4 bytes, or numbers of 8 bytes. Returns no numbers if the length
+/// is neither 4 bytes nor a multiple of 8 bytes.
 fn parse_numbers(bytes: &[u8]) -> Vec<u64> {
     if let Ok(word) = <[u8; 4]>::try_from(bytes) {
         return vec![u64::from(u32::from_ne_bytes(word))];

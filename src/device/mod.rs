@@ -116,7 +116,8 @@ pub struct Builtins {
     pub opencl_3: bool,
 }
 
-/// The properties that a device and its driver report.
+/// The properties of a device. Most of them are reported by the device and its driver. raycl determines `settings`,
+/// `cores`, `threads`, `twins_before`, `label` and `unusable` itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// Platform name.
@@ -137,7 +138,7 @@ pub struct DeviceInfo {
     pub extensions: Vec<String>,
     /// The device's limits.
     pub limits: DeviceLimits,
-    /// Further properties of the device's hardware.
+    /// Properties of the hardware that only some drivers report.
     #[serde(default)]
     pub hardware: Hardware,
     /// Environment variables that affect what the device's driver compiles or how the driver runs, with their values in

@@ -1,6 +1,7 @@
 //! The figures (numbers and texts) of a record, by the names that queries use.
 
-use crate::record::{Record, by, interval, median, significant};
+use crate::numbers::{by, significant};
+use crate::record::{Record, interval, median};
 
 /// The form in which a figure is written into a document.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -107,7 +107,8 @@ impl Page {
         bare += rest;
         for phrase in unrecorded(&bare, &sheet.facts, fences) {
             let records_say =
-                "nothing: no query follows this number, and docs/figures.toml does not list it as a fact".to_owned();
+                "nothing: no query follows this number, and docs/figures.toml does not list it as a fact"
+                    .to_owned();
             self.wrong.push(Difference { line: number, stands: phrase, records_say });
         }
         self.push(&made);

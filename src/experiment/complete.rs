@@ -1,74 +1,11 @@
 //! Completes a point's record from its samples.
 
+use super::taken::Taken;
 use crate::launch::FrameTimes;
-use crate::measure::{StopReason, StoppingRule, Summary, median_of, utilization, without_preempted};
-use crate::record::{LaunchEnd, Outcome, Record, significant};
+use crate::measure::{StopReason, Summary, median_of, without_preempted};
+use crate::numbers::significant;
+use crate::record::{Outcome, Record};
 use crate::sensor::SensorReading;
-use std::collections::BTreeSet;
-
-/// A sample: the launch in which it was taken, the moment at which it was taken, and its times.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Taken {
-    /// The launch's number in the folder of results.
-    pub launch: u32,
-    /// Milliseconds since the launch's rounds began.
-    pub at_ms: f64,
-    /// The core-to-core latency around the sample in nanoseconds; `None` if the latency was not measured.
-    pub core_to_core_ns: Option<f64>,
-    /// The sample's times, per frame.
-    pub times: FrameTimes,
-}
-
-impl Taken {
-    /// Returns the ratio of the sample's processor time to its elapsed time; `None` if the processor time is
-    /// unknown.
-    fn utilization(&self) -> Option<f64> {
-        utilization(self.times.processor_ms, self.times.host_ms)
-    }
-}
-
-/// Returns the numbers of the complete launches in ascending order, each with the reason why the launch
-/// ended. `points` has the key and the samples of each point. `end_of` returns the stored end of a launch,
-/// which states the number of samples of each point that did not fail in this launch. A launch is incomplete
-/// if a point has fewer than `rule.least()` samples in it, or if the stored end lacks a point. Otherwise, the
-/// launch is complete if the points have exactly the numbers of samples that the stored end states. If no end
-/// is stored (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the
-/// samples are enough.
-pub fn complete_launches(
-    points: &[(&str, &[Taken])],
-    end_of: impl Fn(u32) -> Option<LaunchEnd>,
-    rule: &StoppingRule,
-) -> Vec<(u32, StopReason)> {
-    let reason = |launch: u32| {
-        let samples: Vec<Vec<&Taken>> = points
-            .iter()
-            .map(|(_, taken)| taken.iter().filter(|one| one.launch == launch).collect())
-            .collect();
-        if samples.iter().any(|samples| samples.len() < rule.least()) {
-            return None;
-        }
-        let end = end_of(launch);
-        // A point that failed in the launch has samples from before the failure. If the points that did not
-        // fail are not measured again, the rule is applied to fewer points, and these samples may seem to be
-        // enough.
-        let lacks_one = |end: &LaunchEnd| points.iter().any(|(key, _)| !end.samples.contains_key(*key));
-        if end.as_ref().is_some_and(lacks_one) {
-            return None;
-        }
-        let has_all = |end: &LaunchEnd| {
-            points.iter().zip(&samples).all(|((key, _), own)| end.samples.get(*key) == Some(&own.len()))
-        };
-        let stored = end.filter(has_all).map(|end| end.stop_reason);
-        stored.or_else(|| {
-            let ms = |samples: &Vec<&Taken>| samples.iter().map(|one| one.times.frame_ms).collect();
-            let elapsed_ms: f64 = samples.iter().flatten().map(|one| one.times.elapsed_ms()).sum();
-            rule.stop(&samples.iter().map(ms).collect::<Vec<Vec<f64>>>(), elapsed_ms)
-        })
-    };
-    let all = points.iter().flat_map(|(_, taken)| taken.iter());
-    let launches: BTreeSet<u32> = all.map(|sample| sample.launch).collect();
-    launches.into_iter().filter_map(|launch| Some((launch, reason(launch)?))).collect()
-}
 
 /// Adds the results of a point's samples to its record. The 95% interval is computed later, since it depends on all
 /// points of a group. Samples during which other programs used the processors (preempted samples) are counted, but do
@@ -108,25 +45,25 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
         .throttled_samples
         .filter(|count| *count > 0)
         .map(|count| format!("the device throttled in {count} of {} samples", record.samples_ms.len()));
-    let warnings: Vec<_> = launch_bound(record, frames).into_iter().chain(throttled).collect();
+    let warnings: Vec<_> = start_bound(record, frames).into_iter().chain(throttled).collect();
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
 /// Returns a warning if starting a frame's kernels takes longer than casting the frame. A frame that takes
 /// less time than the start of its kernels is too short for comparisons. Both times are the least of all
 /// samples, since other work on the host can delay the start of kernels.
-fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
+fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;
     }
     let least = |of: fn(&FrameTimes) -> f64| frames.iter().map(of).fold(f64::INFINITY, f64::min);
-    let (launch_ms, frame_ms) =
-        (least(|frame| frame.host_ms - frame.frame_ms), least(|frame| frame.frame_ms));
+    let start_ms = least(|frame| frame.host_ms - frame.frame_ms);
+    let frame_ms = least(|frame| frame.frame_ms);
     let us = |ms: f64| significant(1e3 * ms, 2);
-    (launch_ms > frame_ms).then(|| {
+    (start_ms > frame_ms).then(|| {
         let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
-        let (launch, device) = (us(launch_ms), us(frame_ms));
-        format!("frames are too short for comparisons: starting the kernels takes {launch} us per frame{batched}, casting only {device} us; use larger images")
+        let (start, device) = (us(start_ms), us(frame_ms));
+        format!("frames are too short for comparisons: starting the kernels takes {start} us per frame{batched}, casting only {device} us; use larger images")
     })
 }
 
@@ -189,64 +126,8 @@ mod tests {
         assert_eq!((record.outcome, record.stop_reason.as_deref()), (Outcome::Measured, Some("precise")));
     }
 
-    /// Returns why a launch of two points ended; `None` if the launch is not complete. `counts` has the
-    /// points' numbers of samples, each of which took 1 ms. If the launch has a stored end, `end` has the
-    /// numbers of samples that this end states.
-    fn reason_of(counts: [usize; 2], end: Option<[usize; 2]>) -> Option<StopReason> {
-        let rule =
-            StoppingRule { min_samples: 10, max_samples: 40, relative_sigma: 0.0, time_limit_ms: 30.0 };
-        let sample = Taken { launch: 3, ..taken(FrameTimes::whole(1.0, 1.0)) };
-        let samples = counts.map(|count| vec![sample; count]);
-        let points = [("a", &samples[0][..]), ("b", &samples[1][..])];
-        let end_of = |launch: u32| {
-            let samples = ["a", "b"].map(str::to_owned).into_iter().zip(end?).collect();
-            Some(LaunchEnd { launch, stop_reason: StopReason::NoiseSettled, samples })
-        };
-        let complete = complete_launches(&points, end_of, &rule);
-        assert!(complete.iter().all(|(launch, _)| *launch == 3), "{complete:?}");
-        complete.first().map(|(_, reason)| *reason)
-    }
-
     #[test]
-    fn a_launch_without_a_stored_end_is_complete_if_its_samples_are_enough_by_the_rule() {
-        let reason = |counts| reason_of(counts, None);
-        assert_eq!(reason([20, 20]), None, "the launch was interrupted");
-        // Together, the samples of both points take 60 ms, the time limit of two points.
-        assert_eq!([reason([30, 30]), reason([5, 55])], [Some(StopReason::TimeLimit); 2]);
-        assert_eq!(reason([5, 40]), None, "only one point has the largest number of samples");
-        assert_eq!(reason([4, 60]), None, "a launch has at least five samples of each point");
-    }
-
-    #[test]
-    fn a_launch_with_all_samples_of_its_stored_end_is_complete() {
-        let reason = |counts, end| reason_of(counts, Some(end));
-        assert_eq!(reason([20, 21], [20, 21]), Some(StopReason::NoiseSettled));
-        assert_eq!(reason([4, 4], [4, 4]), None, "a launch has at least five samples of each point");
-        // The stored end states 21 samples of the second point, but there are only 20. A sample was lost, so
-        // the stopping rule decides whether the launch is complete.
-        assert_eq!(reason([20, 20], [20, 21]), None);
-        assert_eq!(reason([30, 30], [30, 31]), Some(StopReason::TimeLimit));
-    }
-
-    /// The point "b" failed in the launch after 40 samples. With `--retry-failed`, "b" is measured again, but
-    /// "a" is not.
-    #[test]
-    fn a_launch_is_not_complete_for_a_point_that_failed_in_it() {
-        let rule =
-            StoppingRule { min_samples: 10, max_samples: 40, relative_sigma: 0.0, time_limit_ms: 30.0 };
-        let samples = [Taken { launch: 3, ..taken(FrameTimes::whole(1.0, 1.0)) }; 40];
-        let is_complete = |key: &str| {
-            let end_of = |launch: u32| {
-                let samples = [("a".to_owned(), 40)].into();
-                Some(LaunchEnd { launch, stop_reason: StopReason::NoiseSettled, samples })
-            };
-            !complete_launches(&[(key, &samples[..])], end_of, &rule).is_empty()
-        };
-        assert!(is_complete("a") && !is_complete("b"));
-    }
-
-    #[test]
-    fn a_frame_shorter_than_its_launch_is_warned_of() {
+    fn a_frame_shorter_than_the_start_of_its_kernels_is_warned_of() {
         let warning = completed(0.004, 0.03, Some(13)).warning.expect("a warning");
         assert!(warning.contains("26 us per frame") && warning.contains("4.0 us"), "{warning}");
         assert!(warning.contains("batches of 13"), "{warning}");

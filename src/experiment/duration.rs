@@ -1,10 +1,11 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
-use super::complete::{Taken, complete_launches};
+use super::complete_launches::complete_launches;
 use super::group::leaves_out_moved;
 use super::moved_processors::{WAITS, most_additional};
 use super::pending::PendingPoint;
 use super::rounds::MOST as MOST_ROUNDS;
+use super::taken::Taken;
 use super::{Cost, Past, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};

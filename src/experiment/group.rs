@@ -8,13 +8,15 @@ mod tests;
 mod timed;
 
 use super::Run;
-use super::complete::{Taken, complete, complete_launches};
+use super::complete::complete;
+use super::complete_launches::complete_launches;
 use super::moved_processors::{Launch, are_enough, leave_out_moved};
+use super::past::MeasuredOn;
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
-use super::results::MeasuredOn;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor, Task};
+use super::taken::Taken;
 use crate::clock::ms_since;
 use crate::config::SceneChoice;
 use crate::device::{DeviceInfo, DeviceKind};

@@ -7,8 +7,9 @@
 //! processor to another. The latency is larger than usual if the cores are far from each other, and smaller
 //! if processors share a core. The latency does not depend on the times of the points. *Near* processors run
 //! on cores at their usual distance. A sample does not count if its latency is much larger or smaller than
-//! the latency of near processors in the same run. Before a sample, a launch waits for a limited time until
-//! the processors are near. Launches in which too few samples count are replaced by additional launches.
+//! the latency of near processors in the same run. Before a sample, a launch waits until the processors are near,
+//! but only for a limited time. A launch does not count if too few of its samples count. An additional launch
+//! then replaces it. A group has at most twice as many launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -22,16 +23,18 @@ const MOST: usize = 2;
 /// differ by a factor of up to 1.7.
 const FAR: f64 = 2.0;
 /// If the latency around a sample is less than this many times the latency of near processors, two processors shared a
-/// core. On the machines of docs/log.md (2026-11-26), processors that share a core have 0.45 to 0.5 times the latency
-/// of near processors.
+/// core. Processors that share a core have 0.45 to 0.5 times the latency of near processors (docs/log.md, section
+/// "2026-11-26, morning: two processors on one core, ...").
 const SHARED: f64 = 0.65;
 /// The pause between two readings of the latency while a launch waits for near processors. The processors are
-/// idle during the pause, since a host moves idle processors back sooner than busy processors: after about
-/// one second instead of three to ten seconds (docs/log.md, 2026-11-26).
+/// idle during the pause, since a host moves idle processors back sooner than busy processors: after about one
+/// second instead of three to ten seconds (docs/log.md, section "2026-11-26, afternoon: a launch waits for near
+/// processors, ...").
 const PAUSE: Duration = Duration::from_millis(50);
 /// All waits of a launch together take at most this part of the time for its samples, plus [`PATIENCE`].
 pub(super) const WAITS: f64 = 0.5;
-/// How long a launch may wait for near processors before its first sample.
+/// How long a launch may wait for near processors in addition to this part; before its first sample, this is all the
+/// time that it may wait.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A complete launch of a group.

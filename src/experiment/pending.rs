@@ -2,10 +2,10 @@
 
 use super::ahead::{Needs, Order, Program, Room};
 use super::check::SMALLEST;
-use super::complete::Taken;
 use super::draft::{Drafter, HeldScene};
 use super::piece::Piece;
 use super::supervisor::Task;
+use super::taken::Taken;
 use super::{Built, Plan, Point, Run, Work};
 use crate::config::Experiment;
 use crate::device::DeviceInfo;

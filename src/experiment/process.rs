@@ -1,7 +1,7 @@
 //! Starts workers as child processes, and exchanges messages with them through pipes.
 
 use super::protocol::{Job, Reply, Request};
-use super::supervisor::{Death, Spawner, Wait, Worker};
+use super::waiting::{Death, Spawner, Wait, Worker};
 use crate::device::{full_disk_advice, is_pocl};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;

@@ -1,12 +1,12 @@
 //! Receives a run's results and messages, stores the results in the folder of results, and passes messages on
 //! to the observer.
 
-use super::complete::Taken;
-use super::results::MeasuredOn;
+use super::past::MeasuredOn;
+use super::taken::Taken;
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::peak::Peak;
-use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample};
+use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad};
 use std::collections::HashMap;
 
 /// Receives the results of measurements.
@@ -136,25 +136,7 @@ impl ResultSink for FolderSink<'_> {
         measured_by: Option<&str>,
         taken: &Taken,
     ) -> Result<()> {
-        let times = &taken.times;
-        self.results.sample(&Sample {
-            key: record.key.clone(),
-            launch: taken.launch,
-            round,
-            at_ms: Some(taken.at_ms),
-            ms: times.frame_ms,
-            primary_ms: times.primary_ms,
-            shadow_ms: times.shadow_ms,
-            shade_ms: times.shade_ms,
-            host_ms: Some(times.host_ms),
-            processor_ms: times.processor_ms,
-            core_to_core_ns: taken.core_to_core_ns,
-            batch: times.batch,
-            sensed: times.sensed,
-            measured_on: record.measured_on.clone(),
-            measured_by: measured_by.map(str::to_owned),
-            origin: None,
-        })
+        self.results.sample(&taken.to_sample(record, round, measured_by))
     }
 }
 

@@ -161,9 +161,8 @@ fn sample(
 
 /// Returns, for each point, the times of the samples for which `is_meant` is true.
 fn times_ms(points: &[&Vec<TimedSample>], is_meant: fn(&TimedSample) -> bool) -> Vec<Vec<f64>> {
-    let of = |samples: &&Vec<TimedSample>| {
-        samples.iter().filter(|one| is_meant(one)).map(|(ms, _)| *ms).collect()
-    };
+    let of =
+        |samples: &&Vec<TimedSample>| samples.iter().filter(|one| is_meant(one)).map(|(ms, _)| *ms).collect();
     points.iter().map(of).collect()
 }
 

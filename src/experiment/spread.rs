@@ -2,12 +2,13 @@
 //! Each device has its own workers.
 
 use super::Run;
-use super::complete::Taken;
 use super::group::OpenGroup;
 use super::launches::{Waiting, serve};
+use super::past::MeasuredOn;
 use super::result_sink::{FolderSink, ResultSink};
-use super::results::MeasuredOn;
-use super::supervisor::{Spawner, Supervisor};
+use super::supervisor::Supervisor;
+use super::taken::Taken;
+use super::waiting::Spawner;
 use crate::error::{Error, Result};
 use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad};
 use crate::threads::locked;

@@ -12,7 +12,7 @@ use std::io::Error;
 /// Number of bytes that a thread copies at a time.
 const COPIED_TOGETHER: usize = 1 << 18;
 
-/// A picture whose rows have not all arrived yet.
+/// A picture whose rows arrive one after another.
 pub enum Incoming {
     /// The picture is stored until all rows have arrived. The number counts the bytes that have arrived.
     Whole(RgbImage, usize),

@@ -3,7 +3,6 @@
 
 use super::LaunchError;
 use crate::manifest::{self, Fact};
-use crate::strategy::Strategy;
 use ocl::builders::KernelBuilder;
 use ocl::prm::{Float4, Float16, Int2, Uint2};
 use ocl::{Buffer, Kernel};
@@ -101,16 +100,6 @@ impl<'a> Argument<'a> {
     }
 }
 
-/// The name of a parameter that kernels have only for scenes with textures.
-pub(super) const TEXTURE_ROWS: &str = "texture_rows";
-/// The name of a parameter that kernels have only for scenes with cut-outs.
-pub(super) const MASK_ROWS: &str = "mask_rows";
-/// The name of a parameter that kernels have only for scenes with soft light: a sky, or lights with a radius
-/// if pixels get several samples.
-pub(super) const SOFT: &str = "soft";
-/// The name of a parameter that kernels have only for frames with several samples per pixel.
-pub(super) const WANTED: &str = "wanted";
-
 /// A list of arguments, each with the name of its parameter. A kernel uses only the arguments for which it has a
 /// parameter.
 #[derive(Clone, Default)]
@@ -133,23 +122,15 @@ impl<'a> Arguments<'a> {
         }
     }
 
-    /// Binds the arguments of a strategy's kernel, in the order in which the manifest (the table of kernels)
-    /// lists the kernel's parameters. Returns [`LaunchError::Argument`] if no argument fits a parameter.
+    /// Binds a kernel's arguments, in the order in which the manifest (the table of kernels) lists the kernel's
+    /// parameters. `holds` returns true if a condition is true; the kernel lacks parameters whose condition is
+    /// false. Returns [`LaunchError::Argument`] if no argument fits a parameter.
     pub fn bind(
         &self,
         kernel: &'static manifest::Kernel,
-        strategy: &Strategy,
+        holds: impl Fn(Fact) -> bool,
         builder: &mut KernelBuilder<'a>,
     ) -> Result<(), LaunchError> {
-        let has = |wanted: &str| self.0.iter().any(|(name, _)| *name == wanted);
-        let holds = |fact| match fact {
-            Fact::Textured => has(TEXTURE_ROWS),
-            Fact::Soft => has(SOFT),
-            Fact::Sampled => has(WANTED),
-            Fact::CutOut => has(MASK_ROWS),
-            Fact::Environment | Fact::HalfLight => has(SOFT),
-            of_strategy => strategy.holds(of_strategy),
-        };
         for parameter in kernel.parameters(holds) {
             let named = self.0.iter().rev().find(|(name, _)| *name == parameter.name);
             let argument =

@@ -11,10 +11,10 @@ use super::half_light::{HalfLight, LightParts};
 use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
-use super::rounds::Rounds;
 use super::samples::Samples;
 use super::setup::{Setup, Working, background_arguments, camera_arguments, sample_argument};
 use super::shared::Shared;
+use super::shared_frame::SharedFrame;
 use super::steps::{Extent, Steps};
 use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
 use super::{DeviceTree, LaunchError, Queue};
@@ -293,7 +293,7 @@ fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError
             let rays = workload.nearest_count(strategy);
             let nearest = allocate::<i32>(queue, rays)?;
             let shared = Shared::allocate(queue, rays)?;
-            Rounds::new(parts, image, &nearest, &shared).cast()?
+            SharedFrame::new(parts, image, &nearest, &shared).cast()?
         }
         Passes::Fused => parts.cast_fused(image)?,
         Passes::Separate => {

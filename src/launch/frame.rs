@@ -1,7 +1,7 @@
 //! The device times of one frame.
 
 use crate::measure::median_of;
-use crate::record::significant;
+use crate::numbers::significant;
 use crate::sensor::SensorReading;
 use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};

@@ -2,7 +2,7 @@
 //! on the device contain these numbers, and a kernel marks rough blocks. Rough blocks get more samples,
 //! because neighbouring pixels of a rough block differ visibly after the first samples.
 
-use super::arguments::{Arguments, WANTED};
+use super::arguments::Arguments;
 use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::parts::Parts;
@@ -55,7 +55,7 @@ impl Samples {
 
     /// Adds the buffers to a frame's arguments.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
-        let arguments = arguments.with(WANTED, &self.wanted).with("positions", &self.positions);
+        let arguments = arguments.with("wanted", &self.wanted).with("positions", &self.positions);
         let arguments = arguments.with("earlier", 0_u32);
         let arguments = arguments.with("rough", &self.rough).with("rough_count", 0_u32);
         let arguments = arguments.with("rough_counter", &self.rough_counter);

@@ -1,6 +1,6 @@
 //! The inputs of a frame, and the kernel arguments derived from them.
 
-use super::arguments::{Arguments, SOFT};
+use super::arguments::Arguments;
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::device::power_of_two;
@@ -66,7 +66,7 @@ impl<'a> Setup<'a> {
         // parameter lists are generated. `ocl`'s own check compares the names of types, and would refuse the
         // buffer of `u32` for the nodes of a tree, which kernels read as floats.
         unsafe { builder.disable_arg_type_check() };
-        arguments.bind(kernel, self.strategy, &mut builder)?;
+        arguments.bind(kernel, |fact| self.strategy.holds_of(fact, self.workload), &mut builder)?;
         Ok(builder)
     }
 
@@ -173,7 +173,7 @@ pub(super) fn soft_arguments<'a>(
     if !workload.is_soft() {
         return arguments;
     }
-    sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
+    sample_argument(arguments.with("soft", &scene.soft), &Sample::CENTRE)
 }
 
 /// Adds three numbers to `arguments`: which sample of every pixel is cast, how many samples were cast before
@@ -213,4 +213,25 @@ pub(super) fn camera_arguments<'a>(
         .with("step_x", float4(frame.step_x, 0.0))
         .with("step_y", float4(frame.step_y, 0.0))
         .with("cone", float4(frame.cone, 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::PRESETS;
+
+    /// The program of the whole picture also casts the half pictures, so its kernels' parameters must not depend
+    /// on whether a picture is a half picture.
+    #[test]
+    fn a_kernel_has_the_same_parameters_for_half_pictures() {
+        let whole =
+            Workload { sky: true, sky_texels: 1, many_samples: true, half_light: true, ..Workload::CUBE };
+        for strategy in PRESETS.iter().map(|preset| preset.strategy) {
+            for kernel in strategy.family().kernels {
+                let list =
+                    |workload: &Workload| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload));
+                assert_eq!(list(&whole), list(&whole.halved()), "{strategy}");
+            }
+        }
+    }
 }

@@ -4,7 +4,7 @@ use super::arguments::Arguments;
 use super::setup::{Setup, sees_sky};
 use crate::manifest::SAMPLED_BLOCK;
 use crate::scene::Sample;
-use crate::strategy::{MOST_SUBPIXEL_BITS as MOST_BITS, Passes, Traversal};
+use crate::strategy::{MOST_SUBPIXEL_BITS as MOST_BITS, Passes};
 use ocl::prm::Float16;
 
 /// The rays of a vector form a square of `SIDE` x `SIDE` rays.
@@ -32,7 +32,7 @@ pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     if strategy.shares_tiles() {
         return workload.shared_subpixel_bits(strategy);
     }
-    let vectors = strategy.traversal == Traversal::Tile;
+    let vectors = strategy.traversal.casts_tiles();
     if vectors && strategy.passes == Passes::Fused && !sees_sky(scene) { MOST_BITS } else { 0 }
 }
 

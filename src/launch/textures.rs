@@ -1,7 +1,7 @@
 //! Puts all textures of a scene into a device's memory, in one buffer of words laid out as in `cl/common/textures.cl`.
 
 use super::Queue;
-use super::arguments::{Arguments, MASK_ROWS, TEXTURE_ROWS};
+use super::arguments::Arguments;
 use super::buffers::{upload, upload_rows};
 use crate::scene::{Mapped, Mesh, Textures, linear_values, texel_on};
 use ocl::Buffer;
@@ -36,11 +36,11 @@ impl DeviceTextures {
     /// Adds the textures' arguments for shading. If there are cut-outs, adds the same buffers again under
     /// other names, for the test whether rays pass through holes.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
-        let arguments = arguments.with(TEXTURE_ROWS, &self.rows).with("texture_words", &self.words);
+        let arguments = arguments.with("texture_rows", &self.rows).with("texture_words", &self.words);
         if !self.cut_outs {
             return arguments;
         }
-        arguments.with(MASK_ROWS, &self.rows).with("mask_words", &self.words)
+        arguments.with("mask_rows", &self.rows).with("mask_words", &self.words)
     }
 }
 

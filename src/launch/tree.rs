@@ -11,7 +11,7 @@ use crate::clock::ms_since;
 use crate::device::DeviceLimits;
 use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
-use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Traversal, Workload};
+use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 use ocl::Buffer;
 use std::sync::Arc;
 use std::time::Instant;
@@ -162,7 +162,7 @@ impl DeviceTree {
             let order = &order[range.start.min(triangles)..range.end.min(triangles)];
             write_triangle_rows(mesh, order, rows);
         })?;
-        let tiles = strategy.traversal == Traversal::Tile;
+        let tiles = strategy.traversal.casts_tiles();
         let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, strategy, &order)).transpose()?;
         queue.commands.finish()?;
         Ok(Self { nodes, leaves, surfaces, stack_size, build_ms, upload_ms: ms_since(start) })

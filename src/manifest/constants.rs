@@ -23,9 +23,9 @@ pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// vector of rays in a tile covers one block, if each pixel has one ray.
 pub const SAMPLED_BLOCK: u32 = 4;
 /// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ
-/// in a channel of the displayed picture by more than this number of 8-bit steps. If pixels have several
-/// first samples, the number of steps is divided by the square root of the number of samples, since chance
-/// affects a mean of samples less than a single sample.
+/// in a channel of the displayed picture by more than this number of 8-bit steps. If raycl casts several
+/// samples per pixel before it looks for such blocks, the number of steps is divided by the square root of
+/// the number of these samples, since chance affects a mean of samples less than a single sample.
 pub const ROUGH_STEPS: u32 = 30;
 /// The sample points of lights and the directions of the sky repeat after this many pixels of the half
 /// picture, across and down. Along each axis, the filter of soft light covers one pixel more than this

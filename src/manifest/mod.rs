@@ -2,9 +2,9 @@
 //!
 //! A [`Family`] is a set of kernels that casts a frame. The table has a row for each family. The row names
 //! the family's kernels with their parameters, the defines for compilation, and the values of axes that the
-//! family supports. It also names one file, which includes all other files of the family. The row determines
-//! which source is compiled and hashed, how arguments are bound, which kernel's registers are reported and
-//! which strategies are allowed.
+//! family supports. The row also names one file, which includes all other files of the family. The row
+//! determines which source is compiled and hashed, how arguments are bound, which kernel's registers are
+//! reported and which strategies are allowed.
 
 mod constants;
 mod define_lists;

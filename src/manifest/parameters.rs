@@ -72,7 +72,7 @@ pub const TEXTURES: &[Parameter] = &[
 /// through the holes of cut-outs.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this
-/// sample's round. The first samples of a pixel are one round, and the later samples are another round.
+/// sample's set. The first samples of a pixel are one set, and the later samples are another set.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// For each block of pixels, the number of samples per pixel that the block should get. Also the number of
 /// samples per pixel that the image has from earlier frames.

@@ -5,7 +5,7 @@ use crate::device::{Builtins, LaneOperations};
 use crate::program::ProgramSpec;
 use crate::program::preprocess::preprocess;
 use crate::sources::Sources;
-use crate::strategy::{AXES, PRESETS, Strategy, Workload};
+use crate::strategy::{AXES, Axis as _, PRESETS, Strategy, Traversal, Width, Workload};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign as _;
 
@@ -78,6 +78,21 @@ fn kernels_in(text: &str) -> BTreeMap<&str, &str> {
         (words[void + 1], words[void + 2])
     };
     heads.map(of_head).collect()
+}
+
+/// Other tests go through the families of this table, so they would pass over a family that it lacks. The families of
+/// combinations that are refused must be in the table too, since the rules of a family give the reason.
+#[test]
+fn the_family_of_every_traversal_and_width_is_in_the_table() {
+    for preset in PRESETS {
+        for traversal in Traversal::all() {
+            for width in Width::all() {
+                let family = Strategy { traversal, width, ..preset.strategy }.family();
+                let is_listed = FAMILIES.iter().any(|listed| std::ptr::eq(*listed, family));
+                assert!(is_listed, "{}: FAMILIES lacks the family {}", preset.name, family.name);
+            }
+        }
+    }
 }
 
 #[test]

@@ -3,12 +3,12 @@
 /// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking<T> {
-    /// The fastest point with enough samples, and every other point that ties with it. If there is more than
-    /// one winner, the winners tie.
+    /// The fastest point with a rank, and every other point that ties with it. If there is more than one winner, the
+    /// winners tie.
     pub winners: Vec<T>,
-    /// Every point with enough samples, including the winners.
+    /// Every point with a rank, including the winners: a point with enough samples, none of which has the time 0.
     pub ranked: Vec<T>,
-    /// Points with too few samples; no verdict uses them.
+    /// The other points: those with too few samples or with times of 0. No verdict uses them.
     pub unranked: Vec<T>,
 }
 

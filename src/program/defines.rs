@@ -7,7 +7,23 @@ use crate::manifest::{
     SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
 };
 use crate::scene::{LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
-use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
+use crate::strategy::{Culling, Epsilons, Math, Strategy, Workload};
+
+/// The defines that say whether a property holds: 1 if it holds, otherwise 0.
+const SWITCHES: &[(&str, Fact)] = &[
+    ("TREE", Fact::Tree),
+    ("PLANES_OF_ORIGIN", Fact::Planes),
+    ("RECORDS_ONCE", Fact::Records),
+    ("TEXTURES", Fact::Textured),
+    ("CUTOUTS", Fact::CutOut),
+    ("SOFT", Fact::Soft),
+    ("ENVIRONMENT", Fact::Environment),
+    ("SAMPLED", Fact::Sampled),
+    ("HALF_LIGHT", Fact::HalfLight),
+    ("FUSED", Fact::Fused),
+    ("LEFTOVER_KERNEL", Fact::Leftover),
+    ("GIVEN_RAYS", Fact::GivenRays),
+];
 
 /// Returns the value of a define; `None` if the define is unknown.
 pub(super) fn value_of(
@@ -16,10 +32,16 @@ pub(super) fn value_of(
     workload: &Workload,
     builtins: Builtins,
 ) -> Option<u64> {
-    of_strategy(name, strategy)
+    switch(name, strategy, workload)
+        .or_else(|| of_strategy(name, strategy))
         .or_else(|| of_workload(name, strategy, workload))
         .or_else(|| of_device(name, strategy, builtins))
         .or_else(|| constant(name))
+}
+
+fn switch(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u64> {
+    let (_, fact) = SWITCHES.iter().find(|(define, _)| *define == name)?;
+    Some(u64::from(strategy.holds_of(*fact, workload)))
 }
 
 fn of_strategy(name: &str, strategy: &Strategy) -> Option<u64> {
@@ -31,12 +53,9 @@ fn of_strategy(name: &str, strategy: &Strategy) -> Option<u64> {
         "CULL_BACK" => u64::from(strategy.culling == Culling::Back),
         "PAPER_EPSILONS" => u64::from(strategy.epsilons == Epsilons::Paper),
         "FAST_MATH" => u64::from(strategy.math == Math::Fast),
-        "TREE" => u64::from(strategy.needs_tree()),
-        "PLANES_OF_ORIGIN" => u64::from(strategy.intersector.prepares_planes()),
         "LINEAR_IN_PIXEL" => u64::from(strategy.intersector.counts_in_pixels()),
         "WATERTIGHT" => u64::from(strategy.intersector.needs_exact_signs()),
         "RECORD_FLOATS" => strategy.intersector.record_floats() as u64,
-        "RECORDS_ONCE" => u64::from(strategy.records == Records::Once),
         "INDEX_BITS" => u64::from(strategy.layout.index_bits()?),
         "NODE_WIDTH" => children as u64,
         "NODE_STRIDE" => WideBvh::stride(children) as u64,
@@ -57,17 +76,8 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "NORMALS" => if_staged(workload.normals),
         "MATERIALS" => if_staged(workload.materials),
         "STACK_SIZE" => workload.stack_size as u64,
-        "TEXTURES" => u64::from(workload.is_textured() && strategy.family().takes(Fact::Textured)),
-        "CUTOUTS" => u64::from(workload.cut_outs && strategy.family().takes(Fact::Textured)),
         "MIPS" => u64::from(workload.mip_levels),
-        "ENVIRONMENT" => u64::from(workload.sky_texels > 0 && strategy.family().takes(Fact::Soft)),
-        "SOFT" => u64::from(workload.is_soft() && strategy.family().takes(Fact::Soft)),
         "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),
-        "SAMPLED" => u64::from(workload.many_samples),
-        "HALF_LIGHT" => u64::from(workload.half_light && strategy.family().takes(Fact::Soft)),
-        "FUSED" => u64::from(strategy.fuses(workload)),
-        "LEFTOVER_KERNEL" => u64::from(strategy.holds_of(Fact::Leftover, workload)),
-        "GIVEN_RAYS" => u64::from(workload.given_rays),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
     })

@@ -35,9 +35,10 @@ impl ProgramSpec {
         Ok(spec)
     }
 
-    /// Makes the same input as [`Self::new`], but without the lines at which a compiler stops if a file of
-    /// the user disagrees with its header. `raycl kernel` prints this program, so that a user who gets such
-    /// an error can look for its cause in the printed program.
+    /// Makes the compiler's input as [`Self::new`] does, but leaves out the check of the user's file of the axis
+    /// `triangles`. This check consists of `#error` lines. They stop the compiler if the file's macros disagree
+    /// with the key `copied` in the file's header. `raycl kernel` prints the program without these lines, so that
+    /// a user who gets such an error can look for its cause in the printed program.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,

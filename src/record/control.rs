@@ -11,6 +11,7 @@ use std::collections::HashMap;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Control {
     key: String,
+    /// The control point's times, relative to the times of the block's records.
     standing: Standing,
     /// True if this value is stored in the record of the control point itself.
     is_itself: bool,

@@ -505,8 +505,8 @@ mod tests {
         std::fs::write(folder.path().join("environment.json"), "{}").unwrap();
         std::fs::write(folder.path().join(MERGE), r#"{"notes": ["One attempt was killed."]}"#).unwrap();
         std::fs::write(&journal, format!("{text}{{\"key\":")).unwrap();
-        let torn = "The last record is incomplete, for example because raycl was killed while it wrote the record. It is \
-                    left out; `raycl run --resume` measures its point again.";
+        let torn = "The last record is incomplete, for example because raycl was killed while it wrote the record. The \
+                    record is left out; `raycl run --resume` measures the record's point again.";
         assert_eq!(shown(&folder).1, ["One attempt was killed.", torn]);
     }
 
@@ -615,8 +615,9 @@ mod tests {
     /// A GPU gets a longer name when a second GPU of the same name becomes visible on the machine.
     #[test]
     fn anchors_are_those_of_a_device_that_a_later_session_gave_another_name() {
+        use crate::numbers::significant;
         use crate::record::fixtures::measured;
-        use crate::record::{anchored, judge_with_anchors, significant};
+        use crate::record::{anchored, judge_with_anchors};
         let earlier = measured("gpu", "naive", 8, 10.0);
         let folder = folder(std::slice::from_ref(&earlier));
         let mut journal = JsonLines::append_to(&folder.path().join(ANCHORS)).unwrap();

@@ -1,10 +1,10 @@
 //! Compares the machines of an experiment by the times of control points. If several machines measure blocks of the
 //! same group, each of them measures the group's control point.
 
-use super::numbers::{by, duration, significant};
 use super::point_times::{interval, median};
 use super::ratios::ratio_apart;
 use super::types::Record;
+use crate::numbers::{by, duration, significant};
 use std::collections::BTreeMap;
 
 /// A control point, and its time on each machine.

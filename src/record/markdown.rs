@@ -3,7 +3,6 @@
 use std::fmt::Write;
 
 use super::modes::{to_mind, two_modes};
-use super::numbers::{align_points, by, duration, ms, significant};
 use super::point_times::{interval, launches, median};
 use super::ratios::ratio;
 use super::smallest_difference::smallest_difference_note;
@@ -11,6 +10,7 @@ use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_note
 use super::terminal::percent;
 use super::types::{HOST, Record};
 use crate::device::common_names;
+use crate::numbers::{align_points, by, duration, ms, significant};
 use crate::printer::{line, markdown};
 
 /// Number of columns of a table.
@@ -243,8 +243,7 @@ mod tests {
         for expected in [
             "## teapot, 800 x 500, pocl",
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
-            // All samples of a point are equal, so the ranges contain only the assumed difference
-            // between runs.
+            // All samples of a point are equal, so only the assumed differences between runs make the ranges wide.
             "The fastest point is 42.0 times (39.6 to 44.5) as fast as serial-f32.",
             "8.40 times (8.31 to 8.49) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",

@@ -1,9 +1,9 @@
 //! Warnings about a record's median.
 
-use super::numbers::ms;
 use super::point_times::{launches, median};
 use super::types::Record;
 use crate::measure::Modes;
+use crate::numbers::ms;
 use crate::words::counted;
 
 /// A launch counts as having a single mode if one of the record's two modes has at most this fraction of the

@@ -1,9 +1,9 @@
 //! `rounds.jsonl`: the load of other processes while rounds were timed.
 
-use super::numbers::significant;
 use super::types::Record;
 use crate::load::Load;
 use crate::measure::quantile;
+use crate::numbers::significant;
 use crate::words::{counted, counted_are};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, HashSet};

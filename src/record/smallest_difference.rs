@@ -1,9 +1,9 @@
 //! Notes on the certainty of results, in particular on the smallest difference that can be shown between two points.
 
-use super::numbers::{by, significant};
 use super::ranking::resolution;
 use super::ratios::rounds_of;
 use super::types::Record;
+use crate::numbers::{by, significant};
 use std::collections::{BTreeMap, HashSet};
 
 /// The times of points are noisy if the points must differ by more than this fraction before the samples show

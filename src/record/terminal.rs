@@ -3,7 +3,6 @@
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
 use super::modes::to_mind;
-use super::numbers::{by, duration, ms, significant};
 use super::outcome::Outcome;
 use super::point_times::{fewest, is_below_resolution, median};
 use super::summary::{Group, groups, not_enough, scene_notes};
@@ -11,6 +10,7 @@ use super::types::{HOST, Record};
 use crate::device::common_names;
 use crate::entry::entry;
 use crate::measure::Ranking;
+use crate::numbers::{by, duration, ms, significant};
 use crate::printer::{line, plain};
 use crate::strategy::Infeasible;
 

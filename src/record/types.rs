@@ -1,13 +1,13 @@
 //! The record of a point. `docs/format.md` documents every field.
 
 use super::axes::axes;
-use super::numbers::by;
 use super::outcome::Outcome;
 use super::relative_times::RelativeTimes;
 use crate::manifest;
+use crate::numbers::by;
 use crate::program::CompiledKernel;
 use crate::sensor::SensorReading;
-use crate::strategy::Infeasible;
+use crate::strategy::{Axis as _, Infeasible, Traversal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -318,21 +318,28 @@ impl Record {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }
 
+    /// Returns the point's traversal; `None` for a baseline, and if this version of raycl does not have the traversal
+    /// that the record names.
+    fn traversal(&self) -> Option<Traversal> {
+        let name = self.axis("traversal")?;
+        Traversal::all().into_iter().find(|traversal| traversal.name() == name)
+    }
+
     /// Returns true if the point tests every ray against every triangle, so that the number of tests is
     /// known.
     pub fn tests_every_triangle(&self) -> bool {
-        self.is_baseline() || self.axis("traversal") == Some("exhaustive")
+        self.is_baseline() || self.traversal().is_some_and(Traversal::tests_every_triangle)
     }
 
     /// Returns true if the point's rays traverse a tree, each separately or together in a tile.
     pub fn walks_tree(&self) -> bool {
-        matches!(self.axis("traversal"), Some("bvh" | "tile"))
+        self.traversal().is_some_and(Traversal::walks_tree)
     }
 
     /// Returns true if the point's primary rays are rasterised: each triangle's pixels are found by one
     /// work-item.
     pub fn rasterises(&self) -> bool {
-        self.axis("traversal") == Some("raster")
+        self.traversal().is_some_and(Traversal::rasterises)
     }
 
     /// Returns the main kernel, which casts primary rays, alone or with the rest of the frame. Returns `None` if the
@@ -447,11 +454,12 @@ mod tests {
     fn casters_differ_in_which_triangles_they_test() {
         let of = |device: &str, strategy: &str| {
             let record = Record { device: device.into(), strategy: strategy.into(), ..Record::default() };
-            (record.tests_every_triangle(), record.walks_tree())
+            (record.tests_every_triangle(), record.walks_tree(), record.rasterises())
         };
-        assert_eq!(of(HOST, "serial-f32"), (true, false));
-        assert_eq!(of("gpu", "traversal=exhaustive"), (true, false));
-        assert_eq!(of("gpu", "traversal=raster"), (false, false));
-        assert_eq!([of("gpu", "traversal=bvh"), of("gpu", "traversal=tile")], [(false, true); 2]);
+        assert_eq!(of(HOST, "serial-f32"), (true, false, false));
+        assert_eq!(of("gpu", "traversal=exhaustive"), (true, false, false));
+        assert_eq!(of("gpu", "traversal=raster"), (false, false, true));
+        assert_eq!([of("gpu", "traversal=bvh"), of("gpu", "traversal=tile")], [(false, true, false); 2]);
+        assert_eq!(of("gpu", "traversal=of-a-later-version"), (false, false, false));
     }
 }

@@ -1,8 +1,8 @@
 //! Counts the points whose images were hardly verified, because too few pixels of these images are certain.
 
-use super::numbers::by;
 use super::outcome::Outcome;
 use super::types::Record;
+use crate::numbers::by;
 use crate::verify::hardly_verified;
 use crate::words::counted_of_were;
 

@@ -4,10 +4,8 @@
 use super::words::{first_line, series_name, title};
 use crate::entry::entry;
 use crate::measure::Ranking;
-use crate::record::{
-    Group, HOST, Record, duration, duration_range, few_names, interval, launches, median, not_enough, ratio,
-    significant, word,
-};
+use crate::numbers::{duration, duration_range, significant};
+use crate::record::{Group, HOST, Record, few_names, interval, launches, median, not_enough, ratio, word};
 use crate::words::counted;
 
 /// The result of one group of points: a scene at an image size on a device.

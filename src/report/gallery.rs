@@ -2,7 +2,8 @@
 
 use super::merged::Origins;
 use crate::image::picture_reader;
-use crate::record::{Record, by, read_inside};
+use crate::numbers::by;
+use crate::record::{Record, read_inside};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use std::collections::HashMap;

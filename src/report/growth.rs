@@ -7,7 +7,8 @@ use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::words::Looks;
-use crate::record::{Group, by};
+use crate::numbers::by;
+use crate::record::Group;
 
 /// Returns up to two plots for each device: times over the number of triangles, and times over the number of
 /// pixels. A plot is left out if all its times have the same number of triangles or pixels.
@@ -311,7 +312,7 @@ mod tests {
         );
         assert!(plots[2].caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", plots[2].caption);
         assert!(plots[2].caption.ends_with("these other differences also affect the times."));
-        assert!(plots[3].caption.contains("too few different values for a fit"), "{}", plots[3].caption);
+        assert!(plots[3].caption.contains("There are no fitted lines"), "{}", plots[3].caption);
         assert!(plots[3].svg.contains("class=\"line\""), "without a fit, marks are joined");
     }
 }

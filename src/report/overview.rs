@@ -4,7 +4,8 @@ use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::scale::Kind;
 use super::words::{Looks, series_name, tip};
-use crate::record::{Group, HOST, Record, by, interval, median};
+use crate::numbers::by;
+use crate::record::{Group, HOST, Record, interval, median};
 use std::collections::HashMap;
 
 /// Up to this number of devices, each pair of devices has its own plot. The number of pairs grows with the square of
@@ -168,7 +169,7 @@ fn pair(
         series,
     };
     let caption = format!(
-        "Each dot is a point that was measured on both devices. Below the line of equal times, {other} is faster; above this line, {one} is faster."
+        "Each dot is a point that was measured on both devices. Below the line of equal times, {other} is faster; above this line, {one} is faster. Bars are 95% intervals of the times on {other}."
     );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", index), caption, &chart))
 }
@@ -181,7 +182,7 @@ mod tests {
 
     #[test]
     fn bars_of_device_against_device_are_the_second_devices() {
-        // The times of the two launches (worker processes) are far apart (10 and 15 ms), so the
+        // The times of the two launches are far apart (10 and 15 ms), so the
         // interval is wide. Three samples are too few for an interval.
         let wide = |device: &str| {
             let samples = (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 15.0 }));

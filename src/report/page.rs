@@ -10,9 +10,10 @@ use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name};
 use super::{growth, microscope, occupancy, overview, roofline, side_by_side, view};
 use crate::error::{Error, Result};
+use crate::numbers::{by, ms, significant};
 use crate::record::{
-    AtHost, Folder, Group, HOST, Outcome, Record, by, controls, file_names, groups, interval, is_shown_as,
-    median, ms, not_enough, percent, ratio, significant, to_mind, two_modes,
+    AtHost, Folder, Group, HOST, Outcome, Record, controls, file_names, groups, interval, is_shown_as,
+    median, not_enough, percent, ratio, to_mind, two_modes,
 };
 use askama::Template;
 use serde_json::Value;

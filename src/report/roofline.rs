@@ -10,8 +10,9 @@ use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::words::{Looks, tip};
 use crate::device::common_name;
+use crate::numbers::significant;
 use crate::peak::{Peak, Traffic, operations_per_test};
-use crate::record::{Folder, Group, Record, significant};
+use crate::record::{Folder, Group, Record};
 use crate::words::counted;
 use std::collections::HashMap;
 

@@ -6,7 +6,8 @@ use super::plot::Plot;
 use super::plot::heat::{Cell, HeatMap};
 use super::plot::legend::shorten;
 use super::words::title;
-use crate::record::{Group, HOST, Record, ratio, significant};
+use crate::numbers::significant;
+use crate::record::{Group, HOST, Record, ratio};
 
 /// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;

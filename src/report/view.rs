@@ -9,7 +9,8 @@ use super::plot::scale::Kind;
 use super::plot::strip::{Row, Strip};
 use super::words::{Looks, group_title, size_name, tip, title};
 use crate::measure::Ranking;
-use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, ratio, word};
+use crate::numbers::{duration, ms};
+use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, word};
 
 /// The image size in the paper's figures, in pixels across and down. Only plots for this image size show the
 /// paper's times.
@@ -211,7 +212,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
         return None;
     }
     let shown = if all.len() > rows.len() {
-        format!(" {} of {} points are shown: the fastest first, points without bars last.", rows.len(), all.len())
+        format!(" Only the first {} of {} points are shown, fastest first.", rows.len(), all.len())
     } else {
         String::new()
     };
@@ -369,7 +370,11 @@ mod tests {
         let all = shown(14);
         assert!(!all.caption.contains("are shown") && all.svg.contains("naive 14x14"), "{}", all.caption);
         let some = shown(16);
-        assert!(some.caption.ends_with(" 14 of 16 points are shown: the fastest first, points without bars last."), "{}", some.caption);
+        assert!(
+            some.caption.ends_with(" Only the first 14 of 16 points are shown, fastest first."),
+            "{}",
+            some.caption
+        );
         assert!(some.svg.contains("naive 14x14") && !some.svg.contains("naive 15x15"));
         assert!(
             strip(&groups(&[Record { median_ms: None, ..measured("gpu", "naive", 8, 1.0) }])[0], "a")

@@ -2,11 +2,9 @@
 
 use super::plot::look::Look;
 use super::view::PAPER_SIZE;
+use crate::numbers::{by, duration, duration_range, ms, significant};
 pub(crate) use crate::record::first_line;
-use crate::record::{
-    Group, HOST, Record, by, duration, duration_range, interval, median, ms, not_enough, percent,
-    significant, to_mind,
-};
+use crate::record::{Group, HOST, Record, interval, median, not_enough, percent, to_mind};
 
 /// Assigns a colour and a marker to each series name, so that a strategy looks the same in all plots.
 #[derive(Clone, Debug, Default)]

@@ -73,15 +73,15 @@ fn values_to_try(
     [0.0, f64::INFINITY].into_iter().chain(between).collect()
 }
 
-/// Returns a value near the geometric mean of `low` and `high`, with as few digits as possible. The
-/// value is above `low` and not above `high`.
+/// Returns a value near the geometric mean of `low` and `high`, with as few digits as possible, but at least two. The
+/// value is above `low` and not above `high`. If `low` is 0, returns `high`.
 fn between(low: f64, high: f64) -> f64 {
     let mean = (low * high).sqrt();
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse::<f64>().ok();
     (1..=6).filter_map(rounded).find(|value| *value > low && *value <= high).unwrap_or(high)
 }
 
-/// Returns the source text of src/strategy/constants.rs.
+/// Generates a new text for src/strategy/constants.rs, with constants fitted to `sweeps`.
 pub fn source(sweeps: &[Sweep]) -> String {
     let mut text = HEAD.to_owned();
     for (name, about, class, watertight) in [
@@ -121,7 +121,7 @@ pub fn source(sweeps: &[Sweep]) -> String {
 const HEAD: &str = "\
 //! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
 //! stored sweeps; do not edit it. A constant that lies between two cases of the sweeps is near the geometric mean of
-//! their values. A constant without a sweep keeps its former value.
+//! their values. A constant that no sweep determines keeps its former value.
 
 use super::fastest::Constants;
 ";

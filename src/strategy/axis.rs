@@ -216,9 +216,9 @@ axis! {
     NodeWidth "node_width" "children of a tree node" {
         N2 "2" "two",
         N4 "4" "four: the fastest for single rays on a GPU",
-        N8 "8" "eight: a CPU's vector tests all of them together",
-        N16 "16" "sixteen",
-        N32 "32" "thirty-two: a GPU's sub-group tests all of them together",
+        N8 "8" "eight: a CPU tests all of them as one vector of 8 numbers",
+        N16 "16" "sixteen: a CPU tests all of them as one vector of 16 numbers",
+        N32 "32" "thirty-two: with traversal = tile on a GPU, each of the 32 work-items that share a tile tests one of them",
     }
 }
 axis! {
@@ -245,6 +245,41 @@ axis! {
     Math "math" "how the compiler may change arithmetic" {
         Strict "strict" "IEEE single precision as OpenCL C defines it",
         Fast "fast" "-cl-fast-relaxed-math",
+    }
+}
+
+/// These methods name every traversal, so that the compiler asks for the answers of a new one.
+impl Traversal {
+    /// Returns true if each primary ray is tested against every triangle.
+    pub fn tests_every_triangle(self) -> bool {
+        match self {
+            Self::Exhaustive => true,
+            Self::Raster | Self::Bvh | Self::Tile => false,
+        }
+    }
+
+    /// Returns true if rays walk a tree, each separately or together in a packet or a tile.
+    pub fn walks_tree(self) -> bool {
+        match self {
+            Self::Bvh | Self::Tile => true,
+            Self::Exhaustive | Self::Raster => false,
+        }
+    }
+
+    /// Returns true if rays are cast in tiles. The kernels for tiles read corners only from the tree.
+    pub fn casts_tiles(self) -> bool {
+        match self {
+            Self::Tile => true,
+            Self::Exhaustive | Self::Raster | Self::Bvh => false,
+        }
+    }
+
+    /// Returns true if primary rays are rasterised: each triangle's pixels are found by one work-item.
+    pub fn rasterises(self) -> bool {
+        match self {
+            Self::Raster => true,
+            Self::Exhaustive | Self::Bvh | Self::Tile => false,
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
 //! stored sweeps; do not edit it. A constant that lies between two cases of the sweeps is near the geometric mean of
-//! their values. A constant without a sweep keeps its former value.
+//! their values. A constant that no sweep determines keeps its former value.
 
 use super::fastest::Constants;
 

@@ -149,10 +149,18 @@ impl Strategy {
         self.passes == Passes::Fused && (casts_shadows || !self.shares_tiles())
     }
 
-    /// Returns true if the strategy has the property `fact`, such as [`Fact::Tree`]. The manifest (the table
-    /// of kernels) uses these properties as conditions. The function assumes a scene with lights but without
-    /// textures or soft light, one sample per pixel, and no rays that the caller provides.
+    /// Returns true if the strategy has the property `fact`, such as [`Fact::Tree`], with the workload of a cube: a
+    /// scene with a light but without textures or soft light, one sample per pixel, and no rays that the caller
+    /// provides.
     pub fn holds(&self, fact: Fact) -> bool {
+        self.holds_of(fact, &Workload::CUBE)
+    }
+
+    /// Returns true if the strategy with this workload has the property `fact`. The manifest (the table of
+    /// kernels) uses these properties as conditions. A scene's textures, cut-outs and soft light count only if
+    /// the strategy's family supports them.
+    pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
+        let supports = |property| self.family().takes(property);
         match fact {
             Fact::Always => true,
             Fact::Soup => self.layout.index_bits().is_none(),
@@ -163,28 +171,13 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
-            Fact::Fused => self.passes == Passes::Fused,
-            Fact::Separate | Fact::Leftover => self.passes == Passes::Separate,
-            Fact::Textured
-            | Fact::Soft
-            | Fact::Sampled
-            | Fact::CutOut
-            | Fact::Environment
-            | Fact::HalfLight
-            | Fact::GivenRays => false,
-        }
-    }
-
-    /// Returns true if the strategy with this workload has the property `fact`. The manifest (the table of
-    /// kernels) uses these properties as conditions.
-    pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
-        match fact {
-            Fact::Textured => workload.is_textured(),
-            Fact::CutOut => workload.cut_outs,
-            Fact::Environment => workload.sky_texels > 0 && self.family().takes(Fact::Soft),
-            Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
+            Fact::Textured => workload.is_textured() && supports(Fact::Textured),
+            Fact::CutOut => workload.cut_outs && supports(Fact::Textured),
+            Fact::Environment => workload.sky_texels > 0 && supports(Fact::Soft),
+            Fact::Soft => workload.is_soft() && supports(Fact::Soft),
             Fact::Sampled => workload.many_samples,
-            Fact::HalfLight => workload.half_light && self.family().takes(Fact::Soft),
+            Fact::HalfLight => workload.half_light && supports(Fact::Soft),
+            Fact::GivenRays => workload.given_rays,
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
             // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from
@@ -193,8 +186,6 @@ impl Strategy {
             // light, and pictures of more than 2^23 pixels (see `Workload::shared_subpixel_bits`). For the
             // large pictures, the program contains the separate kernel, but frames do not run it.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
-            Fact::GivenRays => workload.given_rays,
-            of_strategy => self.holds(of_strategy),
         }
     }
 }
@@ -216,6 +207,17 @@ mod tests {
             assert_eq!(actual, [false, true, true], "{name}");
         }
         assert!(!is_soft("raster", true, true));
+    }
+
+    #[test]
+    fn textures_and_cut_outs_count_only_in_families_that_support_textures() {
+        let workload = Workload { texture_words: 1, cut_outs: true, ..Workload::CUBE };
+        for (name, supported) in [("naive", true), ("bvh", true), ("tile", true), ("raster", false)] {
+            let strategy = preset(name).unwrap().strategy;
+            let facts = [Fact::Textured, Fact::CutOut];
+            assert_eq!(facts.map(|fact| strategy.holds_of(fact, &workload)), [supported; 2], "{name}");
+            assert_eq!(facts.map(|fact| strategy.holds(fact)), [false; 2], "{name}");
+        }
     }
 
     #[test]

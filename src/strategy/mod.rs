@@ -119,26 +119,26 @@ impl Strategy {
     /// Returns true if each primary ray is tested against every triangle, so that the number of tests is
     /// known.
     pub fn tests_every_triangle(&self) -> bool {
-        self.traversal == Traversal::Exhaustive
+        self.traversal.tests_every_triangle()
     }
 
     /// Returns true if rays traverse a tree.
     pub fn needs_tree(&self) -> bool {
-        matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
+        self.traversal.walks_tree()
     }
 
     /// Returns true if the strategy's kernels read whole triangles in the strategy's layout. Kernels for
     /// tiles read corners only from the tree. For these kernels, the layout decides only where normals are
     /// read.
     pub fn reads_mesh(&self) -> bool {
-        self.traversal != Traversal::Tile
+        !self.traversal.casts_tiles()
     }
 
     /// Returns true if the strategy's kernels read lists of the mesh: its normals, and its triangles, which
     /// contain the normals' indices. Only kernels that cast tiles and read indexed normals do so. A device
     /// that shares the host's memory reads these lists in place.
     pub fn reads_lists_of_mesh(&self) -> bool {
-        self.traversal == Traversal::Tile && self.layout.index_bits().is_some()
+        self.traversal.casts_tiles() && self.layout.index_bits().is_some()
     }
 
     /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is nearly
@@ -159,7 +159,7 @@ impl Strategy {
     /// Returns true if 32 work-items share a tile. In other strategies with tiles, one work-item casts a
     /// whole tile, with the tile's rays in vectors.
     pub fn shares_tiles(&self) -> bool {
-        self.traversal == Traversal::Tile && self.width == Width::W1
+        self.traversal.casts_tiles() && self.width == Width::W1
     }
 
     /// Returns the numbers of rays across and down in a tile that 32 work-items share; `None` if work-items share no
@@ -189,7 +189,7 @@ impl Strategy {
     /// Returns the local size with which the strategy is cast if no other is chosen. With the traversal `tile`, one
     /// work-item may cast a whole tile of rays, so a work-group of one work-item has enough work.
     pub fn usual_local_size(&self, limits: &DeviceLimits) -> [u32; 2] {
-        let tiles = self.traversal == Traversal::Tile;
+        let tiles = self.traversal.casts_tiles();
         self.local_size(limits, if tiles { [1, 1] } else { [8, 8] })
     }
 

@@ -9,7 +9,7 @@ use fits::{counters, groups, indices, shape, soft, textures};
 use super::infeasible::{Cause, Infeasible};
 use super::sum::Sum;
 use super::workload::Workload;
-use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
+use super::{Copied, Layout, Records, Strategy, WorkingMemory};
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
@@ -258,7 +258,7 @@ fn half_pictures(w: &Workload) -> impl Iterator<Item = Workload> {
 /// that are stored for all work-items at once.
 fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
-    if strategy.traversal == Traversal::Tile {
+    if strategy.traversal.casts_tiles() {
         let (across, down) = strategy.tile.pixels();
         // Even without barriers, PoCL 3.1 was observed to store the values of all work-items at the
         // same time.
@@ -268,7 +268,7 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     }
     // A value that lives across a barrier is stored for all work-items at the same time. PoCL 3.1 also stores packets
     // of rays for all work-items at the same time.
-    let packets = strategy.traversal != Traversal::Tile && strategy.width.rays() > 1;
+    let packets = !strategy.traversal.casts_tiles() && strategy.width.rays() > 1;
     let at_once = strategy.triangles.copied() != Copied::Nothing || packets;
     if strategy.vectors.memory() == WorkingMemory::Private && at_once {
         add_working(&mut sum, "vectors", strategy, w.local_size.map(u64::from));
@@ -317,7 +317,7 @@ fn add_tree(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
         sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
         sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
     }
-    if strategy.traversal == Traversal::Tile && strategy.layout.index_bits().is_none() {
+    if strategy.traversal.casts_tiles() && strategy.layout.index_bits().is_none() {
         sum.add("normals in leaf order", &[(NORMAL_BYTES, " B"), (w.triangles as u64 + 1, " rows")]);
     }
 }
@@ -367,7 +367,7 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.passes == super::Passes::Separate || strategy.shares_tiles() {
         sum.add("nearest triangles", &[(4, " B"), (w.nearest_count(strategy) as u64, " pixels")]);
     }
-    if strategy.traversal == Traversal::Raster {
+    if strategy.traversal.rasterises() {
         sum.add("depth", &[(4, " B"), (pixels, " pixels")]);
     }
     if strategy.shares_tiles() {

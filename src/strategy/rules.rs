@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn a_width_with_which_no_tile_can_be_cast_is_blamed_before_other_values() {
         let mut count = 0;
-        let tiles = |strategy: &Strategy| strategy.traversal == Traversal::Tile;
+        let tiles = |strategy: &Strategy| strategy.traversal.casts_tiles();
         for strategy in PRESETS.iter().map(|preset| preset.strategy).filter(tiles) {
             for width in [Width::W2, Width::W4, Width::W8] {
                 let reason = Strategy { width, ..strategy }.contradiction().unwrap_or_default();

@@ -1,6 +1,6 @@
 //! The sizes and features of a scene, an image and a work-group.
 
-use super::{Strategy, Traversal};
+use super::Strategy;
 use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::{Mapped, Sampling, Scene};
 use serde::{Deserialize, Serialize};
@@ -173,7 +173,7 @@ impl Workload {
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.shares_tiles() {
             self.shared_rays(strategy)
-        } else if strategy.traversal == Traversal::Tile {
+        } else if strategy.traversal.casts_tiles() {
             let (across, down) = strategy.tile.pixels();
             self.global_size(strategy).iter().product::<usize>() * across * down
         } else {
@@ -228,7 +228,7 @@ impl Workload {
 
 /// Returns the size in pixels (across, down) of the block that a work-item covers.
 fn block(strategy: &Strategy) -> (usize, usize) {
-    if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.block() }
+    if strategy.traversal.casts_tiles() { strategy.tile.pixels() } else { strategy.block() }
 }
 
 #[cfg(test)]

@@ -69,8 +69,9 @@ pub struct Viewer<S: Screen> {
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// The mistake in the files that were read last; `None` if these files have no mistake, or if a key has
-    /// switched something since. If the files have a mistake, the scene is cast as it was before.
+    /// The mistake in the files that were read last; `None` if these files have no mistake, or if a key has since
+    /// switched to another strategy, local size or device. If the files have a mistake, the scene is cast as it was
+    /// before.
     mistake: Option<String>,
     /// The answer to the last key or the last change of the screen's size: the reason why it had no effect, or the list
     /// of keys; `None` if there is nothing to tell.

@@ -12,7 +12,7 @@ use raycl::launch::{LaunchError, Prepared, Refused, Session};
 use raycl::program::Sources;
 use raycl::reference::{Reference, reference};
 use raycl::scene::{Scene, load_scene};
-use raycl::strategy::{Culling, Strategy};
+use raycl::strategy::{Culling, PRESETS, Preset, Shading, Strategy};
 use raycl::verify::{Verdict, verify};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -51,6 +51,19 @@ pub fn due<T>(changes: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
 /// them.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
+}
+
+/// Returns the usual preset of each kernel family: the first that shades only the nearest hit of each ray. A test in
+/// src/strategy/rules.rs checks that every family has presets.
+pub fn one_preset_of_each_family() -> Vec<&'static Preset> {
+    let family = |preset: &Preset| preset.strategy.family().name;
+    let mut usual: Vec<&Preset> = Vec::new();
+    for preset in PRESETS.iter().filter(|preset| preset.strategy.shading == Shading::DEFERRED) {
+        if usual.iter().all(|known| family(known) != family(preset)) {
+            usual.push(preset);
+        }
+    }
+    usual
 }
 
 /// Returns a scene of the repository.

@@ -3,9 +3,10 @@
 
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
+use crate::numbers::{by, ms};
 use crate::printer;
 use crate::program::CompiledKernel;
-use crate::record::{Folder, Record, by, median, ms, not_enough};
+use crate::record::{Folder, Record, median, not_enough};
 use crate::words::{path_word, quote};
 use serde_json::json;
 use std::path::Path;

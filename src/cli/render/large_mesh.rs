@@ -4,7 +4,7 @@
 use super::Args;
 use crate::device::DeviceInfo;
 use crate::error::Result;
-use crate::strategy::{Candidate, Layout, Strategy, Task, Traversal};
+use crate::strategy::{Candidate, Layout, Strategy, Task};
 
 /// From this number of triangles on, a CPU casts a single picture by tiles of rays that read the mesh's own list of
 /// normals.
@@ -48,7 +48,7 @@ fn may_be_indexed(args: &Args) -> bool {
 /// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels of these tiles can
 /// read the mesh's own list of normals.
 fn is_tiled(strategy: &Strategy) -> bool {
-    strategy.traversal == Traversal::Tile && !strategy.shares_tiles()
+    strategy.traversal.casts_tiles() && !strategy.shares_tiles()
 }
 
 #[cfg(test)]
@@ -56,6 +56,7 @@ fn is_tiled(strategy: &Strategy) -> bool {
 mod tests {
     use super::*;
     use crate::device::{DeviceKind, DeviceLimits, EXAMPLE_LIMITS, tests::example};
+    use crate::strategy::Traversal;
     use clap::Parser;
 
     #[derive(Parser)]

@@ -62,7 +62,8 @@ pub struct Motion {
 
 /// The name of the group of options that make pictures move.
 pub(super) const MOVING: &str = "moving";
-/// The options that can only be used with a single picture, besides `layers`, which declares the conflict itself.
+/// The options that cannot be used with `--turntable` or `--animate`. The options `--layers`, `--every-device` and
+/// `--no-wait` are not in this list: each of them declares in `render.rs` that it conflicts with these two options.
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {

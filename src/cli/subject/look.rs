@@ -3,8 +3,8 @@
 use crate::scene::Setting;
 use toml::Value;
 
-/// The heading of the options for the view in the help. Every option names the heading itself: if the group of options
-/// had the heading, the heading would also apply to the options after the group.
+/// The help lists the options of [`Look`] under this heading. Every option names the heading itself: if the group of
+/// options had the heading, the heading would also apply to the options after the group.
 const HEADING: &str = "View of the scene";
 
 /// The view of a scene: direction, background and normals.
@@ -31,7 +31,8 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,
     /// Turn normals to the viewer, so that back faces are lit like front faces. `raycl view` and --turntable turn
-    /// either all normals of a mesh or none. This is the default for a bare mesh; `--set two_sided=false` turns it off
+    /// either all normals of a mesh or none. For a bare mesh, the option is on by default; `--set two_sided=false`
+    /// turns it off
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
     /// Show a bare mesh without ground, soft light or sky, but with two point lights if its file has no

@@ -2,7 +2,7 @@
 
 use super::Order;
 use crate::experiment::protocol::{Built, Reply, Request};
-use crate::experiment::supervisor::{Spawner, Worker, reply_of};
+use crate::experiment::waiting::{Spawner, Worker, reply_of};
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -86,7 +86,7 @@ mod tests {
     use super::super::{Program, Room};
     use super::*;
     use crate::error::Result;
-    use crate::experiment::supervisor::{Death, Wait};
+    use crate::experiment::waiting::{Death, Wait};
     use std::sync::{Arc, Mutex};
 
     /// A time limit that is far longer than anything in these tests takes.

@@ -6,7 +6,7 @@ use crate::device::DeviceKind;
 use crate::device::tests::example;
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::protocol::{Reply, Request};
-use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
+use crate::experiment::waiting::{Death, Spawner, Wait, Worker};
 use crate::program::StoredProgram;
 use crate::record::Record;
 use std::sync::Arc;
@@ -285,7 +285,7 @@ fn what_an_earlier_run_has_stored_needs_no_builder() {
     let group = |scene| vec![open(0, scene, "a", "exhaustive"), open(1, scene, "b", "bvh")];
     let run = |scene| built_by(&Ahead::new(vec![stored.clone()], Vec::new()), None, &mut [group(scene)]);
     assert_eq!(run(0).0, [0, 1]);
-    assert_eq!(run(0).0, [0, 1], "the programs themselves are not stored yet");
+    assert_eq!(run(0).0, [0, 1], "no program has been stored yet, so builders build both again");
     for point in [0, 1] {
         let program = StoredProgram { log: String::new(), binary: vec![1] };
         stored.store(&format!("the program of point {point}"), &program);

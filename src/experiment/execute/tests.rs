@@ -8,7 +8,7 @@ use crate::experiment::ahead::{Ahead, Builder};
 use crate::experiment::asleep;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Built, Reply, Request};
-use crate::experiment::supervisor::{Wait, Worker};
+use crate::experiment::waiting::{Wait, Worker};
 use crate::experiment::{Block, distinct_scenes};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, Environment, Sample, read_lines};

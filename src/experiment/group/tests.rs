@@ -9,7 +9,7 @@ use crate::experiment::asleep;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::rounds::Rounds as _;
-use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
+use crate::experiment::waiting::{Death, Spawner, Wait, Worker};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, RoundLoad};
 use std::cell::Cell;

@@ -2,6 +2,8 @@
 //! or hangs.
 
 use super::*;
+use crate::clock::LOOK_UP;
+use crate::experiment::waiting::{Death, Wait};
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;

@@ -65,9 +65,9 @@ use sample::by_point;
 use spread::Pooled;
 use std::collections::BTreeMap;
 
-/// Number of parts into which a point's samples are split if there is a single launch. Every point has at least this
-/// many samples, so no part is empty.
-const STRETCHES: usize = MIN_SAMPLES;
+/// Number of parts into which a point's samples are split if there is a single launch. Points with fewer samples are
+/// left out before, so no part is empty.
+const PARTS: usize = MIN_SAMPLES;
 
 /// The comparison of points that were measured together.
 #[derive(Clone, Debug, PartialEq)]
@@ -345,12 +345,12 @@ fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> O
 }
 
 /// Returns the median of each launch's values. If there is a single launch, returns the median of each of its
-/// [`STRETCHES`] parts.
+/// [`PARTS`] parts.
 fn repeats(launches: &[Vec<f64>]) -> Vec<f64> {
     match launches {
         [only] => {
-            let end = |stretch: usize| stretch * only.len() / STRETCHES;
-            (0..STRETCHES).filter_map(|stretch| median_of(&only[end(stretch)..end(stretch + 1)])).collect()
+            let end = |part: usize| part * only.len() / PARTS;
+            (0..PARTS).filter_map(|part| median_of(&only[end(part)..end(part + 1)])).collect()
         }
         several => several.iter().filter_map(|values| median_of(values)).collect(),
     }

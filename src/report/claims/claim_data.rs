@@ -4,11 +4,10 @@ use super::point::{Point, Size};
 use super::sure::Ratio;
 use super::verdict::{Data, Line};
 use crate::entry::entry;
+use crate::numbers::duration;
 use crate::peak::Peak;
 use crate::record::journals::SAMPLES;
-use crate::record::{
-    Folder, Group, Outcome, Record, Sample, duration, is_shown_as, median, ranking, read_lines,
-};
+use crate::record::{Folder, Group, Outcome, Record, Sample, is_shown_as, median, ranking, read_lines};
 use crate::report::words::{at_size, first_line, title};
 use crate::words::{option, quote};
 use serde_json::Value;
@@ -195,7 +194,10 @@ impl<'a> ClaimData<'a> {
     /// are no peak rates; `what` names the missing rate or latency in this line.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
         let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
-            let decides = format!("a new measurement: delete the run's file peak.json, then `{}`", self.run.completion(""));
+            let decides = format!(
+                "a new measurement: delete the run's file peak.json, then `{}`",
+                self.run.completion("")
+            );
             Line::cannot(error.to_string(), decides)
         })?;
         peaks

@@ -7,8 +7,9 @@ use super::table::{FastestTest, LocalSize, Memory, Pass, Preset, Test};
 use super::verdict::{Data, Line, Verdict};
 use crate::device::LaneOperations;
 use crate::device::occupancy::{multiprocessor, occupancy};
+use crate::numbers::{by, significant};
 use crate::peak::{Figure, Peak};
-use crate::record::{Record, Sample, by, significant};
+use crate::record::{Record, Sample};
 use crate::report::words::{at_size, title};
 use crate::strategy::{Requirements, Workload};
 

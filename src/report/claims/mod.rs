@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // In one launch (worker process), the ratio is below the bound of 5; in the other launch, the ratio is above
+        // In one launch, the ratio is below the bound of 5; in the other launch, the ratio is above
         // this bound.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
@@ -622,7 +622,10 @@ mod tests {
         std::fs::write(folder.path().join(FILE), "no rates").unwrap();
         let damaged = of_latency(&run("gpu"), "local", 40);
         assert!(damaged.lines[0].text.contains("peak.json does not contain peak rates: "), "{damaged:?}");
-        assert!(damaged.decides()[0].contains("delete this file, then `raycl reproduce"), "{damaged:?}");
+        assert!(
+            damaged.decides()[0].contains("delete the run's file peak.json, then `raycl reproduce"),
+            "{damaged:?}"
+        );
         std::fs::remove_file(folder.path().join(FILE)).unwrap();
         let unknown = of_latency(&run("gpu"), "local", 40);
         assert_eq!(

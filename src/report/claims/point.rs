@@ -1,7 +1,8 @@
 //! The points to which claims refer, such as "naive 8x8 on teapot".
 
 use crate::error::meant;
-use crate::record::{HOST, Record, by};
+use crate::numbers::by;
+use crate::record::{HOST, Record};
 use crate::report::paper;
 use crate::strategy::preset_names;
 use serde::Deserialize;

@@ -2,7 +2,8 @@
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{BELOW_RESOLUTION, MIN_SAMPLES};
-use crate::record::{Record, fewest, median, not_enough, ratio, ratio_of_passes, significant};
+use crate::numbers::significant;
+use crate::record::{Record, fewest, median, not_enough, ratio, ratio_of_passes};
 use std::ops::RangeInclusive;
 
 /// The ratio of two times.

@@ -167,7 +167,7 @@ impl Comparison {
         }
     }
 
-    /// Returns true if both folders measured at least one point, or if the outcome of a point changed.
+    /// Returns true if at least one point was measured in both folders, or if the outcome of a point changed.
     pub fn has_points_in_common(&self) -> bool {
         !self.pairs.is_empty() || self.has_changed_outcomes
     }

@@ -3,8 +3,9 @@
 use super::{Comparison, Pair};
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
+use crate::numbers::ms;
 use crate::printer::{line, markdown};
-use crate::record::{interval, median, ms};
+use crate::record::{interval, median};
 use crate::report::page::{SCRIPT, STYLE, nonce};
 use crate::report::plot::Plot;
 use crate::report::plot::chart::{Across, Chart, Mark, Series};

@@ -1,7 +1,8 @@
 //! A point that two folders measured, and the change of its time.
 
 use crate::measure::{Interval, Verdict};
-use crate::record::{Record, by, fewest, is_below_resolution, significant};
+use crate::numbers::{by, significant};
+use crate::record::{Record, fewest, is_below_resolution};
 use crate::report::words::{size_name, title};
 use serde::Serialize;
 

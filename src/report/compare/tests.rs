@@ -161,7 +161,7 @@ fn a_baseline_whose_program_changed_is_none() {
 fn an_estimate_that_is_not_certain_is_no_regression() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
-    // The point is 10% slower in one launch (worker process) and 50% slower in another. Even the fastest samples are
+    // The point is 10% slower in one launch and 50% slower in another. Even the fastest samples are
     // therefore slower than before, but the 95% interval of the mean change is wide.
     let mut after = before.clone();
     after[2].samples_ms[..5].iter_mut().for_each(|ms| *ms *= 1.1);
@@ -402,11 +402,12 @@ fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds
     assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
     assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
-    // The mean of all points is not tested, because the control point, its only reference, is one of these
+    // The mean of all points is not tested: the only reference of this mean is the control point, which is one of these
     // points.
     let note = changed.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
-    // In the other folder, all points were measured in the same rounds.
+    // The folder `whole` has the same points, but they were not divided into blocks: all were measured in the same
+    // rounds. A comparison with this folder also includes all five points.
     let whole = folder("whole", five_points(|_| 1.0));
     for comparison in [of(&blocks, &whole), of(&whole, &blocks)] {
         assert_eq!(comparison.summary(), "0 faster, 0 slower, 5 same, 0 unclear");
@@ -429,7 +430,7 @@ fn the_mean_of_a_strategy_is_not_relative_to_a_borrowed_control_point_of_the_sam
 }
 
 /// Returns a folder with two strategies at two sizes each, measured together with an anchor in
-/// three launches (worker processes). `machine` is the factor by which the machine is slower than
+/// three launches. `machine` is the factor by which the machine is slower than
 /// usual, and `slow` returns the factor by which a strategy is slower than usual.
 fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = Vec::new();

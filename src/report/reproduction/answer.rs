@@ -4,7 +4,8 @@
 use super::with_most;
 use crate::measure::Ranking;
 use crate::memory::readable;
-use crate::record::{Group, HOST, Record, by, duration, file_name, median, percent, ranking};
+use crate::numbers::{by, duration};
+use crate::record::{Group, HOST, Record, file_name, median, percent, ranking};
 use crate::report::claims::{Ratio, Run, completion};
 use crate::report::plot::Plot;
 use crate::report::plot::scale::Kind;
@@ -289,8 +290,7 @@ mod tests {
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
         let answer = of(&tie);
         assert!(answer.sure.ends_with("2 of 2 points tie for fastest"), "{}", answer.sure);
-        let none =
-            "on teapot, naive is the fastest choice of memories for vectors and triangles, or ties with the fastest";
+        let none = "on teapot, naive is the fastest choice of memories for vectors and triangles, or ties with the fastest";
         assert_eq!(answer.why, none);
         let on_gourd = |name: &str, ms| Record {
             key: format!("gourd {name}"),
@@ -324,7 +324,8 @@ mod tests {
         let folder = Folder { path: "out/figure-6".into(), ..Folder::default() };
         let records = judged([measured("gpu", "naive", 4, 9.1)]);
         let answer = answer(&Run::of(&folder, groups(&records)), "gpu", "", &mut Vec::new());
-        let words = "has several memory strategies; `raycl reproduce --out out --resume` measures them";
+        let words =
+            "has times of several memory strategies; `raycl reproduce --out out --resume` measures them";
         assert!(answer.sure.ends_with(words), "{}", answer.sure);
         let crashed = Record { outcome: Outcome::Crashed, ..infeasible("gpu", "private", 4, "why") };
         let again = of(&[measured("gpu", "naive", 4, 9.1), crashed]);

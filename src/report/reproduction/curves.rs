@@ -1,7 +1,8 @@
 //! Plots the paper's curves over block sizes (Figures 6 to 8) together with raycl's measurements.
 
 use super::with_most;
-use crate::record::{Group, Record, by, duration, interval, median, not_enough, ratio};
+use crate::numbers::{by, duration};
+use crate::record::{Group, Record, interval, median, not_enough, ratio};
 use crate::report::claims::Run;
 use crate::report::paper::{self, CURVES};
 use crate::report::plot::Plot;
@@ -150,8 +151,8 @@ fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
         [
             curve.name.to_owned(),
             format!("{block} x {block}"),
-            crate::record::ms(*ms),
-            time.map_or("-".into(), crate::record::ms),
+            crate::numbers::ms(*ms),
+            time.map_or("-".into(), crate::numbers::ms),
             ours(*block).and_then(obstacle).or(time.map(|time| times(*ms, time))).unwrap_or("-".into()),
         ]
     };

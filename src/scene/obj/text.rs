@@ -12,6 +12,10 @@ const SHOWN_FILE_BYTES: usize = 4 << 20;
 const SHOWN_NAME_CHARACTERS: usize = 200;
 /// Smallest number of bytes of a piece of the text. Reading shorter pieces in parallel would save no time.
 const CHUNK_BYTES: usize = 1 << 17;
+/// Largest number of bytes of a piece, apart from the rest of its last line. With longer pieces, the other threads would
+/// wait long while one thread reads the last piece. The triangles of much shorter pieces would take less than 4 MiB, and
+/// the allocator keeps the memory of such small allocations when they are freed.
+const MOST_CHUNK_BYTES: usize = 8 << 20;
 
 /// A mistake at a byte offset in the text that [`normalise`] returns.
 #[derive(Debug)]
@@ -150,11 +154,9 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces, about sixteen for each thread. Faces take longer to read than
-/// vertices. If there were only few pieces, the other threads would wait while one thread reads the last
-/// piece.
+/// Divides a text at line ends into pieces: about four for each thread, but none much longer than `MOST_CHUNK_BYTES`.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
-    let target = (text.len() / (16 * rayon::current_num_threads())).max(CHUNK_BYTES);
+    let target = (text.len() / (4 * rayon::current_num_threads())).clamp(CHUNK_BYTES, MOST_CHUNK_BYTES);
     let mut chunks = Vec::new();
     let mut start = 0;
     while start < text.len() {

@@ -3,7 +3,7 @@
 use super::text::{Seen, Source, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, PAPER_SHININESS};
-use crate::words::{counted, counted_are};
+use crate::words::counted;
 
 /// The reason why a line is ignored.
 #[derive(Debug)]
@@ -15,7 +15,7 @@ pub(super) struct Unfit {
     found: String,
     /// The form that raycl accepts.
     expected: String,
-    /// What raycl uses instead of the line.
+    /// A sentence, without its full stop, that says what raycl uses instead of the line.
     instead: String,
 }
 
@@ -35,9 +35,13 @@ impl Ignored {
     /// Returns a note for each kind of ignored lines.
     pub fn notes(&self, source: &Source) -> impl Iterator<Item = String> {
         self.0.iter().map(|(Unfit { kind, found, expected, instead }, lines)| {
-            let found = if source.quotes { found.clone() } else { format!("a value of {kind} is not valid") };
-            let (line, ignored) = (source.line(lines.first), counted_are(lines.count, "such line"));
-            format!("{}:{line}: {found}; expected {expected}: {ignored} ignored; {instead}", source.name)
+            let found =
+                if source.quotes { found.clone() } else { format!("a line with {kind} cannot be used") };
+            let (line, ignored) = (source.line(lines.first), counted(lines.count, "such line"));
+            format!(
+                "{}:{line}: {found} (expected {expected}). raycl ignores {ignored}. {instead}.",
+                source.name
+            )
         })
     }
 }
@@ -47,8 +51,11 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     let unfit = |kind: String, found: String| {
         let expected = format!("one or three numbers from 0 to {MAX_REFLECTANCE:e}");
         let instead = match key {
-            "Kd" => format!("without Kd, k_L is {DEFAULT_LAMBERTIAN} (grey), or 1 if there is a texture"),
-            _ => format!("without {key}, there is no highlight"),
+            "Kd" => format!(
+                "Without Kd, the diffuse reflectance is {DEFAULT_LAMBERTIAN} (grey), or 1 if there is a \
+                 texture"
+            ),
+            _ => format!("Without {key}, there is no highlight"),
         };
         Unfit { kind, found, expected, instead }
     };
@@ -97,7 +104,7 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
         kind: "Ns".to_owned(),
         found: token.map_or("Ns with 0 numbers".to_owned(), |token| format!("{} in Ns", quoted(token))),
         expected: format!("a number from 0 to {MAX_SHININESS:e}"),
-        instead: format!("without Ns, s is {PAPER_SHININESS}"),
+        instead: format!("Without Ns, the shininess is {PAPER_SHININESS}"),
     })
 }
 
@@ -111,7 +118,7 @@ pub(super) fn unfit_map(key: &str, found: String, expected: &str) -> Unfit {
         kind: key.to_owned(),
         found,
         expected: expected.to_owned(),
-        instead: format!("without {key}, {instead}"),
+        instead: format!("Without {key}, {instead}"),
     }
 }
 

@@ -46,8 +46,8 @@ impl Graphics {
     }
 
     /// Returns half blocks instead of sixels if the answer came from tmux (a program that divides a terminal
-    /// into several). Since version 3.4, tmux accepts sixels even if the terminal around tmux cannot draw
-    /// sixels; tmux then shows nothing or a placeholder.
+    /// into several). Since version 3.4, tmux says that it supports sixels even if the terminal around tmux
+    /// cannot draw sixels; tmux then shows nothing or a placeholder.
     fn shown_by_tmux(self, is_tmux: bool) -> Self {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }

@@ -48,8 +48,8 @@ pub struct Terminal {
 
 impl Terminal {
     /// Returns the terminal. If `graphics` is `None`, asks the terminal in which form it can show pictures.
-    /// If no user can press keys, or if the terminal does not report the size of a character in pixels, uses
-    /// half blocks without asking.
+    /// Uses half blocks without asking in three cases: if the terminal does not report the size of a character
+    /// in pixels, if standard input is not a terminal, or if the output is a pipe or a file.
     ///
     /// The terminal changes to raw mode and to its alternate screen when raycl first shows a picture, writes
     /// a line or looks for input. Before this change, for example while a large scene is loaded, Ctrl-C ends

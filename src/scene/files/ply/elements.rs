@@ -2,6 +2,7 @@
 //! properties of an element to its method `set_property`, one after the other.
 
 use super::colour::Colour;
+use crate::words::counted;
 use glam::{DVec3, Vec3};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
@@ -86,7 +87,10 @@ impl Face {
 fn corner(number: i64, count: usize) -> Result<u32, String> {
     match u32::try_from(number) {
         Ok(index) if (index as usize) < count => Ok(index),
-        _ => Err(format!("vertex {number} does not exist; the file has {count} vertices, numbered from 0")),
+        _ => {
+            let vertices = counted(count, "vertex");
+            Err(format!("vertex {number} does not exist; the file has {vertices}, numbered from 0"))
+        }
     }
 }
 

@@ -411,6 +411,10 @@ fn the_number_of_vertices_is_not_the_number_of_a_vertex() {
         let expected = format!("vertex {number} does not exist; the file has 4 vertices, numbered from 0");
         assert!(error.contains(&expected), "{error}");
     }
+    let one = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n3 0 1 0\n";
+    let error = parse("a.ply", one.as_bytes()).err().unwrap().to_string();
+    assert!(error.contains("vertex 1 does not exist; the file has 1 vertex, numbered from 0"), "{error}");
 }
 
 #[test]

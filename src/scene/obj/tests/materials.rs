@@ -338,8 +338,9 @@ fn a_material_has_its_three_channels_or_the_default() {
     assert_eq!(read("Kd 0.25 0.5 0.75").0.lambertian, Vec3::new(0.25, 0.5, 0.75));
     assert_eq!(read("Ks 0.25 0.5 0.75").0.glossy, Vec3::new(0.25, 0.5, 0.75));
     let (colour, shininess) = ("one or three numbers from 0 to 1e6", "a number from 0 to 1e6");
-    let grey = "without Kd, k_L is 0.8 (grey), or 1 if there is a texture";
-    let (dull, usual) = ("without Ks, there is no highlight", format!("without Ns, s is {PAPER_SHININESS}"));
+    let grey = "Without Kd, the diffuse reflectance is 0.8 (grey), or 1 if there is a texture";
+    let dull = "Without Ks, there is no highlight";
+    let usual = format!("Without Ns, the shininess is {PAPER_SHININESS}");
     for (line, found, expected, instead) in [
         ("Kd 1 2", "Kd with 2 numbers", colour, grey),
         ("Kd", "Kd with 0 numbers", colour, grey),
@@ -360,7 +361,8 @@ fn a_material_has_its_three_channels_or_the_default() {
     ] {
         let (material, notes) = read(line);
         let number = 1 + line.lines().count();
-        let end = format!("m.mtl:{number}: {found}; expected {expected}: 1 such line is ignored; {instead}");
+        let end =
+            format!("m.mtl:{number}: {found} (expected {expected}). raycl ignores 1 such line. {instead}.");
         assert!(notes.len() == 1 && notes[0].ends_with(&end), "{line}: {notes:?}");
         let glossy = Vec3::splat(if line.starts_with("Ks 1") { 1.0 } else { 0.0 });
         assert_eq!((material.lambertian, material.glossy), (Vec3::splat(0.8), glossy), "{line}");
@@ -373,16 +375,16 @@ fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
     let mtl = "newmtl a\nKd 0.5\nKd x\nKe nan 0 0\nd inf\nTf spectral a.rfl\nKd xyz 1 1 1\nd -halo 0.5\nTr 0 x\nnewmtl b\nKd -1\nKd y\n";
     let notes = notes_of("", mtl);
     let kinds = [
-        ("m.mtl:3: `x` in Kd; ", "3 such lines are ignored; "),
+        ("m.mtl:3: `x` in Kd (expected ", "raycl ignores 3 such lines. "),
         (
-            "m.mtl:4: `nan` in Ke; expected a finite number: ",
-            "1 such line is ignored; raycl does not support emitted light: ",
+            "m.mtl:4: `nan` in Ke (expected a finite number). ",
+            "raycl ignores 1 such line. raycl does not support emitted light: ",
         ),
         (
-            "m.mtl:5: `inf` in d; expected a finite number: ",
-            "1 such line is ignored; raycl does not support transparency: ",
+            "m.mtl:5: `inf` in d (expected a finite number). ",
+            "raycl ignores 1 such line. raycl does not support transparency: ",
         ),
-        ("m.mtl:7: `Kd xyz` is a form", "1 such line is ignored; "),
+        ("m.mtl:7: `Kd xyz` is a form", "raycl ignores 1 such line. "),
     ];
     assert_eq!(notes.len(), kinds.len(), "{notes:?}");
     for (note, (start, end)) in notes.iter().zip(kinds) {
@@ -413,8 +415,9 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
         ("../a.mtl", false, "its material file"),
     ] {
         let note = notes(library, quotes);
-        let start =
-            format!("{name}:2: a value of Kd is not valid; expected one or three numbers from 0 to 1e6: ");
+        let start = format!(
+            "{name}:2: a line with Kd cannot be used (expected one or three numbers from 0 to 1e6). "
+        );
         assert!(note.contains(&start) && !note.contains("secret"), "{note}");
     }
 }
@@ -510,7 +513,7 @@ fn a_file_that_many_materials_name_is_noted_once() {
 #[test]
 fn a_texture_without_a_file_or_without_the_numbers_of_an_option_is_noted_by_its_line() {
     let [file, numbers] = ["the name of a picture", "one to three finite numbers"]
-        .map(|expected| format!("; expected {expected}: 1 such line is ignored; without "));
+        .map(|expected| format!(" (expected {expected}). raycl ignores 1 such line. Without "));
     let [colour, mask] = ["map_Kd, the material's own colour is used", "map_d, the surface has no holes"];
     for (line, found, expected, instead) in [
         ("map_Kd", "map_Kd without a file", &file, colour),
@@ -521,7 +524,7 @@ fn a_texture_without_a_file_or_without_the_numbers_of_an_option_is_noted_by_its_
         ("map_d -s x a.png", "`x` after map_d -s", &numbers, mask),
     ] {
         let notes = notes_of("usemtl a", &format!("newmtl a\n{line}\n"));
-        let expected = format!("m.mtl:2: {found}{expected}{instead}");
+        let expected = format!("m.mtl:2: {found}{expected}{instead}.");
         assert!(notes.len() == 1 && notes[0].ends_with(&expected), "{line}: {notes:?}");
     }
 }

@@ -15,7 +15,7 @@ use ocl::prm::Float4;
 use std::ops::Range;
 
 /// Casts frames in tiles, each of which is shared by a group of 32 work-items.
-pub(super) struct Rounds<'p, 'a> {
+pub(super) struct SharedFrame<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
@@ -29,7 +29,7 @@ pub(super) struct Rounds<'p, 'a> {
     shades_leftover: bool,
 }
 
-impl<'p, 'a> Rounds<'p, 'a> {
+impl<'p, 'a> SharedFrame<'p, 'a> {
     /// Collects the kernel arguments that are the same in all rounds (a round processes some of the lights).
     pub fn new(
         parts: &'p Parts<'a>,

@@ -1,0 +1,123 @@
+//! The traits of worker processes (the processes that cast points for a run), and the wait for a worker's reply, which
+//! also ends if the worker dies or hangs.
+
+use super::protocol::{Reply, Request};
+use crate::clock::LOOK_UP;
+use crate::error::Result;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Starts workers.
+pub trait Spawner {
+    /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
+    /// kernels. The worker's first reply is [`Reply::Started`].
+    fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
+    /// Lets the worker that `spawn` starts next compile its programs again and remove the stored programs. A
+    /// stored program may have crashed the driver of a worker that died.
+    fn compile_afresh(&mut self) {}
+}
+
+/// A worker serves requests one after another, until it dies or is dropped.
+pub trait Worker {
+    /// Sends a request. If the worker is dead, the next call of `wait` reports the death.
+    fn send(&mut self, request: &Request);
+    /// Waits for the reply to the last request, for at most `limit`.
+    fn wait(&mut self, limit: Duration) -> Wait;
+    /// Tells the worker that no request will follow, so that it ends. The call does not wait for the end, so
+    /// several workers can end at the same time.
+    fn dismiss(&mut self) {}
+}
+
+/// The result of waiting for a worker's reply.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wait {
+    /// The reply.
+    Reply(Reply),
+    /// No reply came within the limit.
+    Silence,
+    /// The worker is dead and will not reply.
+    Dead(Death),
+}
+
+/// The way in which a worker died.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Death {
+    /// The cause, such as "was killed by SIGSEGV" or "ended with exit status: 1".
+    pub cause: String,
+    /// The end of the worker's standard error.
+    pub last_words: String,
+}
+
+/// Waits for a worker's reply. Returns the inner error if the worker dies, or does not reply within `limit`.
+/// Returns `None` if the flag `interrupted` becomes true while the worker is silent. Without a flag, an
+/// interruption does not end the wait.
+pub fn reply_of(
+    worker: &mut dyn Worker,
+    limit: Duration,
+    interrupted: Option<&AtomicBool>,
+) -> Option<std::result::Result<Reply, Loss>> {
+    let mut quiet = Quiet { limit, so_far: Duration::ZERO };
+    loop {
+        match quiet.wait(worker) {
+            Wait::Reply(reply) => return Some(Ok(reply)),
+            Wait::Dead(death) => return Some(Err(Loss::Died(death))),
+            Wait::Silence if quiet.is_over() => return Some(Err(Loss::HungFor(limit))),
+            Wait::Silence if interrupted.is_some_and(|flag| flag.load(Ordering::Relaxed)) => return None,
+            Wait::Silence => {}
+        }
+    }
+}
+
+/// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
+/// `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, only twice `LOOK_UP` is
+/// added. The reason is that raycl and its workers were stopped during this wait, by Ctrl-Z or by a scheduler
+/// that suspends jobs.
+struct Quiet {
+    /// The longest time that a worker may take to reply.
+    limit: Duration,
+    so_far: Duration,
+}
+
+impl Quiet {
+    /// Waits for a reply for a short time, at the end of which the caller can check for an interruption.
+    fn wait(&mut self, worker: &mut dyn Worker) -> Wait {
+        let start = Instant::now();
+        let reply = worker.wait(LOOK_UP.min(self.limit));
+        self.so_far += start.elapsed().min(2 * LOOK_UP);
+        reply
+    }
+
+    /// Returns true if the sum of all waits has reached the limit. The sum also includes waits that ended
+    /// with a reply, so callers ask only after [`Wait::Silence`].
+    fn is_over(&self) -> bool {
+        self.so_far >= self.limit
+    }
+}
+
+/// Why a worker did not reply: it died, or the time limit passed.
+pub enum Loss {
+    Died(Death),
+    HungFor(Duration),
+}
+
+impl Loss {
+    /// Formats the loss of a worker for a sentence whose subject is the worker: "was killed by SIGSEGV".
+    pub(super) fn describe(&self) -> String {
+        match self {
+            Self::Died(death) => death.describe(),
+            Self::HungFor(limit) => {
+                format!("did not answer within {} s and was ended", limit.as_secs_f64())
+            }
+        }
+    }
+}
+
+impl Death {
+    /// Formats the death of a worker for a sentence whose subject is the worker.
+    pub(super) fn describe(&self) -> String {
+        match self.last_words.as_str() {
+            "" => self.cause.clone(),
+            words => format!("{}; its last message: {words}", self.cause),
+        }
+    }
+}
