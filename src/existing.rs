@@ -14,6 +14,21 @@ const FORBIDDEN: &str = "run the command as a user who may read this path, chang
 /// The remedy if a disk does not answer, or answers with an error.
 const FAILED: &str = "check that the disk with this path works and is mounted, and run the command again";
 
+/// The remedy if a link leads back to itself.
+const ENDLESS: &str = "a link in this path leads back to itself: correct the link, or choose another path";
+
+/// Returns true if an error means that a link in a path leads back to itself.
+#[cfg(unix)]
+fn is_endless(error: &IoError) -> bool {
+    error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error())
+}
+
+/// Returns false: only the errors of Unix are known.
+#[cfg(not(unix))]
+fn is_endless(_: &IoError) -> bool {
+    false
+}
+
 /// Returns true if an error means that nothing is at a path.
 fn is_missing(error: &IoError) -> bool {
     // The errors say that the path is not found, that a part of the path is an ordinary file instead of a
@@ -122,11 +137,12 @@ pub fn unreadable(path: &Path, error: &IoError) -> Error {
     failed(format!("cannot read {}: {error}", path.display()), error)
 }
 
-/// Returns the error with this message for an operation that failed because of `error`. Missing permissions count as
-/// a mistake of the user; a disk that fails does not.
+/// Returns the error with this message for an operation that failed because of `error`. Missing permissions and
+/// links that lead back to themselves count as mistakes of the user; a disk that fails does not.
 pub fn failed(message: String, error: &IoError) -> Error {
     match error.kind() {
         ErrorKind::PermissionDenied => Error::input(message).with_help(FORBIDDEN),
+        _ if is_endless(error) => Error::input(message).with_help(ENDLESS),
         _ => Error::run(message).with_help(limit_advice(error).unwrap_or(FAILED)),
     }
 }
@@ -167,7 +183,8 @@ mod tests {
         ];
         for error in errors {
             let expected = format!("cannot read {}", endless.display());
-            assert!(error.exit_code() == 1 && error.to_string().starts_with(&expected), "{error}");
+            assert!(error.to_string().starts_with(&expected), "{error}");
+            assert_eq!((error.exit_code(), error.remedy()), (2, ENDLESS));
         }
     }
 

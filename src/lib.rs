@@ -75,6 +75,8 @@ mod filetype;
 #[doc(hidden)]
 pub mod image;
 #[doc(hidden)]
+pub mod inherited;
+#[doc(hidden)]
 pub mod launch;
 mod library;
 mod load;

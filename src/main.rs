@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
+    raycl::inherited::repair();
     choose_look();
     raycl::device::report_panics();
     match raycl::cli::Cli::read().and_then(raycl::cli::Cli::run) {

@@ -4,7 +4,7 @@
 use crate::device::drivers::LIBRARIES;
 use crate::error::{Error, Result};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -20,6 +20,9 @@ pub fn remember_libraries() {
 
 /// The environment variable that is set for the workers that raycl starts.
 const WORKER: &str = "RAYCL_WORKER";
+
+/// The remedy if /proc is not mounted.
+const NO_PROC: &str = "raycl finds its own executable file through the folder /proc, which is not mounted: mount it with `mount -t proc proc /proc`";
 
 /// Returns true if raycl started this process as a worker.
 pub fn is_worker() -> bool {
@@ -52,7 +55,23 @@ fn file() -> Result<PathBuf> {
         return Ok(running);
     }
     std::env::current_exe().map_err(|error| {
-        Error::run(format!("cannot find raycl's own executable file: {error}"))
-            .with_help("start raycl by its full path")
+        let message = format!("cannot find raycl's own executable file: {error}");
+        Error::run(message).with_help(advice(Path::new("/proc/self").exists()))
     })
+}
+
+/// Returns the remedy if this program's file is not found. `has_proc` is true if the system shows processes in /proc.
+fn advice(has_proc: bool) -> &'static str {
+    if cfg!(target_os = "linux") && !has_proc { NO_PROC } else { "start raycl by its full path" }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_proc_the_advice_is_to_mount_it() {
+        assert!(advice(false).contains("mount -t proc proc /proc"));
+        assert_eq!(advice(true), "start raycl by its full path");
+    }
 }

@@ -32,6 +32,8 @@ mod host_mutants;
 mod hosted;
 #[cfg(unix)]
 mod hostile;
+#[cfg(target_os = "linux")]
+mod inherited;
 mod kernel;
 mod kernels;
 mod launches;

@@ -242,3 +242,81 @@ fn without_a_cache_folder_that_can_be_written_pictures_are_cast_all_the_same() {
     let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     has(&said, &["POCL_CACHE_DIR", "'/dev/null/kernels'"]);
 }
+
+/// Returns a command that lists the devices, so that PoCL creates its folder for compiled kernels. The folder for
+/// temporary files is `temporary`. Neither the home folder nor any folder for caches is set.
+#[cfg(target_os = "linux")]
+fn devices_without_folders(folder: &WorkFolder) -> Command {
+    let mut command = folder.raycl(&["devices"]);
+    for name in ["HOME", "XDG_CACHE_HOME", "POCL_CACHE_DIR"] {
+        command.env_remove(name);
+    }
+    command.env("TMPDIR", folder.path("temporary"));
+    command
+}
+
+/// Creates a folder, and gives it this mode.
+#[cfg(target_os = "linux")]
+fn create_with_mode(folder: &Path, mode: u32) {
+    use std::os::unix::fs::PermissionsExt as _;
+    std::fs::create_dir_all(folder).expect("a folder");
+    std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode)).expect("a mode");
+}
+
+/// Without any of the variables, PoCL would use /tmp/pocl/kcache, which may belong to another user. PoCL runs the
+/// kernels that it finds in its folder, so others may not write to a folder that a variable names either.
+#[test]
+#[cfg(target_os = "linux")]
+fn pocl_keeps_its_kernels_where_no_other_user_can_write() {
+    let user = rustix::process::geteuid().as_raw();
+    let too_long = format!("/tmp/{}", "n".repeat(300));
+    for (variable, value) in
+        [(None, String::new()), (Some("HOME"), "home".to_owned()), (Some("XDG_CACHE_HOME"), too_long)]
+    {
+        let folder = WorkFolder::with(&[]);
+        create_with_mode(&folder.path("temporary"), 0o700);
+        let shared = folder.path("home/.cache/pocl/kcache");
+        create_with_mode(&shared, 0o777);
+        let mut command = devices_without_folders(&folder);
+        if let Some(variable) = variable {
+            // A path that begins with `/` replaces the path of the folder.
+            command.env(variable, folder.path(&value));
+        }
+        command.assert().success();
+        let own = folder.path(&format!("temporary/raycl-{user}/pocl"));
+        assert!(own.is_dir(), "{variable:?}: PoCL has not used {}", own.display());
+        assert!(std::fs::read_dir(&shared).is_ok_and(|mut files| files.next().is_none()), "{variable:?}");
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn an_empty_variable_for_pocls_folder_counts_as_not_set() {
+    let folder = WorkFolder::with(&[]);
+    let home = folder.path("home");
+    create_with_mode(&home, 0o700);
+    create_with_mode(&folder.path("temporary"), 0o700);
+    devices_without_folders(&folder).env("HOME", &home).env("POCL_CACHE_DIR", "").assert().success();
+    assert!(home.join(".cache/pocl/kcache").is_dir());
+    let other = format!("temporary/raycl-{}", rustix::process::geteuid().as_raw());
+    assert!(!folder.path(&other).exists());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn folders_that_pocl_may_not_use_are_named_if_there_is_no_other() {
+    let folder = folder_with(CONFIG);
+    let user = rustix::process::geteuid().as_raw();
+    let shared = folder.path(&format!("temporary/raycl-{user}"));
+    create_with_mode(&shared, 0o777);
+    let device = device();
+    let arguments =
+        ["render", "scene.toml", "--width", "17", "--height", "9", "-o", "a.png", "--device", &device];
+    let mut command = folder.raycl(&arguments);
+    command.env_remove("XDG_CACHE_HOME").env_remove("POCL_CACHE_DIR").env("HOME", "/dev/null");
+    let refused = command.env("TMPDIR", folder.path("temporary")).assert().code(1);
+    let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    let own = format!("not '{}': another user owns it", shared.display());
+    has(&said, &["not '/dev/null/.cache/pocl/kcache': raycl cannot write to it", &own, "set POCL_CACHE_DIR"]);
+    assert!(!shared.join("pocl").exists());
+}

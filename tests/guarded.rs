@@ -54,6 +54,7 @@ fn pipes_and_devices_are_refused_at_once_wherever_a_file_is_named() {
         for command in ["render", "run"] {
             has(&folder.mistake(&[command, file], 2), &[file, "expected an ordinary file", "help:"]);
         }
+        has(&folder.mistake(&["render", file], 2), &["COMMAND | raycl render -"]);
         let compared = folder.mistake(&["compare-images", file, file], 2);
         has(&compared, &[file, "expected an ordinary file", "help:"]);
     }

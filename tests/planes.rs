@@ -52,6 +52,12 @@ fn wrong_at(size: [u32; 2], name: &str, scene: Scene) -> Vec<String> {
 }
 
 #[test]
+fn a_needle_is_no_longer_than_its_long_edges() {
+    let wrong = wrong_at([61, 43], "a needle", scene("../tests/data/needle.toml"));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
 fn lights_and_cameras_in_planes_are_verified_right() {
     let wrong: Vec<String> = [
         ("a light in the ground", lit_from(0.2, -1.0, -2.5)),

@@ -21,6 +21,10 @@
 // million pixels of a terrain are correct. With half the overlap, up to four of the 60,516 rays slip through in
 // exhaustive casting. With twice the overlap, at most one of the 16 million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
+// The overlap at an edge is computed from the longer of two edges of the triangle, but from at most this many times the
+// edge's own size. Otherwise, the overlap at the short edge of a needle (a triangle of two long edges and a short one)
+// could lengthen the needle by several pixels.
+#define OVERLAP_EDGES 8.0f
 
 typedef struct {
     Mask lanes;     // lanes whose ray hits

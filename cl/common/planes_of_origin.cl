@@ -6,9 +6,15 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
-// Returns the largest power of two that is not greater than the argument. Scaling by a power of two does not round, so
-// the planes of two triangles for their shared edge still differ only in their signs and by a power of two.
-float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
+// Returns the number by which the plane of an edge is multiplied, without its sign: the reciprocal of the overlap of
+// neighbouring triangles (see SHARED_EDGE_SLACK), which is rounded down to a power of two. `size` is the edge's size,
+// `longer` that of the longer of two edges, and `slack` the overlap per size of an edge, in the unit of the edge
+// functions. The product with the plane does not round, so the planes of two triangles for their shared edge still
+// differ only in their signs and by a power of two.
+float per_overlap(float slack, float size, float longer) {
+    const float overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
+    return 1.0f / as_float(as_int(overlap) & 0x7f800000);
+}
 
 // Returns the row (the planes) of a triangle that no ray hits. A ray is outside one of the first two edges, unless the
 // x of its direction is 0 or nearly 0. A ray with such an x misses because its 1 / t is 0.
@@ -25,10 +31,7 @@ Row row_of_nothing() {
 // that is never hit. `front` is the sign of n . A for front faces: n is the normal, and A a corner relative to the
 // origin. Edges are computed from the stored corners, because corners relative to a distant origin have lost their last
 // digits.
-//
-// The overlap of neighbouring triangles (see SHARED_EDGE_SLACK) is computed in the unit of the edge functions, and
-// rounded down to a power of two. The planes are divided by this number, so that the overlap becomes 1. The division
-// does not round, because the divisor is a power of two.
+// The planes are divided by the overlap of neighbouring triangles, so that the overlap becomes 1.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);
@@ -45,15 +48,18 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 #endif
     if (!hit) return row_of_nothing();
 
-    const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
+    const float slack = SHARED_EDGE_SLACK * distance, longer = max(size1, size2);
+    const Uniform3 e3 = uniform_difference(corners.b, corners.c);
     // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is.
-    const float turn = height > 0.0f ? per_unit : -per_unit;
+    const float by1 = copysign(per_overlap(slack, size1, longer), height);
+    const float by2 = copysign(per_overlap(slack, size2, longer), height);
+    const float by3 = copysign(per_overlap(slack, uniform_size(e3), longer), height);
     // 1 / t = d . n / height (n is the normal) is linear in the direction d, like the edge functions.
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;
-    row.a = uniform_scale(edge_plane(uniform_difference(corners.b, corners.c), b, c), turn);
-    row.b = uniform_scale(edge_plane(e2, c, a), turn);
-    row.c = uniform_scale(edge_plane(uniform_difference(corners.a, corners.b), a, b), turn);
+    row.a = uniform_scale(edge_plane(e3, b, c), by3);
+    row.b = uniform_scale(edge_plane(e2, c, a), by2);
+    row.c = uniform_scale(edge_plane(uniform_difference(corners.a, corners.b), a, b), by1);
     row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
     return row;
 }

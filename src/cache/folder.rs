@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 /// The environment variable that limits the cache's size in MiB; 0 turns the cache off.
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
+/// The longest name of a file or folder, in bytes, that the usual file systems allow.
+const LONGEST_NAME_BYTES: usize = 255;
 
 /// Returns the limit of the cache's size in bytes, from the environment. If the variable's value is not a
 /// whole number of MiB, this function returns the default limit. raycl's commands refuse such a value
@@ -40,21 +42,40 @@ pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
-/// Makes a private folder among the temporary files. Later processes of this user get the same folder.
-/// Returns `None` if the folder cannot be made, if the path is a link, or if somebody else owns the folder or
-/// may write into it.
+/// Returns the path of the user's private folder among the temporary files. The folder need not exist.
 #[cfg(unix)]
-pub fn temporary() -> Option<PathBuf> {
+pub fn temporary_path() -> Option<PathBuf> {
     let user = rustix::process::geteuid().as_raw();
-    let folder = std::env::temp_dir().join(format!("raycl-{user}"));
+    Some(std::env::temp_dir().join(format!("raycl-{user}")))
+}
+
+/// On systems other than Unix, raycl does not check who owns a folder, so there is no such folder.
+#[cfg(not(unix))]
+pub fn temporary_path() -> Option<PathBuf> {
+    None
+}
+
+/// Makes a private folder among the temporary files ([`temporary_path`]). Later processes of this user get the same
+/// folder. Returns `None` if the folder cannot be made, if the path is a link, or if somebody else owns the folder or
+/// may write into it.
+pub fn temporary() -> Option<PathBuf> {
+    private(temporary_path()?)
+}
+
+/// Makes a private folder, if it does not exist, although everybody may write into the folder around it, as into some
+/// volumes of containers. Returns `None` for the same reasons as [`temporary`], and if another user except the
+/// superuser owns the nearest ancestor that exists.
+pub fn private_in_shared(folder: PathBuf) -> Option<PathBuf> {
+    let around = existing_ancestor(&folder)?.metadata().ok()?;
+    if is_own_or_roots(&around) { private(folder) } else { None }
+}
+
+/// Makes a folder, if it does not exist. Returns `None` if the folder cannot be made, if the path is a link, or if
+/// somebody else owns the folder or may write into it.
+fn private(folder: PathBuf) -> Option<PathBuf> {
     make(&folder).ok()?;
     let own = folder.symlink_metadata().is_ok_and(|metadata| metadata.is_dir());
     (own && trusted(&folder).is_some()).then_some(folder)
-}
-
-#[cfg(not(unix))]
-pub fn temporary() -> Option<PathBuf> {
-    None
 }
 
 /// Makes a folder that only its owner can use.
@@ -101,8 +122,27 @@ pub fn files(folder: &Path) -> std::io::Result<Option<ReadDir>> {
 /// nearest ancestor that exists. A test of the permission bits is not sufficient: they permit the superuser
 /// to write even if the file system is read-only.
 pub fn can_be_written(folder: &Path) -> bool {
-    let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());
+    let existing = existing_ancestor(folder);
     existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())
+}
+
+/// Returns a folder or, if the folder does not exist, its nearest ancestor that exists. Returns `None` if no ancestor
+/// exists, or if the folder cannot be created because a name in its path is too long.
+pub fn existing_ancestor(folder: &Path) -> Option<&Path> {
+    if folder.iter().any(|name| name.len() > LONGEST_NAME_BYTES) {
+        return None;
+    }
+    folder.ancestors().find(|folder| folder.symlink_metadata().is_ok())
+}
+
+/// Returns true if no other user except the superuser can put files into a folder, or can put another folder in its
+/// place. If the folder does not exist, this function asks only whether another user could create or replace it.
+pub fn is_private(folder: &Path) -> bool {
+    if folder.symlink_metadata().is_ok() && trusted(folder).is_none() {
+        return false;
+    }
+    let around = folder.parent().and_then(existing_ancestor);
+    around.and_then(|around| around.metadata().ok()).is_some_and(|metadata| keeps_names(&metadata))
 }
 
 /// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for all other files,
@@ -127,6 +167,35 @@ fn is_own(_: &std::fs::Metadata) -> bool {
     true
 }
 
+/// Returns true if no other user except the superuser can rename what this user has put into a folder. A folder that
+/// everybody may write, such as /tmp, guarantees this by its sticky bit. A group that may write is accepted: on many
+/// systems, each user has a group of his own, which may write the user's folders.
+#[cfg(unix)]
+fn keeps_names(metadata: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    const EVERYBODY_WRITES: u32 = 0o002;
+    const STICKY: u32 = 0o1000;
+    is_own_or_roots(metadata) && (metadata.mode() & EVERYBODY_WRITES == 0 || metadata.mode() & STICKY != 0)
+}
+
+#[cfg(not(unix))]
+fn keeps_names(_: &std::fs::Metadata) -> bool {
+    true
+}
+
+/// Returns true if a file or folder belongs to this user or to the superuser.
+#[cfg(unix)]
+fn is_own_or_roots(metadata: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    let owner = metadata.uid();
+    owner == rustix::process::geteuid().as_raw() || owner == 0
+}
+
+#[cfg(not(unix))]
+fn is_own_or_roots(_: &std::fs::Metadata) -> bool {
+    true
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,6 +212,59 @@ mod tests {
         assert!(!can_be_written(Path::new("/proc/a/b")), "not even the superuser can");
         std::os::unix::fs::symlink("nowhere", folder.path().join("broken")).expect("a link");
         assert!(!can_be_written(&folder.path().join("broken/a")));
+        // A name may have 255 bytes.
+        let named = |bytes: usize| folder.path().join("missing").join("n".repeat(bytes)).join("a");
+        assert!(can_be_written(&named(255)) && !can_be_written(&named(256)));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_is_private_if_others_can_neither_write_into_it_nor_replace_it() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let parent = tempfile::tempdir().expect("a folder");
+        let folder = parent.path().join("folder");
+        let mode = |path: &Path, mode| {
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).expect("a mode");
+        };
+        assert!(is_private(&folder) && is_private(&folder.join("a/b")), "it can be made");
+        std::fs::create_dir(&folder).expect("a folder");
+        for (around, own, private) in [
+            (0o700, 0o700, true),
+            (0o770, 0o755, true),
+            (0o1777, 0o700, true),
+            (0o777, 0o700, false),
+            (0o700, 0o770, false),
+            (0o700, 0o707, false),
+        ] {
+            mode(parent.path(), around);
+            mode(&folder, own);
+            assert_eq!(is_private(&folder), private, "{own:o} in {around:o}");
+        }
+        mode(&folder, 0o777);
+        let below = folder.join("a/b");
+        assert!(!is_private(&below), "everybody could make this folder first");
+        assert_eq!(private_in_shared(below.clone()).as_deref(), Some(&*below));
+        assert!(is_private(&below) && private_in_shared(folder).is_none());
+        mode(parent.path(), 0o700);
+        std::os::unix::fs::symlink("nowhere", parent.path().join("broken")).expect("a link");
+        assert!(!is_private(&parent.path().join("broken")));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_private_folder_is_made_once_and_neither_a_link_nor_a_shared_folder_is_taken_for_one() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let parent = tempfile::tempdir().expect("a folder");
+        let folder = parent.path().join("folder");
+        for _ in 0..2 {
+            assert_eq!(private(folder.clone()).as_deref(), Some(&*folder));
+        }
+        let link = parent.path().join("link");
+        std::os::unix::fs::symlink(&folder, &link).expect("a link");
+        assert_eq!(private(link), None);
+        std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o777)).expect("a mode");
+        assert_eq!(private(folder), None);
+        assert!(temporary_path().is_some_and(|path| path.starts_with(std::env::temp_dir())));
     }
 
     #[test]

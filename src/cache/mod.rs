@@ -5,7 +5,10 @@
 mod entry;
 mod folder;
 
-pub use folder::{LIMIT, can_be_written, check_limit, limit_bytes, temporary};
+pub use folder::{
+    LIMIT, can_be_written, check_limit, existing_ancestor, is_private, limit_bytes, private_in_shared,
+    temporary, temporary_path,
+};
 
 use entry::{file_name, opened, sealed};
 use std::io::{ErrorKind, Write as _};
@@ -26,6 +29,8 @@ const CLOCKS_DIFFER_BY: Duration = Duration::from_secs(60);
 pub struct Cache {
     folder: Option<PathBuf>,
     limit_bytes: u64,
+    /// True if the folder is not made when it is missing.
+    only_existing: bool,
 }
 
 /// A file of the cache.
@@ -51,17 +56,23 @@ impl Cache {
     /// Returns the user's cache, as configured in the environment.
     pub fn of_user() -> Self {
         let limit_bytes = limit_bytes();
-        Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes }
+        Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes, only_existing: false }
     }
 
     /// Returns a cache in this folder that takes at most `limit_bytes`.
     pub fn at(folder: &Path, limit_bytes: u64) -> Self {
-        Self { folder: Some(folder.to_owned()), limit_bytes }
+        Self { folder: Some(folder.to_owned()), limit_bytes, only_existing: false }
     }
 
     /// Returns a cache that stores nothing.
     pub fn none() -> Self {
         Self::default()
+    }
+
+    /// Returns this cache, changed so that it stores nothing while its folder is missing: it never makes the folder.
+    #[must_use]
+    pub fn only_while_it_exists(self) -> Self {
+        Self { only_existing: true, ..self }
     }
 
     /// Returns the folder's path.
@@ -97,15 +108,17 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry. Returns true if the cache contains the entry afterwards. Stores nothing if another
-    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also
-    /// stores nothing if the folder cannot be listed, since old entries could then not be removed. If storing
-    /// fails, for example because the disk is full, the next run only takes longer.
+    /// Stores an entry. Returns true if the cache contains the entry afterwards. Makes the folder if it is missing,
+    /// except after [`only_while_it_exists`](Self::only_while_it_exists). Stores nothing if another user owns the
+    /// folder or may write into it, since [`get`](Self::get) would ignore the entry. Also stores nothing if the folder
+    /// cannot be listed, since old entries could then not be removed. If storing fails, for example because the disk is
+    /// full, the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
         let fits = counted_bytes(bytes.len() as u64) <= self.limit_bytes;
-        if !fits || folder::make(folder).is_err() || folder::trusted(folder).is_none() {
+        let may_write = fits && (self.only_existing || folder::make(folder).is_ok());
+        if !may_write || folder::trusted(folder).is_none() {
             return false;
         }
         let path = folder.join(file_name(kind, key));
@@ -232,6 +245,16 @@ mod tests {
         assert_eq!(cache.clear().unwrap().0, 1);
         assert_eq!(cache.get("program", "key"), None);
         assert!(!Cache::none().put("program", "key", b"content"));
+    }
+
+    #[test]
+    fn a_folder_that_was_removed_is_made_again_only_by_a_cache_that_may_do_so() {
+        let (_parent, cache) = cache(10_000);
+        let background = cache.clone().only_while_it_exists();
+        assert!(!background.put("program", "key", b"content") && !cache.folder().unwrap().exists());
+        assert!(cache.put("program", "key", b"content") && background.put("program", "other", b"content"));
+        std::fs::remove_dir_all(cache.folder().unwrap()).unwrap();
+        assert!(!background.put("program", "key", b"content") && !cache.folder().unwrap().exists());
     }
 
     #[test]

@@ -6,6 +6,8 @@ mod allocator;
 mod ending;
 mod errors;
 #[cfg(unix)]
+mod signals;
+#[cfg(unix)]
 mod terminal;
 
 use crate::cache::Cache;
@@ -20,14 +22,20 @@ use crate::threads::cores;
 use allocator::{ALLOCATOR, allocator_settings};
 use ending::{crash, drivers_doing, exit_code, signal};
 use errors::{
-    ended_by_signal, kernels_doing, no_driver_alone, no_list, not_awaited, not_lent, not_started,
-    not_together, or_clear_cache, still_failing,
+    ended_by_signal, kernels_doing, no_driver_alone, no_list, not_lent, not_started, not_together,
+    or_clear_cache, still_failing,
 };
+#[cfg(unix)]
+use signals::run_to_end;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
 #[cfg(unix)]
 use terminal::LentTerminal;
+
+/// The number of the first process of a system or a container. Signals that end other processes by default do not end
+/// this process.
+const FIRST_PROCESS: u32 = 1;
 
 /// Returns true if this process is the child process that [`run`] starts.
 pub fn is_inside() -> bool {
@@ -187,11 +195,16 @@ fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> R
     let mut command = own_program()?;
     let own_number = std::process::id().to_string();
     command.args(std::env::args_os().skip(1)).env(GUARDED, own_number).envs(variables.iter().cloned());
-    let mut child = command.spawn().map_err(|error| not_started(&error))?;
     match terminal {
-        Some(terminal) => terminal.wait(&mut child),
-        None => child.wait().map_err(not_awaited),
+        Some(terminal) => terminal.wait(&mut command.spawn().map_err(|error| not_started(&error))?),
+        None => run_to_end(&mut command),
     }
+}
+
+/// Runs a child process to its end.
+#[cfg(not(unix))]
+fn run_to_end(command: &mut std::process::Command) -> Result<ExitStatus> {
+    command.status().map_err(|error| not_started(&error))
 }
 
 /// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.
@@ -212,20 +225,22 @@ impl LentTerminal {
     }
 
     fn wait(&self, child: &mut std::process::Child) -> Result<ExitStatus> {
-        child.wait().map_err(not_awaited)
+        child.wait().map_err(errors::not_awaited)
     }
 }
 
 /// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If SIGINT (Ctrl-C) ended
-/// the other process, SIGINT ends this process too: a shell that runs a script then ends the script. If this function
-/// ends the process, no destructor runs, so the caller must have removed its temporary folders.
+/// the other process, SIGINT ends this process too: a shell that runs a script then ends the script. (SIGINT cannot end
+/// a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
+/// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     // Only this process can tell the user about the signal. The child process has ended, and the shell sees only that
     // this process exits.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }
-    if signal(status).is_some_and(|(_, name)| name == "SIGINT") {
+    let is_first = std::process::id() == FIRST_PROCESS;
+    if !is_first && signal(status).is_some_and(|(_, name)| name == "SIGINT") {
         // If this process cannot end itself with SIGINT, its exit code still contains the signal's number.
         let _ = signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGINT);
     }

@@ -138,7 +138,7 @@ fn turn() -> MutexGuard<'static, ()> {
 
 fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
     if platform_count()? == 0 {
-        return Err(no_platform(address_space_limit()));
+        return Err(no_platform(address_space_limit(), few_open_files()));
     }
     let platforms = ocl::core::get_platform_ids().map_err(|error| {
         Error::run(format!("the OpenCL platforms could not be listed: {error}"))
@@ -193,24 +193,40 @@ const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
-/// Returns the error if there is no platform; `limit_bytes` is the limit of this process's address space, or
-/// `None` if there is no limit. The loader silently leaves out drivers that it cannot load, for example
-/// because the address space is too small.
-fn no_platform(limit_bytes: Option<u64>) -> Error {
-    let Some(bytes) = limit_bytes else {
+/// Returns the error if there is no platform. `limit_bytes` is the limit of this process's address space, or `None` if
+/// there is no limit. `files` is the number of files that this process may open, or `None` if the number is not small.
+/// The loader silently leaves out drivers that it cannot load, for example because the address space is too small.
+fn no_platform(limit_bytes: Option<u64>, files: Option<u64>) -> Error {
+    let of_files =
+        files.map(|files| (format!("open only {files} files"), "raise the limit with `ulimit -n 1024`"));
+    let of_space = limit_bytes.map(|bytes| {
+        let limit = readable(bytes);
+        (format!("use only {limit} of address space"), "remove the limit with `ulimit -v unlimited`")
+    });
+    let Some((may, remedy)) = of_files.or(of_space) else {
         return Error::run(
             "no OpenCL platform was found: no driver is installed, or the loader does not find any",
         )
         .with_help(HOW_TO_GET_ONE);
     };
-    let limit = readable(bytes);
     let message = format!(
         "no OpenCL platform was found: either no driver is installed, or a driver could not be loaded because \
-         this process may use only {limit} of address space"
+         this process may {may}"
     );
-    Error::run(message).with_help(format!(
-        "remove the limit with `ulimit -v unlimited`, and repeat the command. {HOW_TO_GET_ONE}"
-    ))
+    Error::run(message).with_help(format!("{remedy}, and repeat the command. {HOW_TO_GET_ONE}"))
+}
+
+/// Returns how many files this process may open, if so few are hardly enough to load a driver (`ulimit -n`).
+#[cfg(unix)]
+fn few_open_files() -> Option<u64> {
+    use rustix::process::{Resource, getrlimit};
+    getrlimit(Resource::Nofile).current.filter(|files| *files < 16)
+}
+
+/// Returns `None`: only the limits of Unix are known.
+#[cfg(not(unix))]
+fn few_open_files() -> Option<u64> {
+    None
 }
 
 /// Returns the number of platforms. The number must be queried before the `ocl` crate is used: without platforms, each
@@ -298,9 +314,16 @@ mod tests {
 
     #[test]
     fn a_limit_of_the_address_space_is_reported_if_there_is_no_platform() {
-        let message = |limit| format!("{:?}", no_platform(limit));
+        let message = |limit| format!("{:?}", no_platform(limit, None));
         assert!(message(Some(409_600_000)).contains("may use only 409.6 MB of address space"));
         assert!(message(Some(1)).contains("ulimit -v unlimited") && !message(None).contains("ulimit"));
+    }
+
+    #[test]
+    fn a_small_limit_on_open_files_is_reported_if_there_is_no_platform() {
+        let error = no_platform(None, Some(6));
+        assert!(error.to_string().contains("may open only 6 files"), "{error}");
+        assert!(error.remedy().starts_with("raise the limit with `ulimit -n 1024`"), "{}", error.remedy());
     }
 
     #[test]

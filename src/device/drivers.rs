@@ -16,7 +16,7 @@ pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 /// The remedy if a driver crashes or hangs, and there are other drivers.
 const USE_OTHERS: &str = "if a driver crashes or hangs, set the environment variable OCL_ICD_VENDORS to a folder that contains only the .icd files of the other drivers";
 /// The remedy if the only driver crashes or hangs.
-const CORRECT_DRIVER: &str = "check the environment variables that the driver reads (those of PoCL begin with POCL_), update the driver, or install it again";
+const CORRECT_DRIVER: &str = "check the environment variables that the driver reads (those of PoCL begin with POCL_) and the limits on processes and memory (`ulimit -a` shows them), update the driver, or install it again";
 
 /// Returns the remedy if a driver crashes or hangs. `others` is the number of other drivers.
 pub fn crash_advice(others: usize) -> &'static str {

@@ -1,79 +1,179 @@
-//! The folder in which PoCL stores compiled kernels. If PoCL cannot write to this folder, it lists no device.
+//! The folder in which PoCL stores compiled kernels. If PoCL cannot write to this folder, it lists no device. PoCL
+//! runs the kernels that it finds in this folder, so nobody but the user may write to it.
 
-use crate::cache::{can_be_written, temporary};
+use crate::cache::{can_be_written, is_private, private_in_shared, temporary, temporary_path};
 use std::path::{Path, PathBuf};
 
 /// PoCL's environment variable that names its folder for compiled kernels.
 const FOLDER: &str = "POCL_CACHE_DIR";
+/// The value of `POCL_CACHE_DIR` if there is no folder that PoCL may use. /dev/null is no folder, so nobody can create
+/// this folder, and PoCL lists no device.
+const NO_FOLDER: &str = "/dev/null/no-folder-for-pocl";
 /// A disk with less free space than this number of bytes counts as full. PoCL usually writes some hundred KiB
 /// for each program.
 const ROOM_BYTES: u64 = 1 << 20;
+/// A disk that can hold fewer further files than this number counts as full. PoCL writes about ten files and folders
+/// for each program.
+const ROOM_FILES: u64 = 16;
 
-/// Returns the environment variables to set before a driver is loaded. If PoCL cannot write to its default
-/// folder, the variables name a private folder among the temporary files instead. Returns no variables if
-/// PoCL can write to its default folder, or if the user has set `POCL_CACHE_DIR`.
+/// Returns the environment variables to set before a driver is loaded. If PoCL cannot or must not use its default
+/// folder, the variables name a private folder among the temporary files instead. If PoCL cannot use this folder
+/// either, the variables name a folder that cannot exist, so that PoCL lists no device. Returns no variables if PoCL
+/// can use its default folder, or if the user has set `POCL_CACHE_DIR` to a text that is not empty.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
-    let named = std::env::var_os(FOLDER).is_some();
-    if named || default_folder().is_none_or(|folder| can_be_written(&folder)) {
+    if cfg!(not(unix)) || named().is_some() {
         return Vec::new();
     }
-    let folder = temporary().map(|folder| folder.join("pocl"));
-    folder.and_then(|folder| folder.to_str().map(|name| (FOLDER, name.to_owned()))).into_iter().collect()
+    let is_fit = |folder: &PathBuf| why_unfit(folder).is_none();
+    let default = default_folder().filter(is_fit);
+    // PoCL ends the process if the variable is set, but empty. PoCL is then told its default folder.
+    if default.is_some() && std::env::var_os(FOLDER).is_none() {
+        return Vec::new();
+    }
+    let other = || temporary().map(|folder| folder.join("pocl")).filter(is_fit);
+    // Everybody may write into some volumes of containers. raycl then makes PoCL's default folder itself.
+    let made =
+        || default_folder().filter(|folder| folder.is_absolute()).and_then(private_in_shared).filter(is_fit);
+    let folder = default.or_else(other).or_else(made);
+    let folder = folder.and_then(|folder| folder.to_str().map(str::to_owned));
+    vec![(FOLDER, folder.unwrap_or_else(|| NO_FOLDER.to_owned()))]
+}
+
+/// Returns why PoCL cannot use a folder, or must not use it; `None` if PoCL can use the folder, or can create it.
+fn why_unfit(folder: &Path) -> Option<&'static str> {
+    if !folder.is_absolute() {
+        Some("its path is relative")
+    } else if !can_be_written(folder) {
+        Some("raycl cannot write to it")
+    } else if !is_private(folder) {
+        Some("another user owns it or the folder around it, or may write into one of them")
+    } else {
+        is_noexec(folder).then_some("its file system is mounted with the option noexec")
+    }
 }
 
 /// Returns advice if PoCL cannot write to its folder for compiled kernels, and therefore lists no device.
 pub fn cache_advice() -> Option<String> {
-    let folder = folder().filter(|folder| !can_be_written(folder))?;
-    Some(format!(
-        "PoCL lists no device if it cannot write to its folder for compiled kernels, '{}'; \
-         set {FOLDER} to a folder to which you can write",
-        folder.display()
-    ))
-}
-
-/// Returns advice if the disk with PoCL's folder for compiled kernels is full: PoCL then reports that the
-/// build of a program has failed, or PoCL ends the process.
-pub fn full_disk_advice() -> Option<String> {
     let folder = folder()?;
-    advice_for(free_bytes(&folder)?, &folder)
-}
-
-/// Returns advice if a disk with `free_bytes` bytes of free space counts as full. `folder` is PoCL's folder
-/// on the disk.
-fn advice_for(free_bytes: u64, folder: &Path) -> Option<String> {
-    (free_bytes < ROOM_BYTES).then(|| {
+    if folder == Path::new(NO_FOLDER) {
+        return Some(no_folder_advice(default_folder().as_deref(), temporary_path().as_deref()));
+    }
+    (!can_be_written(&folder)).then(|| {
         format!(
-            "the disk of PoCL's folder for compiled kernels, '{}', is full: free up space on it, or set {FOLDER} to a \
-             folder on another disk; `raycl run` measures failed points again with --resume --retry-failed",
+            "PoCL lists no device if it cannot write to its folder for compiled kernels, '{}'; \
+             set {FOLDER} to a folder to which you can write",
             folder.display()
         )
     })
 }
 
-/// Returns the free bytes on a folder's disk; `None` if the folder is missing, or if the system reports no
-/// disk.
-#[cfg(unix)]
-fn free_bytes(folder: &Path) -> Option<u64> {
-    let disk = rustix::fs::statvfs(folder).ok().filter(|disk| disk.f_blocks > 0)?;
-    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+/// Returns the advice if PoCL can use neither its default folder nor the user's private folder among the temporary
+/// files.
+fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String {
+    let reason = |folder: &Path| {
+        let why = why_unfit(folder).unwrap_or("it is a link, or it cannot be created");
+        format!("not '{}': {why}", folder.display())
+    };
+    let default = default.map_or_else(|| "neither XDG_CACHE_HOME nor HOME is set".to_owned(), reason);
+    let reasons: Vec<_> = std::iter::once(default).chain(temporary.map(reason)).collect();
+    format!(
+        "PoCL lists no device, because it has no folder for compiled kernels ({}); set {FOLDER} to a folder that only \
+         you can write, on a file system that is not mounted with noexec",
+        reasons.join("; ")
+    )
 }
 
-/// On systems other than Unix, raycl does not ask for the free space.
+/// Returns advice if PoCL can store no compiled kernel in its folder, because the disk is full, or can run no kernel
+/// from there, because the file system is mounted with the option noexec. PoCL then reports that the build of a
+/// program has failed, or PoCL ends the process.
+pub fn folder_advice() -> Option<String> {
+    let folder = folder()?;
+    if is_noexec(&folder) {
+        return Some(noexec_advice(&folder));
+    }
+    advice_for(&room(&folder)?, &folder)
+}
+
+/// Returns the advice if the file system of PoCL's folder is mounted with the option noexec.
+fn noexec_advice(folder: &Path) -> String {
+    format!(
+        "the file system of PoCL's folder for compiled kernels, '{}', is mounted with the option noexec, so PoCL can run no \
+         kernel from there: set {FOLDER} to a folder on another file system",
+        folder.display()
+    )
+}
+
+/// Returns advice if a disk with this room counts as full. `folder` is PoCL's folder on the disk.
+fn advice_for(room: &Room, folder: &Path) -> Option<String> {
+    let remedy = if room.bytes < ROOM_BYTES {
+        "is full: free up space on it"
+    } else if room.files.is_some_and(|files| files < ROOM_FILES) {
+        "has no room for further files (`df -i` shows its inodes): remove files from it"
+    } else {
+        return None;
+    };
+    Some(format!(
+        "the disk of PoCL's folder for compiled kernels, '{}', {remedy}, or set {FOLDER} to a folder on another disk; \
+         `raycl run` measures failed points again with --resume --retry-failed",
+        folder.display()
+    ))
+}
+
+/// What can still be stored on a disk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Room {
+    /// The free bytes.
+    bytes: u64,
+    /// The number of further files; `None` if the file system has no limit of their number.
+    files: Option<u64>,
+}
+
+/// Returns the room on a folder's disk; `None` if the folder is missing, or if the system reports no disk.
+#[cfg(unix)]
+fn room(folder: &Path) -> Option<Room> {
+    let disk = rustix::fs::statvfs(folder).ok().filter(|disk| disk.f_blocks > 0)?;
+    let files = (disk.f_files > 0).then_some(disk.f_favail);
+    Some(Room { bytes: disk.f_bavail.saturating_mul(disk.f_frsize), files })
+}
+
+/// On systems other than Unix, raycl does not ask for the room.
 #[cfg(not(unix))]
-fn free_bytes(_: &Path) -> Option<u64> {
+fn room(_: &Path) -> Option<Room> {
     None
 }
 
-/// Returns the folder that `POCL_CACHE_DIR` names or, if this variable is not set, PoCL's default folder.
-fn folder() -> Option<PathBuf> {
-    std::env::var_os(FOLDER).map(PathBuf::from).or_else(default_folder)
+/// Returns true if no program can be run from a folder, or from its nearest ancestor that exists, because the file
+/// system is mounted with the option noexec. PoCL's compiled kernels are libraries, which PoCL could not load.
+#[cfg(target_os = "linux")]
+fn is_noexec(folder: &Path) -> bool {
+    use crate::cache::existing_ancestor;
+    use rustix::fs::{StatVfsMountFlags, statvfs};
+    let disk = existing_ancestor(folder).and_then(|existing| statvfs(existing).ok());
+    disk.is_some_and(|disk| disk.f_flag.contains(StatVfsMountFlags::NOEXEC))
 }
 
-/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. Returns `None` if `XDG_CACHE_HOME` and `HOME` are
-/// not set either: PoCL then uses a folder among the temporary files.
+/// On systems other than Linux, raycl does not ask for the options of mounts.
+#[cfg(not(target_os = "linux"))]
+fn is_noexec(_: &Path) -> bool {
+    false
+}
+
+/// Returns the folder that `POCL_CACHE_DIR` names or, if this variable is not set or empty, PoCL's default folder.
+fn folder() -> Option<PathBuf> {
+    named().or_else(default_folder)
+}
+
+/// Returns the folder that `POCL_CACHE_DIR` names; `None` if the variable is not set, or empty.
+fn named() -> Option<PathBuf> {
+    std::env::var_os(FOLDER).filter(|name| !name.is_empty()).map(PathBuf::from)
+}
+
+/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. Returns `None` if `HOME` is not set either, and
+/// `XDG_CACHE_HOME` is not set or empty: PoCL then uses the folder /tmp/pocl/kcache, which all users share.
 fn default_folder() -> Option<PathBuf> {
     let path_in = |name: &str| std::env::var_os(name).map(PathBuf::from);
-    let caches = path_in("XDG_CACHE_HOME").or_else(|| Some(path_in("HOME")?.join(".cache")))?;
+    let caches = path_in("XDG_CACHE_HOME").filter(|path| !path.as_os_str().is_empty());
+    let caches = caches.or_else(|| Some(path_in("HOME")?.join(".cache")))?;
     Some(caches.join("pocl/kcache"))
 }
 
@@ -83,18 +183,64 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_reported_with_its_folder() {
-        let advice = advice_for(40_000, Path::new("/caches/pocl")).expect("advice");
+        let advice = |bytes, files| advice_for(&Room { bytes, files }, Path::new("/caches/pocl"));
+        let full = advice(40_000, None).expect("advice");
         let start = "the disk of PoCL's folder for compiled kernels, '/caches/pocl', is full: free up space";
-        assert!(advice.starts_with(start), "{advice}");
-        assert!(advice.contains("POCL_CACHE_DIR") && advice.ends_with("--resume --retry-failed"), "{advice}");
-        assert_eq!(advice_for(ROOM_BYTES, Path::new("/caches/pocl")), None);
+        assert!(full.starts_with(start), "{full}");
+        assert!(full.contains("POCL_CACHE_DIR") && full.ends_with("--resume --retry-failed"), "{full}");
+        let no_files = advice(ROOM_BYTES, Some(0)).expect("advice");
+        assert!(no_files.contains("no room for further files") && no_files.contains("inodes"), "{no_files}");
+        assert_eq!(advice(ROOM_BYTES, None), None);
+        assert_eq!(advice(ROOM_BYTES, Some(ROOM_FILES)), None);
     }
 
     #[test]
     #[cfg(unix)]
-    fn the_free_space_is_that_of_the_folders_disk() {
+    fn the_room_is_that_of_the_folders_disk() {
         let folder = tempfile::tempdir().expect("a folder");
-        assert!(free_bytes(folder.path()).is_some_and(|bytes| bytes > 0));
-        assert_eq!(free_bytes(&folder.path().join("missing")), None);
+        let room_there = room(folder.path()).expect("a disk");
+        assert!(room_there.bytes > 0 && room_there.files != Some(0), "{room_there:?}");
+        assert_eq!(room(&folder.path().join("missing")), None);
+    }
+
+    /// Whether a file system is mounted with noexec depends on the machine, so this test asks the system for its
+    /// mounts. Of several mounts at one place, the last one is in force.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_mount_without_execution_is_noticed() {
+        let mounts = std::fs::read_to_string("/proc/self/mounts").expect("the mounts");
+        for place in ["/", "/proc", "/sys", "/dev/shm", "/tmp"] {
+            let fields = |line: &str| line.split(' ').map(str::to_owned).collect::<Vec<_>>();
+            let Some(mount) = mounts.lines().map(fields).rfind(|fields| fields[1] == place) else { continue };
+            let expected = mount[3].split(',').any(|option| option == "noexec");
+            assert_eq!(is_noexec(Path::new(place)), expected, "{mount:?}");
+            assert_eq!(is_noexec(&Path::new(place).join("missing/folder")), expected, "{mount:?}");
+        }
+        let advice = noexec_advice(Path::new("/caches/pocl"));
+        for part in ["'/caches/pocl'", "noexec", "POCL_CACHE_DIR"] {
+            assert!(advice.contains(part), "{part}: {advice}");
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_folder_of_others_a_relative_one_and_one_that_cannot_be_written_are_unfit() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let parent = tempfile::tempdir().expect("a folder");
+        let folder = parent.path().join("pocl");
+        assert_eq!(why_unfit(&folder).is_some(), is_noexec(&folder));
+        assert_eq!(why_unfit(Path::new("pocl/kcache")), Some("its path is relative"));
+        assert_eq!(why_unfit(Path::new("/dev/null/pocl")), Some("raycl cannot write to it"));
+        std::fs::create_dir(&folder).expect("a folder");
+        std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o777)).expect("a mode");
+        let advice = no_folder_advice(Some(Path::new("/dev/null/kcache")), Some(&folder));
+        let reasons = format!(
+            "(not '/dev/null/kcache': raycl cannot write to it; not '{}': another user owns it or the folder around it",
+            folder.display()
+        );
+        assert!(advice.contains(&reasons) && advice.contains("set POCL_CACHE_DIR to"), "{advice}");
+        let advice = no_folder_advice(None, Some(parent.path()));
+        let reasons = format!("(neither XDG_CACHE_HOME nor HOME is set; not '{}': ", parent.path().display());
+        assert!(advice.contains(&reasons), "{advice}");
     }
 }

@@ -28,7 +28,7 @@ pub(crate) use direct::build;
 pub use discover::{Survey, discover, no_device_advice, survey};
 pub(crate) use errors::{CallError, lacks_resources, without_frame};
 pub use hardware::Hardware;
-pub use kernel_cache::{cache_variables, full_disk_advice};
+pub use kernel_cache::{cache_variables, folder_advice};
 pub use known::{list, pick_one};
 pub use lanes::{LaneOperations, LaneTest};
 pub use limits::DeviceLimits;

@@ -11,11 +11,12 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// returns every usable device.
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's
-/// name or version, or a device's name, common name or vendor. A pattern can also be a device's whole name
-/// for files (`slug`). If several devices have the same name, each device's label is its name for files. The
-/// case of letters does not matter. A pattern that matches no usable device is a user error. A mistake in a
-/// kernel file of the user is a user error, too, if a selected device fails the test of its lane operations
-/// because of this mistake.
+/// name, or a device's name, common name or vendor. A pattern of digits only has to be a whole number in such a
+/// text: devices are not selected by their index, so `1` does not mean `H100`. A pattern can also be whole words of the
+/// platform's version with a dotted number, such as `pocl 3.1`, or a device's whole name for files (`slug`). If several
+/// devices have the same name, each device's label is its name for files. The case of letters does not matter. A
+/// pattern that matches no usable device is a user error. A mistake in a kernel file of the user is a user error, too,
+/// if a selected device fails the test of its lane operations because of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
@@ -83,17 +84,41 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         // Of several devices with the same name, the label of the first is the beginning of the labels of the others. A
         // part of a label could thus mean several devices, so only a whole label selects one.
         _ => {
-            let names = names(info).map(str::to_lowercase).into_iter();
-            let mut names = names.chain([common_name(&info.name).to_lowercase()]);
-            names.any(|name| name.contains(&pattern)) || info.slug() == pattern
+            names(info).iter().any(|name| has_part(name, &pattern))
+                || is_of_version(&info.platform_version, &pattern)
+                || info.slug() == pattern
         }
     }
 }
 
-/// Returns the texts of a device's driver with which patterns are compared: a pattern may be any part of such
-/// a text, or of the device's common name.
-fn names(info: &DeviceInfo) -> [&str; 4] {
-    [&info.platform, &info.platform_version, &info.name, &info.vendor]
+/// Returns the texts, in lower case, with which patterns are compared: a pattern may be any part of such a text.
+fn names(info: &DeviceInfo) -> [String; 4] {
+    let common = common_name(&info.name);
+    [&info.platform, &info.name, &info.vendor, &common].map(|name| name.to_lowercase())
+}
+
+/// Returns true if a pattern is a part of a name. A pattern of digits has to be a whole number in the name: a user who
+/// gives the index of a device, such as 1, does not mean every device with this digit in its name.
+fn has_part(name: &str, pattern: &str) -> bool {
+    if pattern.bytes().all(|byte| byte.is_ascii_digit()) {
+        return name.split(|c: char| !c.is_ascii_digit()).any(|number| number == pattern);
+    }
+    name.contains(pattern)
+}
+
+/// Returns true if a pattern consists of whole words of a platform's version, and at least one of the words has a dot,
+/// as in `pocl 3.1`. Other words of versions are not compared, since many of them say nothing about the device, such as
+/// "None+Asserts" in the version of PoCL.
+fn is_of_version(version: &str, pattern: &str) -> bool {
+    let (words, wanted) = (version_words(version), version_words(pattern));
+    let has_dot = wanted.iter().any(|word| word.contains('.'));
+    has_dot && words.windows(wanted.len()).any(|part| part == wanted.as_slice())
+}
+
+/// Returns the words of a platform's version in lower case, each only up to a plus sign: "3.1+debian" becomes "3.1".
+fn version_words(version: &str) -> Vec<String> {
+    let until_plus = |word: &str| word.split('+').next().unwrap_or(word).to_lowercase();
+    version.split_whitespace().map(until_plus).collect()
 }
 
 fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
@@ -110,11 +135,12 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     }
     let kinds = KINDS.into_iter().filter(|kind| infos.iter().any(|info| info.kind.name() == *kind));
     let kinds = kinds.chain(["all"]).map(str::to_owned);
-    let words = infos.iter().flat_map(|info| names(info)).flat_map(str::split_whitespace);
+    let names: Vec<String> = infos.iter().flat_map(|info| names(info)).collect();
+    let words = names.iter().flat_map(|name| name.split_whitespace());
     // The parts of a word are candidates, too, such as "pthread" in the name "pthread-skylake".
     let parts = words.clone().flat_map(|word| word.split(|c: char| !c.is_alphanumeric()));
     let words = words.chain(parts);
-    let mut candidates: Vec<_> = words.map(str::to_lowercase).chain(kinds).collect();
+    let mut candidates: Vec<_> = words.map(str::to_owned).chain(kinds).collect();
     candidates.retain(|word| word.len() > 2);
     nearest(&pattern, candidates.iter().map(String::as_str)).map(str::to_owned)
 }
@@ -177,6 +203,29 @@ mod tests {
         assert_eq!(indices(&["h200"]).unwrap(), [1, 2]);
         assert_eq!(indices(&["GPU"]).unwrap(), [1, 2]);
         assert_eq!(indices(&["cpu"]).unwrap(), [0]);
+    }
+
+    #[test]
+    fn a_digit_or_a_word_of_a_version_selects_no_device() {
+        let mut pocl = example("Portable Computing Language", "cpu-znver3-AMD EPYC 1", DeviceKind::Cpu, 2);
+        pocl.platform_version = "OpenCL 3.0 PoCL 3.1+debian  Linux, None+Asserts, RELOC, LLVM 14.0.6".into();
+        let mut gpu = example("NVIDIA CUDA", "NVIDIA H200", DeviceKind::Gpu, 132);
+        gpu.platform_version = "OpenCL 3.0 CUDA 13.0.84".into();
+        let machine = [pocl, gpu];
+        let indices = |pattern: &str| super::matching_indices(&machine, &[pattern.to_owned()]);
+        for none in ["0", "2", "14", "none", "reloc", "linux", "3.", ".", "opencl 3", "ocl 3.1"] {
+            assert_eq!(indices(none).expect_err(none).exit_code(), 2, "{none}");
+        }
+        for (pattern, expected) in [
+            ("1", vec![0]),
+            ("200", vec![1]),
+            ("pocl", vec![0]),
+            ("PoCL 3.1+debian", vec![0]),
+            ("opencl 3.0", vec![0, 1]),
+        ] {
+            assert_eq!(indices(pattern).unwrap(), expected, "{pattern}");
+        }
+        assert!(!indices("nope").expect_err("a mistake").remedy().contains("did you mean"));
     }
 
     #[test]

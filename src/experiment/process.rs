@@ -2,7 +2,7 @@
 
 use super::protocol::{Job, Reply, Request};
 use super::waiting::{Death, Spawner, Wait, Worker};
-use crate::device::{full_disk_advice, is_pocl};
+use crate::device::{folder_advice, is_pocl};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
 use crate::program::{AFRESH, CACHE_DISABLE};
@@ -162,7 +162,7 @@ impl WorkerProcess {
             Err(error) => format!("was lost ({error})"),
         };
         // PoCL ends the process if it cannot store a compiled kernel, for example because the disk is full.
-        let advice = self.uses_pocl.then(full_disk_advice).flatten();
+        let advice = self.uses_pocl.then(folder_advice).flatten();
         let cause = std::iter::once(cause).chain(advice).collect::<Vec<_>>().join("; ");
         let last_words = self.last_words.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         Death { cause, last_words }

@@ -30,6 +30,9 @@ const EXTENSIONS: [(&str, Format); 5] = [
     ("hdr", Format::Hdr),
 ];
 
+/// The remedy if the path of a picture is that of a device or a pipe.
+const TO_STANDARD_OUTPUT: &str = "`-o -` writes a PNG to standard output";
+
 /// Bytes per pixel that reading needs in addition to the decoded picture: two copies of at most four floats.
 const CONVERTING_BYTES: u64 = 32;
 
@@ -111,7 +114,12 @@ pub fn check_alpha(target: &Target) -> Result<()> {
 
 /// Returns the format that a file's extension names. Standard output has no extension and gets PNG.
 fn format_of(target: &Target) -> Result<Format> {
-    if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
+    if target.is_standard_output() {
+        return Ok(Format::Png);
+    }
+    format(target.path()).map_err(|error| {
+        if is_of_system(target.path()) { error.with_help(TO_STANDARD_OUTPUT) } else { error }
+    })
 }
 
 /// The meaning of the values of a picture's channels.
@@ -274,6 +282,13 @@ fn format(path: &Path) -> Result<Format> {
             None => error.with_help(format!("name the file '{}'", picture_for(path).display())),
         }
     })
+}
+
+/// Returns true if a path is in a folder in which a user makes no pictures. The user probably means standard output or
+/// a pipe, as in `-o /dev/stdout` or `-o >(command)`. /dev/shm is a folder for files of users.
+fn is_of_system(path: &Path) -> bool {
+    let is_in = |folder: &str| path.starts_with(folder);
+    cfg!(unix) && (is_in("/proc") || is_in("/dev") && !is_in("/dev/shm"))
 }
 
 #[cfg(test)]
@@ -778,6 +793,19 @@ mod tests {
         assert_eq!(image::open(&path).unwrap().to_rgb8(), to_rgb8(&gradient(3, 2), Display::default()));
         let (_folder, other) = saved("a.png", &gradient(3, 2));
         assert_eq!(frame_key(&other), None);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn no_picture_among_devices_is_suggested() {
+        for path in ["/dev/stdout", "/dev/fd/63", "/proc/self/fd/1"] {
+            let error = check_target(&target(Path::new(path), false), [8, 8]).unwrap_err();
+            assert_eq!((error.exit_code(), error.remedy()), (2, TO_STANDARD_OUTPUT), "{path}");
+        }
+        for path in ["dev/stdout", "/dev/shm/a"] {
+            let error = check_target(&target(Path::new(path), false), [8, 8]).unwrap_err();
+            assert_eq!(error.remedy(), format!("name the file '{path}.png'"));
+        }
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! The reasons why a strategy cannot be cast on a device.
 
 use super::LaunchError;
-use crate::device::{DeviceInfo, full_disk_advice, is_pocl, note_failure};
+use crate::device::{DeviceInfo, folder_advice, is_pocl, note_failure};
 use crate::error::Error;
+use crate::memory::{UNLIMITED, blames_address_space};
 use crate::program::BuildError;
 use crate::sources::does_not_compile;
 use crate::strategy::{Cause, Infeasible};
@@ -78,7 +79,7 @@ impl Refused {
         match self {
             Self::Launch { error, .. } => error.on(device),
             Self::Build(error) => {
-                let advice = is_pocl(&device.platform).then(full_disk_advice).flatten();
+                let advice = is_pocl(&device.platform).then(folder_advice).flatten();
                 std::iter::once(error.log.clone()).chain(advice).collect::<Vec<_>>().join("\n")
             }
             _ => self.reason(),
@@ -112,6 +113,7 @@ impl Refused {
                 Cause::LargeGroup => cannot(device, SMALLER_GROUP),
                 Cause::Size | Cause::GlobalMemory => cannot(device, SMALLER),
             },
+            Self::Host(_) if blames_address_space(reason) => cannot("this process", UNLIMITED),
             Self::Host(_) => cannot("this machine", SMALLER),
             Self::Build(error) if error.has_own_file => does_not_compile(reason),
             Self::Build(error) => Error::run(format!("the build of the kernels failed: {reason}"))
@@ -220,6 +222,14 @@ mod tests {
         let refused = Refused::Host(Infeasible::beyond("memory: 2 B > 1 B".to_owned()));
         let message = refused.into_error(&device()).to_string();
         assert_eq!(message, "this machine cannot cast this frame: memory: 2 B > 1 B");
+    }
+
+    #[test]
+    fn a_limit_of_the_address_space_is_named_with_its_remedy() {
+        let reason = "the host's memory (casting): 2 B > 1 B according to /proc/self/limits";
+        let error = Refused::Host(Infeasible::beyond(reason.to_owned())).into_error(&device());
+        assert_eq!((error.exit_code(), error.remedy()), (2, UNLIMITED));
+        assert_eq!(error.to_string(), format!("this process cannot cast this frame: {reason}"));
     }
 
     #[test]

@@ -8,7 +8,6 @@ use super::{HostTree, Queue};
 use crate::cache::Cache;
 use crate::device::{Builtins, Device, DeviceInfo, DeviceLimits};
 use crate::error::Result;
-use crate::memory::{Available, resident_bytes};
 use crate::program::{BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use crate::scene::{Sampling, Scene};
 use crate::strategy::{Afterwards, Cause, HostNeeds, Infeasible, Requirements, Strategy, Workload};
@@ -323,9 +322,8 @@ impl Session {
         // The memory that the strategy needs on the host includes the mesh. Lists of the mesh that the device reads in
         // place are therefore not counted again.
         let held_of_host = if self.queue.shares_memory { held_beside_mesh } else { 0 };
-        let own_bytes = resident_bytes().unwrap_or(0).saturating_sub(held_of_host);
         self.host_needs(strategy, workload)
-            .check(&Available::read(), own_bytes)
+            .check_now(held_of_host)
             .map_err(|refused| Refused::Host(beside(refused, held_of_host)))
     }
 }

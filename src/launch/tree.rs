@@ -9,7 +9,6 @@ use crate::accel::{
 };
 use crate::clock::ms_since;
 use crate::device::DeviceLimits;
-use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
 use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 use ocl::Buffer;
@@ -61,7 +60,7 @@ impl HostTree {
         limits: &DeviceLimits,
     ) -> Option<Self> {
         let needs = HostNeeds::of(strategy, workload, limits.is_cpu, Afterwards::default());
-        needs.check(&Available::read(), resident_bytes().unwrap_or(0)).ok()?;
+        needs.check_now(0).ok()?;
         Requirements::check(strategy, workload, limits).ok()?;
         Self::build(mesh, strategy).ok()?
     }

@@ -135,10 +135,13 @@ pub(super) fn put(
             _ => failed(error),
         }),
         Name::Free => replace(file, path).map_err(failed),
-        Name::Replaceable => replace(file, path).map_err(|error| match error.kind() {
-            ErrorKind::PermissionDenied => irreplaceable(path, choice, &error),
-            _ => failed(error),
-        }),
+        Name::Replaceable => {
+            keep_permissions(&file, path);
+            replace(file, path).map_err(|error| match error.kind() {
+                ErrorKind::PermissionDenied => irreplaceable(path, choice, &error),
+                _ => failed(error),
+            })
+        }
     }
 }
 
@@ -197,6 +200,22 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
 fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
     file.persist(path).map(drop).map_err(|error| error.error)
 }
+
+/// Gives a new file the permissions of the file that it will replace, so that a file in a folder that several users
+/// share stays writable for the group. If the file system refuses, the new file keeps the usual permissions.
+#[cfg(unix)]
+fn keep_permissions(new: &NamedTempFile, replaced: &Path) {
+    use std::os::unix::fs::PermissionsExt as _;
+    // A link has no permissions of its own.
+    let old = replaced.symlink_metadata().ok().filter(std::fs::Metadata::is_file);
+    let _ = old.map(|old| {
+        let mode = old.permissions().mode() & 0o777;
+        new.as_file().set_permissions(std::fs::Permissions::from_mode(mode))
+    });
+}
+
+#[cfg(not(unix))]
+fn keep_permissions(_: &NamedTempFile, _: &Path) {}
 
 /// Returns the folder of a new file. Returns an error if the folder does not exist or cannot be opened.
 pub(super) fn folder_of(path: &Path) -> Result<&Path> {
@@ -297,7 +316,8 @@ mod tests {
         let (name, folder) = (path.display(), folder.display());
         let expected = format!("cannot write '{name}': cannot open the folder '{folder}': ");
         assert!(error.to_string().starts_with(&expected), "{error}");
-        assert!(!error.remedy().contains("mkdir"), "{}", error.remedy());
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.remedy().starts_with("a link in this path leads back to itself"), "{}", error.remedy());
     }
 
     #[cfg(unix)]
@@ -333,6 +353,25 @@ mod tests {
             assert_eq!(files(), 1);
         }
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_is_replaced_keeps_its_permissions() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let choice = Choice::new(false, "-o FILE");
+        let write = |text: &'static [u8]| {
+            put(&path, choice, |_| Ok(Maker::Raycl), |file| std::io::Write::write_all(file, text)).unwrap();
+        };
+        write(b"old");
+        for mode in [0o444, 0o664, 0o600] {
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
+            write(b"new");
+            assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, mode);
+            assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        }
     }
 
     #[test]

@@ -133,10 +133,12 @@ fn copy(mut file: File, out: &mut impl Write) -> Result<()> {
     }
 }
 
-/// Writes a temporary file without a name in a folder, and returns it, to be read from its beginning.
+/// Writes a temporary file without a name in a folder, and returns it, to be read from its beginning. If no file can be
+/// created in the folder, the temporary file is in memory, so that a container whose folders are read-only can write to
+/// standard output.
 fn temporary(folder: &Path, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<File> {
     let written = || -> IoResult<File> {
-        let mut file = tempfile::tempfile_in(folder)?;
+        let mut file = tempfile::tempfile_in(folder).or_else(|error| in_memory().map_err(|_| error))?;
         write(&mut file)?;
         mark::seal(&mut file)?;
         file.rewind()?;
@@ -147,6 +149,19 @@ fn temporary(folder: &Path, write: impl FnOnce(&mut File) -> IoResult<()>) -> Re
         Error::run(format!("cannot write a temporary file in the folder '{folder}': {}", cause(&error)))
             .with_help(limit_advice(&error).unwrap_or(NO_TEMPORARY))
     })
+}
+
+/// Creates a file whose data is in memory.
+#[cfg(target_os = "linux")]
+fn in_memory() -> IoResult<File> {
+    use rustix::fs::{MemfdFlags, memfd_create};
+    let file = memfd_create("raycl", MemfdFlags::CLOEXEC)?;
+    Ok(File::from(file))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn in_memory() -> IoResult<File> {
+    Err(ErrorKind::Unsupported.into())
 }
 
 #[cfg(test)]
@@ -201,16 +216,26 @@ mod tests {
     #[test]
     fn a_temporary_file_that_cannot_be_written_is_not_blamed_on_standard_output() {
         let parent = tempfile::tempdir().unwrap();
-        let missing = parent.path().join("missing");
         let full = |_: &mut File| -> IoResult<()> { Err(std::io::ErrorKind::StorageFull.into()) };
-        for (folder, error) in [
-            (missing.as_path(), temporary(&missing, |_| Ok(())).unwrap_err()),
-            (parent.path(), temporary(parent.path(), full).unwrap_err()),
-        ] {
-            let expected = format!("cannot write a temporary file in the folder '{}': ", folder.display());
-            assert!(error.to_string().starts_with(&expected), "{error}");
-            assert!(error.exit_code() == 1 && error.remedy().contains("TMPDIR"), "{}", error.remedy());
-        }
+        let error = temporary(parent.path(), full).unwrap_err();
+        let expected = format!("cannot write a temporary file in the folder '{}': ", parent.path().display());
+        assert!(error.to_string().starts_with(&expected), "{error}");
+        assert!(error.exit_code() == 1 && error.remedy().contains("TMPDIR"), "{}", error.remedy());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn without_a_folder_for_temporary_files_the_file_is_in_memory() {
+        let parent = tempfile::tempdir().unwrap();
+        let missing = parent.path().join("missing");
+        let [written, usual] = [missing.as_path(), parent.path()].map(|folder| {
+            let mut bytes = Vec::new();
+            let file = temporary(folder, |file| write!(file, "{} 17", mark::blank())).unwrap();
+            copy(file, &mut bytes).unwrap();
+            bytes
+        });
+        assert!(written == usual && written.ends_with(b" 17"));
+        assert!(!missing.exists());
     }
 
     /// Standard output that cannot be written to, for this reason.

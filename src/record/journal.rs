@@ -396,12 +396,11 @@ mod tests {
         let path = folder.path().join("records.jsonl");
         assert!(read_lines_if_any::<Record>(&path).unwrap().lines.is_empty());
         std::os::unix::fs::symlink(&path, &path).unwrap();
-        // The link leads to itself. Like a disk that fails, such a link causes an error other than "not
-        // found".
+        // The link leads to itself, which causes an error other than "not found".
         for read in [read_lines_if_any::<Record>, read_lines::<Record>] {
             let error = read(&path).unwrap_err();
             let expected = format!("cannot read {}: ", path.display());
-            assert!(error.exit_code() == 1 && error.to_string().starts_with(&expected), "{error}");
+            assert!(error.exit_code() == 2 && error.to_string().starts_with(&expected), "{error}");
             assert_ne!(error.remedy(), FOLDER);
         }
         // A folder has the journal's path, so the journal does not count as missing.

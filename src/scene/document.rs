@@ -18,6 +18,14 @@ pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with i
 const PERMITTED: &str = "a key or value that a scene may have there";
 /// The help in an error about a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
+/// The help in an error about a scene that is a pipe or a device.
+const PIPED: &str = "read a pipe through standard input, with `raycl render - < PIPE` or `COMMAND | raycl render -`; or give the path of an ordinary file";
+
+/// Returns the remedy if a scene cannot be opened.
+fn instead_of(error: &std::io::Error) -> &'static str {
+    // `reader::open` refuses a pipe with this kind of error.
+    if error.kind() == std::io::ErrorKind::InvalidInput { PIPED } else { ANY_SCENE }
+}
 
 /// A scene file's text, with the data that messages about it need.
 pub(super) struct Document {
@@ -51,7 +59,8 @@ impl Document {
     /// Reads a scene file, or makes the document of a bare mesh.
     pub fn read(path: &Path, settings: &[Setting], quotes: bool) -> Result<Self> {
         INPUTS.add(path);
-        let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
+        let opened =
+            Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, instead_of(&error)))?;
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
             return Err(refusal);
         }

@@ -43,9 +43,14 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// Returns the largest powers of two that are not greater than the arguments. Dividing planes by powers of two does not
-// round.
-float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
+// Returns the numbers by which the planes of one edge of eight triangles are multiplied. `size` is the edge's size,
+// `longer` that of the longer of two edges, and `slack` the overlap of neighbouring triangles (see SHARED_EDGE_SLACK)
+// per size of an edge, in the unit of the edges' dot products. The overlap is rounded down to a power of two, and the
+// planes are divided by it, so that it becomes 1. The division does not round, because the divisor is a power of two.
+float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
+    const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
+    return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);
+}
 
 // Prepares the eight triangles from `first` on, in leaf order. Returns the triangles that a ray can hit, one bit each.
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
@@ -53,6 +58,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
+    const Lanes3 e3 = lanes_difference(corner_c, corner_b);
     // All rays of the tile share the origin, so each corner is subtracted once for all rays.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
@@ -62,19 +68,16 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     // Its sign shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
-    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // `unit` is the overlap of neighbouring triangles (see SHARED_EDGE_SLACK), in the unit of the edges' dot products,
-    // rounded down to a power of two. Dividing the planes by `unit` makes the overlap 1; the division does not round,
-    // because `unit` is a power of two.
-    const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
-    const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
+    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2), longer = max(size1, size2);
+    const float8 slack = SHARED_EDGE_SLACK * bundle->longest * lanes_size(a);
     // 1 / t = (d . n) / height. The product of n and the sign of `height` is stored, and `a` is the dot product of d
     // and this stored vector, so 1 / t = a / |height|. `a` is positive if the ray meets the triangle's plane in front
     // of the ray's origin.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
-    store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
-    store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
-    store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
+    store_plane(edge_plane(e1, b, a), per_overlap(slack, size1, longer, sign), prepared->edges[0]);
+    store_plane(edge_plane(e3, c, b), per_overlap(slack, lanes_size(e3), longer, sign), prepared->edges[1]);
+    store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), per_overlap(slack, size2, longer, sign),
+                prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
     vstore8(EDGE_ON_ROUNDING * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK

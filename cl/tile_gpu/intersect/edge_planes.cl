@@ -18,9 +18,12 @@ INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
 }
 
-// Returns the reciprocal of the largest power of two that is not greater than `positive`.
-INLINED float per_power_of_two_below(float positive) {
-    return as_float(0x7f000000 - (as_int(positive) & 0x7f800000));
+// Returns the number by which the plane of an edge is multiplied, without its sign: the reciprocal of the overlap,
+// which is rounded down to a power of two. `size` is the edge's size, `longer` that of the longer of two edges, and
+// `slack` the overlap per size of an edge.
+INLINED float per_overlap(float slack, float size, float longer) {
+    const float overlap = slack * min(longer, OVERLAP_EDGES * size);
+    return as_float(0x7f000000 - (as_int(overlap) & 0x7f800000));
 }
 
 // Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
@@ -38,17 +41,18 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
     const Uniform3 n = uniform_cross(e1, e2);
     const float height = uniform_dot(a, n);
-    const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
-    const float per_unit = per_power_of_two_below(0.5f * SHARED_EDGE_SLACK * shaft->longest * size);
-    const float turn = height > 0.0f ? per_unit : -per_unit;
-    const Uniform3 u = edge_between(e3, b, c, turn), v = edge_between(e2, c, a, turn);
-    const Uniform3 w = edge_between(uniform_scale(e1, -1.0f), a, b, turn);
+    const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
+    const float slack = 0.5f * SHARED_EDGE_SLACK * shaft->longest * uniform_size(a);
+    const Uniform3 u = edge_between(e3, b, c, copysign(per_overlap(slack, uniform_size(e3), longer), height));
+    const Uniform3 v = edge_between(e2, c, a, copysign(per_overlap(slack, size2, longer), height));
+    const Uniform3 w =
+        edge_between(uniform_scale(e1, -1.0f), a, b, copysign(per_overlap(slack, size1, longer), height));
     const Uniform3 per_z = uniform_scale(n, reciprocal(height));
     triangle->a = quad(u, per_z.x);
     triangle->b = quad(v, per_z.y);
     triangle->c = quad(w, per_z.z);
     // A triangle seen edge-on is not hit, as in common/planes_of_origin.cl.
-    int wanted = used & (fabs(height) > EDGE_ON_ROUNDING * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
+    int wanted = used & (fabs(height) > EDGE_ON_ROUNDING * uniform_size(a) * size1 * size2);
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif

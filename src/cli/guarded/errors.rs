@@ -2,7 +2,7 @@
 
 use super::ending::{crash, signal};
 use crate::device::drivers::Driver;
-use crate::device::full_disk_advice;
+use crate::device::folder_advice;
 use crate::error::{Error, limit_advice};
 use crate::memory::{address_space_limit, readable};
 use crate::sources::{Sources, some_of};
@@ -57,7 +57,7 @@ pub fn not_together(cause: &str, drivers: &[Driver]) -> Error {
 /// bits. raycl opens no window on a display if it knows that the display's pixels do not have 32 bits, but
 /// raycl cannot ask every display.
 pub fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
-    let advice = advice_for(drivers, full_disk_advice());
+    let advice = advice_for(drivers, folder_advice());
     match crash(status).filter(|_| opens_window) {
         Some((signal, name)) => Error::run(format!(
             "raycl's child process crashed, in its window or in a driver: {name} (signal {signal})"
@@ -74,7 +74,7 @@ pub fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, driv
 pub fn still_failing(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = format!(
         "each of the other drivers lists its devices when it is loaded alone: {}",
-        advice_for(drivers, full_disk_advice())
+        advice_for(drivers, folder_advice())
     );
     Error::run(format!("{cause}, even without the drivers that were left out"))
         .with_help(if opens_window && crash(status).is_some() { window_or(&advice) } else { advice })

@@ -8,6 +8,7 @@ use super::{Args, guess, hurry};
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, LaneOperations, LaneTest, pick_one};
 use crate::error::{Error, Result};
+use crate::inherited::leave_files;
 use crate::launch::{Prepared, Queue};
 use crate::own_program::own_worker;
 use crate::program::{BuiltProgram, CACHE_DISABLE, ProgramCache, ProgramSpec};
@@ -15,13 +16,21 @@ use crate::sources::Sources;
 use crate::strategy::{Strategy, preset_of};
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::thread::{Builder, sleep};
 use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a background process began to store a program or to list the devices.
 const KIND: &str = "order";
 /// A background process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
+/// A background process looks at this interval whether the cache's folder still exists.
+const LOOK_UP: Duration = Duration::from_millis(50);
+/// The environment variables with paths that a driver, its loader or the system's linker read.
+#[cfg(unix)]
+const PATHS: [&str; 5] =
+    ["LD_LIBRARY_PATH", "OCL_ICD_FILENAMES", "OCL_ICD_VENDORS", "POCL_CACHE_DIR", "TMPDIR"];
 
 /// A task for the background process: to list the devices, and to compile and store a program.
 #[derive(Serialize, Deserialize)]
@@ -145,10 +154,17 @@ fn begin(cache: &Cache, name: &str) -> bool {
     free && cache.put(KIND, name, &now.as_secs().to_le_bytes())
 }
 
+/// Starts the background process, and waits until it has closed the files that it inherited from this process: when
+/// this process ends, its caller's locks and pipes are then free.
 fn start(order: &Order) -> std::io::Result<()> {
     let text = serde_json::to_vec(order)?;
     let mut child = background(order).map_err(std::io::Error::other)?.spawn()?;
-    child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
+    child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))?;
+    if let Some(mut output) = child.stdout.take() {
+        // The background process prints nothing: the output ends when the files are closed, or when the process ends.
+        let _ = std::io::copy(&mut output, &mut std::io::sink());
+    }
+    Ok(())
 }
 
 /// Returns the command that starts the background process.
@@ -157,16 +173,46 @@ fn background(order: &Order) -> Result<Command> {
     if order.recompile {
         command.env(CACHE_DISABLE, "1");
     }
-    command.arg("--keep").stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.arg("--keep").stdin(Stdio::piped()).stderr(Stdio::null());
+    detach(&mut command);
     Ok(command)
 }
 
+/// Separates the background process from this command's caller: the process does not keep the current folder's disk in
+/// use, and a signal for the process group of the command, such as Ctrl-C, does not reach the process. The process only
+/// stays in the current folder if a driver may need files of it, which an environment variable names.
+#[cfg(unix)]
+fn detach(command: &mut Command) {
+    use std::os::unix::process::CommandExt as _;
+    command.process_group(0).stdout(Stdio::piped());
+    if !PATHS.iter().filter_map(std::env::var_os).any(|paths| names_relative(&paths)) {
+        command.current_dir("/");
+    }
+}
+
+/// Discards the output: on systems other than Unix, the background process never says that it has closed files.
+#[cfg(not(unix))]
+fn detach(command: &mut Command) {
+    command.stdout(Stdio::null());
+}
+
+/// Returns true if one of these paths, which are separated as in `PATH`, exists and is relative to the current folder.
+#[cfg(unix)]
+fn names_relative(paths: &std::ffi::OsStr) -> bool {
+    std::env::split_paths(paths).any(|path| path.is_relative() && path.exists())
+}
+
 /// Does the work of the background process: reads the task ([`Order`]) from standard input, and lists the
-/// devices if no list is stored. If the task has a program, also builds and stores this program.
+/// devices if no list is stored. If the task has a program, also builds and stores this program. The process ends
+/// early if the cache's folder is removed: whoever removed it would not expect it to be made again. No driver may be
+/// loaded before.
 pub fn serve() -> Result<()> {
+    leave_files();
     yield_to_others();
     let order = read_order(std::io::stdin())?;
-    let cache = Cache::of_user();
+    let cache = Cache::of_user().only_while_it_exists();
+    let Some(folder) = cache.folder().filter(|folder| folder.is_dir()) else { return Ok(()) };
+    end_without(folder.to_owned())?;
     let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
     // A device's identity contains the version of its driver.
@@ -187,6 +233,21 @@ pub fn serve() -> Result<()> {
     built.store();
     built.rehearse();
     Ok(())
+}
+
+/// Starts a thread that ends this process as soon as the cache's folder no longer exists.
+fn end_without(folder: PathBuf) -> Result<()> {
+    let watch = move || wait_while_it_exists(&folder);
+    Builder::new().spawn(watch).map_err(|error| Error::no_thread(&error))?;
+    Ok(())
+}
+
+/// Ends this process as soon as a folder no longer exists.
+fn wait_while_it_exists(folder: &Path) {
+    while folder.is_dir() {
+        sleep(LOOK_UP);
+    }
+    signal_hook::low_level::exit(0);
 }
 
 /// Reads the task of the background process.
@@ -281,7 +342,20 @@ mod tests {
         };
         assert_eq!((disabled(false), disabled(true)), (None, Some(true)));
         assert!(command(false).get_args().eq(["worker", "--keep"]));
+        #[cfg(unix)]
+        assert_eq!(command(false).get_current_dir(), Some(Path::new("/")), "the caller's folder stays free");
         assert!(!order_for(&device, None).recompile, "at first, the driver's cache is used");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn only_a_path_that_is_there_depends_on_the_current_folder() {
+        // Tests run in the folder of Cargo.toml.
+        for (paths, expected) in
+            [("src", true), ("/usr/lib:./src", true), ("/", false), ("", false), ("no-such-file", false)]
+        {
+            assert_eq!(names_relative(paths.as_ref()), expected, "{paths}");
+        }
     }
 
     #[test]

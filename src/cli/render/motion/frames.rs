@@ -7,7 +7,9 @@ use crate::output::Target;
 use crate::scene::Display;
 use crate::shard::Shard;
 use crate::words::counted;
+use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// Frames from the first to the last, both included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,7 +115,10 @@ impl Numbered {
             let file = self.file(number);
             let exists = file.exists();
             match frame_key(&file) {
-                Some(existing) if existing == key(number)? => continue,
+                Some(existing) if existing == key(number)? => {
+                    made_now(&file);
+                    continue;
+                }
                 Some(_) if !self.force => return Err(other(&file, number)),
                 _ => self.target(number).check()?,
             }
@@ -131,6 +136,12 @@ impl Numbered {
     pub fn save(&self, number: u32, key: &str, image: &Radiance, display: Display) -> Result<()> {
         save_frame(image, display, key, &self.target(number))
     }
+}
+
+/// Sets the time of a frame that is still right to now, so that a rule of make whose target is the frame has nothing
+/// left to do. If the system refuses, for example because the file belongs to another user, the file keeps its time.
+fn made_now(file: &Path) {
+    let _ = File::open(file).and_then(|file| file.set_modified(SystemTime::now()));
 }
 
 fn other(file: &Path, number: u32) -> Error {
@@ -208,7 +219,10 @@ mod tests {
         }
         assert_eq!(missing("frames", false), Ok(vec![1, 2, 3]));
         of("frames", false).save(2, &key, &image, display).unwrap();
+        let right = parent.path().join("frames/a-0002.png");
+        File::open(&right).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
         assert_eq!(missing("frames", false), Ok(vec![1, 3]));
+        assert_ne!(right.metadata().unwrap().modified().unwrap(), SystemTime::UNIX_EPOCH, "for make");
         of("frames", false).save(1, &another, &image, display).unwrap();
         let error = missing("frames", false).unwrap_err();
         assert!(error.contains("a-0001.png' exists and is not frame 1 as"), "{error}");
