@@ -17,31 +17,14 @@ impl Available {
     /// Returns the smallest of the machine's available memory, the memory that the control groups of this process still
     /// allow, and the rest of the process's address space (`ulimit -v`).
     pub fn read() -> Self {
-        let unknown = || Self { bytes: u64::MAX, source: "nothing".to_owned() };
-        Self::each().into_iter().next().unwrap_or_else(unknown)
-    }
-
-    /// Returns every figure of which [`Self::read`] returns the smallest, the smallest first.
-    pub fn each() -> Vec<Self> {
         let machine = read_text(Path::new(MEMINFO)).and_then(|text| meminfo_available(&text));
         let machine = machine.map(|bytes| Self { bytes, source: MEMINFO.to_owned() });
         let groups = read_text(Path::new("/proc/self/cgroup")).unwrap_or_default();
         let folders = group_folders(&groups);
         let groups = folders.iter().filter_map(|(folder, files)| group_available(folder, files));
         let space = address_space_left().map(|bytes| Self { bytes, source: LIMITS.to_owned() });
-        let mut each: Vec<_> = groups.chain(machine).chain(space).collect();
-        each.sort_by_key(|available| available.bytes);
-        each
-    }
-
-    /// Returns how many bytes of a command's needs this process has already allocated, so that the figure leaves them
-    /// out. `loaded_bytes` is the part of the needs that was loaded before, such as the program and the scene.
-    /// `other_bytes` are in use, but are not a part of the needs. The address space contains the whole program with its
-    /// libraries, but only the pages that the process has touched are resident.
-    pub fn allocated(&self, in_use: InUse, loaded_bytes: u64, other_bytes: u64) -> u64 {
-        let resident = in_use.resident_bytes.saturating_sub(other_bytes);
-        let mapped = in_use.mapped_bytes.saturating_sub(other_bytes).min(loaded_bytes);
-        if self.source == LIMITS { resident.max(mapped) } else { resident }
+        let unknown = || Self { bytes: u64::MAX, source: "nothing".to_owned() };
+        groups.chain(machine).chain(space).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
     }
 
     /// Returns an error if `bytes` is more than the available memory. For the message, `what` names the allocation,
@@ -58,24 +41,6 @@ impl Available {
             self.source
         );
         Err(Error::input(message).with_help(if self.source == LIMITS { UNLIMITED } else { FEWER }))
-    }
-}
-
-/// The memory that this process uses.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct InUse {
-    /// The bytes of the pages in the machine's memory (VmRSS); 0 if the system does not report them.
-    pub resident_bytes: u64,
-    /// The bytes of the address space (VmSize); 0 if the system does not report them.
-    pub mapped_bytes: u64,
-}
-
-impl InUse {
-    /// Reads the memory that this process uses now.
-    pub fn read() -> Self {
-        let status = read_text(Path::new(STATUS)).unwrap_or_default();
-        let bytes = |key: &str| kibibytes(&status, key).unwrap_or(0);
-        Self { resident_bytes: bytes("VmRSS:"), mapped_bytes: bytes("VmSize:") }
     }
 }
 
@@ -133,6 +98,11 @@ fn address_space(text: &str) -> Option<u64> {
 /// does not report it.
 pub fn peak_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new(STATUS))?, "VmHWM:")
+}
+
+/// Returns the memory that this process uses now (VmRSS); `None` if the system does not report it.
+pub fn resident_bytes() -> Option<u64> {
+    kibibytes(&read_text(Path::new(STATUS))?, "VmRSS:")
 }
 
 /// Formats bytes in decimal units: "512 B", "3.4 MB", "1.2 GB".
@@ -275,27 +245,12 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_of_the_address_space_counts_the_loaded_program_once_and_is_blamed() {
-        let of = |source: &str| Available { bytes: 1000, source: source.to_owned() };
-        let in_use = InUse { resident_bytes: 90, mapped_bytes: 400 };
-        let allocated = |source, loaded, other| of(source).allocated(in_use, loaded, other);
-        assert_eq!([allocated(LIMITS, 300, 0), allocated(LIMITS, 900, 0)], [300, 400]);
-        assert_eq!([allocated(LIMITS, 50, 0), allocated(LIMITS, 900, 70)], [90, 330]);
-        assert_eq!([allocated(MEMINFO, 300, 0), allocated(MEMINFO, 300, 70)], [90, 20]);
+    fn a_limit_of_the_address_space_is_blamed() {
         for (source, is_limit) in [(LIMITS, true), (MEMINFO, false)] {
-            let error = of(source).hold(1001, "this", "its length").unwrap_err();
+            let available = Available { bytes: 1000, source: source.to_owned() };
+            let error = available.hold(1001, "this", "its length").unwrap_err();
             assert_eq!(error.remedy().contains("ulimit -v unlimited"), is_limit, "{error}");
             assert_eq!(blames_address_space(&error.to_string()), is_limit, "{error}");
-        }
-    }
-
-    #[test]
-    fn the_smallest_figure_is_the_first_and_the_used_memory_is_read() {
-        let each = Available::each();
-        assert!(each.is_sorted_by_key(|available| available.bytes), "{each:?}");
-        if cfg!(target_os = "linux") {
-            let in_use = InUse::read();
-            assert!(in_use.resident_bytes > 1 << 20 && in_use.mapped_bytes >= in_use.resident_bytes);
         }
     }
 

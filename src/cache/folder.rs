@@ -135,8 +135,9 @@ pub fn existing_ancestor(folder: &Path) -> Option<&Path> {
     folder.ancestors().find(|folder| folder.symlink_metadata().is_ok())
 }
 
-/// Returns true if no other user except the superuser can put files into a folder, or can put another folder in its
-/// place. If the folder does not exist, this function asks only whether another user could create or replace it.
+/// Returns true if no other user except the superuser can put files into a folder, or can replace it by writing into
+/// the folder around it. Folders further up are not examined. If the folder does not exist, this function asks only
+/// whether another user could create it in its nearest ancestor that exists.
 pub fn is_private(folder: &Path) -> bool {
     if folder.symlink_metadata().is_ok() && trusted(folder).is_none() {
         return false;

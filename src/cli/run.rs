@@ -66,8 +66,8 @@ pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
     /// The folder of results [default: results/NAME, where NAME is the name of the config's file without .toml, or
-    /// results/NAME-N with the next number N if that folder exists; with --resume, the latest of these folders.
-    /// Your settings may name another folder than results]
+    /// results/NAME-N with the next number N if a folder results/NAME or results/NAME-N exists; with --resume, the
+    /// latest of these folders. Your settings may name another folder than results]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept

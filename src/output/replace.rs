@@ -205,13 +205,15 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
 /// share stays writable for the group. If the file system refuses, the new file keeps the usual permissions.
 #[cfg(unix)]
 fn keep_permissions(new: &NamedTempFile, replaced: &Path) {
-    use std::os::unix::fs::PermissionsExt as _;
+    use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
     // A link has no permissions of its own.
     let old = replaced.symlink_metadata().ok().filter(std::fs::Metadata::is_file);
-    let _ = old.map(|old| {
-        let mode = old.permissions().mode() & 0o777;
-        new.as_file().set_permissions(std::fs::Permissions::from_mode(mode))
-    });
+    let (Some(old), Ok(own)) = (old, new.as_file().metadata()) else { return };
+    // The permissions of the replaced file's group are not meant for another group.
+    let kept = if old.gid() == own.gid() { 0o777 } else { 0o707 };
+    // Later commands must be able to read the file, to see that raycl made it.
+    let mode = old.mode() & kept | 0o400;
+    let _ = new.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
 }
 
 #[cfg(not(unix))]

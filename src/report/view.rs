@@ -212,7 +212,11 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
         return None;
     }
     let shown = if all.len() > rows.len() {
-        format!(" Only the first {} of {} points are shown, fastest first.", rows.len(), all.len())
+        format!(
+            " Only {} of {} points are shown: first those with a rank, the fastest of them first.",
+            rows.len(),
+            all.len()
+        )
     } else {
         String::new()
     };
@@ -371,7 +375,9 @@ mod tests {
         assert!(!all.caption.contains("are shown") && all.svg.contains("naive 14x14"), "{}", all.caption);
         let some = shown(16);
         assert!(
-            some.caption.ends_with(" Only the first 14 of 16 points are shown, fastest first."),
+            some.caption.ends_with(
+                " Only 14 of 16 points are shown: first those with a rank, the fastest of them first."
+            ),
             "{}",
             some.caption
         );

@@ -14,8 +14,8 @@ const FILL: f64 = 0.92;
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 /// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
 const TURNS: u32 = 24;
-/// The eye is at least this much farther away than the nearest point of the mesh, in radii of the ball that
-/// represents the mesh. Both distances are measured along the viewing direction.
+/// The eye is at least this much farther from the centre of the mesh's ball than the point of the mesh that is nearest
+/// to the eye, in radii of the ball. Both distances are measured along the viewing direction.
 const NEAREST_RADII: f64 = 0.3;
 /// Smallest radius of the ball that represents a mesh, as a fraction of the distance from the origin to the
 /// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.

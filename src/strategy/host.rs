@@ -5,7 +5,7 @@ use super::requirements::{global_beside_mesh, scene_beside_mesh, scratch};
 use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
-use crate::memory::{Available, InUse};
+use crate::memory::{Available, resident_bytes};
 use crate::scene::{Mapped, Material, Mesh};
 
 /// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1,
@@ -55,9 +55,6 @@ pub struct Afterwards {
 pub struct HostNeeds {
     /// The bytes that the program, its libraries and the driver need. The sum of every moment includes these bytes.
     program_bytes: u64,
-    /// The bytes of `program_bytes`, the mesh, its materials, textures and the sky. The sum of every moment includes
-    /// these bytes.
-    loaded_bytes: u64,
     moments: Vec<(&'static str, Sum)>,
 }
 
@@ -69,7 +66,6 @@ impl HostNeeds {
         let pixels = pixels(w);
         let program_bytes = if shared { PROGRAM_BYTES } else { PROGRAM_BYTES_BESIDE_GPU };
         let base = base_memory(w, program_bytes);
-        let loaded_bytes = base.recorded();
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = base.clone();
@@ -109,7 +105,7 @@ impl HostNeeds {
             }
             moments.push(("verifying", sum));
         }
-        Self { program_bytes, loaded_bytes, moments }
+        Self { program_bytes, moments }
     }
 
     /// Returns the largest number of bytes in use at any moment.
@@ -122,15 +118,11 @@ impl HostNeeds {
         self.bytes().saturating_sub(self.program_bytes)
     }
 
-    /// Returns an error if the needs exceed the memory that is available to this process now, by any of the system's
-    /// figures. The process has loaded the program, its libraries, the driver and the scene already. `other_bytes` are
-    /// the bytes that this process uses beside the needs.
+    /// Returns an error if the needs exceed the memory that is available to this process now. `other_bytes` are the bytes
+    /// that this process uses beside the needs.
     pub fn check_now(&self, other_bytes: u64) -> Result<(), Infeasible> {
-        let in_use = InUse::read();
-        let fits_into = |available: &Available| {
-            self.check(available, available.allocated(in_use, self.loaded_bytes, other_bytes))
-        };
-        Available::each().iter().try_for_each(fits_into)
+        let own_bytes = resident_bytes().unwrap_or(0).saturating_sub(other_bytes);
+        self.check(&Available::read(), own_bytes)
     }
 
     /// Returns an error if the needs exceed the available memory plus `own_bytes`. `own_bytes` is the part of the needs
@@ -233,19 +225,6 @@ mod tests {
             let needs = needs("tile", &w, shared, false);
             assert_eq!(needs.bytes() - needs.bytes_beside_program(), program_bytes, "{shared}");
         }
-    }
-
-    /// The limit leaves 107 MB, since the loaded program already takes 405 MB of the address space. The picture needs
-    /// little more than the program.
-    #[test]
-    fn a_small_picture_fits_into_a_limited_address_space_that_has_the_program_already() {
-        let needs = needs("tile", &workload(1, 8), true, false);
-        assert!(needs.loaded_bytes > PROGRAM_BYTES && needs.loaded_bytes <= needs.bytes());
-        let available = Available { bytes: 107_000_000, source: "/proc/self/limits".to_owned() };
-        let in_use = InUse { resident_bytes: 90_000_000, mapped_bytes: 405_000_000 };
-        let own_bytes = available.allocated(in_use, needs.loaded_bytes, 0);
-        assert!(needs.check(&available, own_bytes).is_ok());
-        assert!(needs.check(&available, in_use.resident_bytes).is_err());
     }
 
     #[test]

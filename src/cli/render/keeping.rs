@@ -208,8 +208,9 @@ fn names_relative(paths: &std::ffi::OsStr) -> bool {
 /// loaded before.
 pub fn serve() -> Result<()> {
     leave_files();
-    yield_to_others();
+    // The command that starts this process waits until its task is read.
     let order = read_order(std::io::stdin())?;
+    yield_to_others();
     let cache = Cache::of_user().only_while_it_exists();
     let Some(folder) = cache.folder().filter(|folder| folder.is_dir()) else { return Ok(()) };
     end_without(folder.to_owned())?;
