@@ -212,7 +212,7 @@ fn keep_permissions(new: &NamedTempFile, replaced: &Path) {
     // The permissions of the replaced file's group are not meant for another group.
     let kept = if old.gid() == own.gid() { 0o777 } else { 0o707 };
     // Later commands must be able to read the file, to see that raycl made it.
-    let mode = old.mode() & kept | 0o400;
+    let mode = (old.mode() & kept) | 0o400;
     let _ = new.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
 }
 
