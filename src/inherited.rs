@@ -39,7 +39,8 @@ fn may_ignore(signal: i32, status: &str) -> bool {
 }
 
 /// Makes standard input, standard output and standard error blocking, so that reading waits for data and writing waits
-/// for space. A pipe or a terminal that raycl shares with another process, such as node.js, can be non-blocking.
+/// for space. A pipe or a terminal that raycl shares with another process, such as node.js, can be non-blocking. The
+/// setting belongs to the pipe or the terminal, so this process's caller then waits too if it uses the same end of it.
 #[cfg(unix)]
 fn wait_for_streams() {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -54,10 +55,10 @@ fn wait_for_streams() {
     }
 }
 
-/// Closes all files that this process inherited, except its standard streams. Otherwise, a lock or a pipe of the caller
-/// stays in use as long as this process lives. Then replaces standard output by `/dev/null`, which tells the process
-/// that reads standard output that the files are closed. No part of this process may use another file than the
-/// standard streams when this function is called.
+/// On systems with `/proc`, closes all files that this process inherited, except its standard streams. Otherwise, a
+/// lock or a pipe of the caller stays in use as long as this process lives. Then replaces standard output by
+/// `/dev/null`, which tells the process that reads standard output that the files are closed. No part of this process
+/// may use another file than the standard streams when this function is called.
 #[cfg(unix)]
 pub(crate) fn leave_files() {
     let listed = std::fs::read_dir("/proc/self/fd").into_iter().flatten();

@@ -34,7 +34,8 @@ fn a_caller_that_ignores_sigchld_gets_exit_code_0() {
 /// The system gives the first process of a container only signals for which it has a handler.
 #[test]
 fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets() {
-    let container = ["unshare", "--user", "--map-root-user", "--pid", "--fork", "--mount-proc"];
+    let container =
+        ["unshare", "--user", "--map-root-user", "--pid", "--fork", "--kill-child", "--mount-proc"];
     let is_allowed = Command::new(container[0]).args(&container[1..]).arg("true").status();
     if !is_allowed.is_ok_and(|status| status.success()) {
         eprintln!("left out: this machine does not let `unshare` make a container");

@@ -349,8 +349,8 @@ fn may_replace(args: &Args, frames: u32) -> bool {
 /// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame. For a still
 /// picture, fails if a file of the picture is a file of the scene. For a moving picture that may replace
 /// files, also finds the pictures (such as textures) that only later frames of the scene use, for the same check in
-/// `motion`. For a still picture, raycl does not look for the pictures of later frames: these pictures may be large, and
-/// with `--watch`, raycl would have to read them before every picture.
+/// `motion`. For a still picture, raycl does not look for the pictures of later frames: these pictures may be large,
+/// and with `--watch`, raycl would have to read them before every picture.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation

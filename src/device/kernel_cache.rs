@@ -87,7 +87,7 @@ fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String 
 /// from there, because the file system is mounted with the option noexec. PoCL then reports that the build of a
 /// program has failed, or PoCL ends the process.
 pub fn folder_advice() -> Option<String> {
-    let folder = folder()?;
+    let folder = folder().filter(|folder| folder != Path::new(NO_FOLDER))?;
     if is_noexec(&folder) {
         return Some(noexec_advice(&folder));
     }

@@ -1,6 +1,6 @@
 //! Selects devices by name and kind, not by number, since numbers differ between machines.
 
-use super::{Device, DeviceInfo, DeviceKind, common_name};
+use super::{Device, DeviceInfo, DeviceKind, common_name, is_pocl};
 use crate::error::{Error, Result, nearest};
 use crate::sources::Sources;
 
@@ -91,10 +91,12 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the texts, in lower case, with which patterns are compared: a pattern may be any part of such a text.
-fn names(info: &DeviceInfo) -> [String; 4] {
+/// Returns the texts, in lower case, with which patterns are compared: a pattern may be any part of such a text. A
+/// device of PoCL also has the text "pocl", even if its common name does not contain this word.
+fn names(info: &DeviceInfo) -> Vec<String> {
     let common = common_name(&info.name);
-    [&info.platform, &info.name, &info.vendor, &common].map(|name| name.to_lowercase())
+    let names = [&info.platform, &info.name, &info.vendor, &common].map(|name| name.to_lowercase());
+    names.into_iter().chain(is_pocl(&info.platform).then(|| "pocl".to_owned())).collect()
 }
 
 /// Returns true if a pattern is a part of a name. A pattern of digits has to be a whole number in the name: a user who
@@ -226,6 +228,8 @@ mod tests {
             assert_eq!(indices(pattern).unwrap(), expected, "{pattern}");
         }
         assert!(!indices("nope").expect_err("a mistake").remedy().contains("did you mean"));
+        let beside = example("Portable Computing Language", "a GPU", DeviceKind::Gpu, 2);
+        assert_eq!(super::matching_indices(&[beside], &["pocl".to_owned()]).unwrap(), [0]);
     }
 
     #[test]

@@ -17,10 +17,10 @@ const TIE: f64 = 0.01;
 /// too few samples, or with times of 0, has no rank.
 ///
 /// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Records
-/// whose levels can be compared form a family ([`RelativeTimes::family`]; a kernel family is something else).
-/// The ratio of two records of different families is the ratio of their medians (see [`ratio`]). The levels
-/// of each family are therefore shifted by a constant, so that the mean of the levels equals the mean of the
-/// logarithms of the family's medians.
+/// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls such a family a
+/// set of comparable points; a kernel family is something else. The ratio of two records of different families is
+/// the ratio of their medians (see [`ratio`]). The levels of each family are therefore shifted by a constant, so
+/// that the mean of the levels equals the mean of the logarithms of the family's medians.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
     let mut families: HashMap<String, Vec<f64>> = HashMap::new();

@@ -141,7 +141,9 @@ impl Numbered {
 /// Sets the time of a frame that is still right to now, so that a rule of make whose target is the frame has nothing
 /// left to do. If the system refuses, for example because the file belongs to another user, the file keeps its time.
 fn made_now(file: &Path) {
-    let _ = File::open(file).and_then(|file| file.set_modified(SystemTime::now()));
+    // Windows sets the times of a file only if it is open for writing; Unix sets those of read-only files too.
+    let opened = File::options().read(true).write(cfg!(windows)).open(file);
+    let _ = opened.and_then(|file| file.set_modified(SystemTime::now()));
 }
 
 fn other(file: &Path, number: u32) -> Error {
@@ -220,7 +222,7 @@ mod tests {
         assert_eq!(missing("frames", false), Ok(vec![1, 2, 3]));
         of("frames", false).save(2, &key, &image, display).unwrap();
         let right = parent.path().join("frames/a-0002.png");
-        File::open(&right).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
+        File::options().write(true).open(&right).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
         assert_eq!(missing("frames", false), Ok(vec![1, 3]));
         assert_ne!(right.metadata().unwrap().modified().unwrap(), SystemTime::UNIX_EPOCH, "for make");
         of("frames", false).save(1, &another, &image, display).unwrap();
