@@ -6,7 +6,7 @@ mod read;
 use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::allocate;
-use super::frame::{FrameTimes, Phase};
+use super::frame::{FrameTimes, Pass};
 use super::half_light::{HalfLight, LightParts};
 use super::held::FrameBytes;
 use super::parts::Parts;
@@ -142,8 +142,8 @@ impl Caster {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
         for _ in 0..frames {
-            for (phase, step) in &self.steps {
-                events.push((*phase, step.enqueue(&self.queue, extent)?));
+            for (pass, step) in &self.steps {
+                events.push((*pass, step.enqueue(&self.queue, extent)?));
             }
         }
         self.queue.commands.finish()?;
@@ -301,7 +301,7 @@ fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError
             parts.cast_separate(image, &nearest)?
         }
     };
-    steps.extend(parts.show_sky(image, steps.last().map_or(Phase::Whole, |(phase, _)| *phase))?);
+    steps.extend(parts.show_sky(image, steps.last().map_or(Pass::Whole, |(pass, _)| *pass))?);
     Ok(steps)
 }
 

@@ -7,9 +7,9 @@ use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use serde::{Deserialize, Serialize};
 
-/// The purpose of a step of a frame.
+/// The pass of a frame to which a step belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
+pub enum Pass {
     /// Finding the hits of primary rays, including the preparation of planes and the clearing of buffers.
     Primary,
     /// Casting shadow rays, including shading if no separate kernel shades.
@@ -130,21 +130,21 @@ impl FrameTimes {
     /// Returns the mean times per frame of the finished commands `steps`, which belong to `frames` frames.
     /// `host_ms` is the host's time for all these frames. Only the host's time includes the time between
     /// commands. In this time, some drivers compile a kernel that is started for the first time.
-    pub fn of(steps: &[(Phase, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
+    pub fn of(steps: &[(Pass, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());
-        for (phase, event) in steps {
-            durations_ms.push((*phase, duration_ms(event)? / f64::from(frames)));
+        for (pass, event) in steps {
+            durations_ms.push((*pass, duration_ms(event)? / f64::from(frames)));
         }
-        let of_phase = |wanted: Phase| {
-            let times = durations_ms.iter().filter(|(phase, _)| *phase == wanted).map(|(_, ms)| ms);
+        let of_pass = |wanted: Pass| {
+            let times = durations_ms.iter().filter(|(pass, _)| *pass == wanted).map(|(_, ms)| ms);
             times.copied().reduce(|sum, ms| sum + ms)
         };
         Ok(Self {
             frame_ms: durations_ms.iter().map(|(_, ms)| ms).sum(),
-            primary_ms: of_phase(Phase::Primary),
-            shadow_ms: of_phase(Phase::Shadow),
-            shade_ms: of_phase(Phase::Shade),
+            primary_ms: of_pass(Pass::Primary),
+            shadow_ms: of_pass(Pass::Shadow),
+            shade_ms: of_pass(Pass::Shade),
             host_ms: host_ms / f64::from(frames),
             batch: (frames > 1).then_some(frames),
             ..Self::default()

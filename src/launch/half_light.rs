@@ -5,7 +5,7 @@
 use super::arguments::Arguments;
 use super::buffers::allocate;
 use super::caster::Caster;
-use super::frame::{FrameTimes, Phase};
+use super::frame::{FrameTimes, Pass};
 use super::setup::{Setup, background_arguments};
 use super::steps::{Extent, Step};
 use super::{LaunchError, Queue};
@@ -91,7 +91,7 @@ impl HalfLight {
         let start = Instant::now();
         let steps = [&self.filter, &self.apply];
         let events =
-            steps.map(|step| Ok::<_, LaunchError>((Phase::Whole, step.enqueue(queue, Extent::default())?)));
+            steps.map(|step| Ok::<_, LaunchError>((Pass::Whole, step.enqueue(queue, Extent::default())?)));
         let events = events.into_iter().collect::<Result<Vec<_>, _>>()?;
         queue.commands.finish()?;
         Ok(FrameTimes::of(&events, ms_since(start), 1)?)

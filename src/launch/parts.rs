@@ -4,7 +4,7 @@ use super::LaunchError;
 use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::allocate;
-use super::frame::Phase;
+use super::frame::Pass;
 use super::setup::{Setup, Working, sees_sky};
 use super::steps::{Step, Steps};
 use crate::device::LaneOperations;
@@ -93,11 +93,11 @@ impl<'a> Parts<'a> {
 
     /// Returns the steps of a frame in which one kernel casts all rays and shades.
     pub fn cast_fused(&self, image: &'a Buffer<Float4>) -> Result<Steps, LaunchError> {
-        let mut steps: Steps = self.prepare_origins(Phase::Whole)?.into_iter().collect();
-        steps.extend(self.reset_heap(Phase::Whole));
+        let mut steps: Steps = self.prepare_origins(Pass::Whole)?.into_iter().collect();
+        steps.extend(self.reset_heap(Pass::Whole));
         let arguments = self.arguments.clone().with("image", image);
         let kernel = self.pixel_kernel(self.setup.kernel_for(Role::Frame)?, &arguments, None)?;
-        steps.push((Phase::Whole, Step::Cast(kernel)));
+        steps.push((Pass::Whole, Step::Cast(kernel)));
         Ok(steps)
     }
 
@@ -110,17 +110,17 @@ impl<'a> Parts<'a> {
     ) -> Result<Steps, LaunchError> {
         let arguments = self.arguments.clone().with("image", image);
         let arguments = arguments.with("nearest_triangle", nearest).with("nearest", nearest);
-        let mut steps: Steps = self.prepare_origins(Phase::Primary)?.into_iter().collect();
+        let mut steps: Steps = self.prepare_origins(Pass::Primary)?.into_iter().collect();
         if self.setup.strategy.family().kernel(Role::Resolve).is_some() {
             steps.extend(self.rasterise(&arguments, nearest)?);
         } else {
-            steps.extend(self.reset_heap(Phase::Primary));
+            steps.extend(self.reset_heap(Pass::Primary));
             let kernel = self.pixel_kernel(self.setup.kernel_for(Role::Primary)?, &arguments, None)?;
-            steps.push((Phase::Primary, Step::Run(kernel)));
+            steps.push((Pass::Primary, Step::Run(kernel)));
         }
-        steps.extend(self.reset_heap(Phase::Shadow));
+        steps.extend(self.reset_heap(Pass::Shadow));
         let kernel = self.pixel_kernel(self.setup.kernel_for(Role::Shade)?, &arguments, None)?;
-        steps.push((Phase::Shadow, Step::Run(kernel)));
+        steps.push((Pass::Shadow, Step::Run(kernel)));
         Ok(steps)
     }
 
@@ -130,8 +130,8 @@ impl<'a> Parts<'a> {
     pub fn show_sky(
         &self,
         image: &'a Buffer<Float4>,
-        phase: Phase,
-    ) -> Result<Option<(Phase, Step)>, LaunchError> {
+        pass: Pass,
+    ) -> Result<Option<(Pass, Step)>, LaunchError> {
         if !sees_sky(self.setup.scene) {
             return Ok(None);
         }
@@ -140,14 +140,14 @@ impl<'a> Parts<'a> {
         let (across, down) = self.setup.strategy.block();
         let blocks = [width.div_ceil(across), height.div_ceil(down)];
         let kernel = self.setup.row_kernel(self.setup.kernel_for(Role::Background)?, &arguments, blocks)?;
-        Ok(Some((phase, Step::Run(kernel))))
+        Ok(Some((pass, Step::Run(kernel))))
     }
 
     /// Returns the step that empties the heap before a kernel starts. The heap is the buffer from which a kernel
     /// allocates its working vectors (`vectors = heap`). Returns `None` if the strategy has no heap.
-    fn reset_heap(&self, phase: Phase) -> Option<(Phase, Step)> {
+    fn reset_heap(&self, pass: Pass) -> Option<(Pass, Step)> {
         match self.working {
-            Working::Heap { top, .. } => Some((phase, Step::Fill(top.clone(), 0))),
+            Working::Heap { top, .. } => Some((pass, Step::Fill(top.clone(), 0))),
             _ => None,
         }
     }
@@ -155,14 +155,14 @@ impl<'a> Parts<'a> {
     /// Returns the step that prepares the planes through the edges of each triangle and each ray origin (the eye and
     /// the lights), with one work-item per triangle and origin. Returns `None` if the strategy uses no planes or there
     /// are no triangles.
-    fn prepare_origins(&self, phase: Phase) -> Result<Option<(Phase, Step)>, LaunchError> {
+    fn prepare_origins(&self, pass: Pass) -> Result<Option<(Pass, Step)>, LaunchError> {
         let uploaded = self.setup.uploaded;
         if self.prepared.is_none() || uploaded.triangle_count == 0 {
             return Ok(None);
         }
         let items = [uploaded.triangle_count, 1 + uploaded.light_count];
         let kernel = self.setup.row_kernel(self.setup.kernel_for(Role::Prepare)?, &self.arguments, items)?;
-        Ok(Some((phase, Step::Run(kernel))))
+        Ok(Some((pass, Step::Run(kernel))))
     }
 
     /// Returns the steps of a rasteriser. The first two steps clear buffers, the third finds the depth of
@@ -172,8 +172,8 @@ impl<'a> Parts<'a> {
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let depth = allocate::<i32>(self.setup.queue, width * height)?;
         let mut steps = vec![
-            (Phase::Primary, Step::Fill(depth.clone(), NO_HIT)),
-            (Phase::Primary, Step::Fill(nearest.clone(), NO_HIT)),
+            (Pass::Primary, Step::Fill(depth.clone(), NO_HIT)),
+            (Pass::Primary, Step::Fill(nearest.clone(), NO_HIT)),
         ];
         let triangles = self.setup.uploaded.triangle_count;
         if triangles == 0 {
@@ -182,7 +182,7 @@ impl<'a> Parts<'a> {
         let arguments = arguments.clone().with("depth", &depth);
         for role in [Role::Primary, Role::Resolve] {
             let kernel = self.setup.row_kernel(self.setup.kernel_for(role)?, &arguments, [triangles, 1])?;
-            steps.push((Phase::Primary, Step::Run(kernel)));
+            steps.push((Pass::Primary, Step::Run(kernel)));
         }
         Ok(steps)
     }

@@ -4,7 +4,7 @@
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
-use super::frame::{FrameTimes, Phase};
+use super::frame::{FrameTimes, Pass};
 use super::parts::Parts;
 use super::steps::{Extent, Step};
 use super::subpixels::{positions, subpixel_arguments};
@@ -107,7 +107,7 @@ impl Samples {
         let marked = step.enqueue(queue, Extent::default())?;
         let mut count = [0];
         self.rough_counter.cmd().queue(&queue.commands).read(&mut count[..]).enq()?;
-        let times = FrameTimes::of(&[(Phase::Whole, marked)], ms_since(start), 1)?;
+        let times = FrameTimes::of(&[(Pass::Whole, marked)], ms_since(start), 1)?;
         Ok((count[0] as usize, times))
     }
 

@@ -2,7 +2,7 @@
 //! work-group: 32 work-items. The frame's lights are processed in rounds, a fixed number of lights in each
 //! round. A round casts the shadow rays to its lights, and shades.
 
-use super::frame::Phase;
+use super::frame::Pass;
 use super::parts::Parts;
 use super::setup::Setup;
 use super::shared::Shared;
@@ -54,10 +54,10 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
         if !self.fused {
-            steps.extend(self.prepare(0..1, 0, Phase::Primary)?);
+            steps.extend(self.prepare(0..1, 0, Pass::Primary)?);
             let kernel = self.parts.setup.kernel_for(Role::Primary)?;
             let kernel = self.parts.pixel_kernel(kernel, &self.arguments, None)?;
-            steps.push((Phase::Primary, Step::Cast(kernel)));
+            steps.push((Pass::Primary, Step::Cast(kernel)));
         }
         for first_light in (0..sources.max(1)).step_by(self.parts.setup.strategy.lights_of_round()) {
             if sources > 0 {
@@ -68,7 +68,7 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         Ok(steps)
     }
 
-    fn shade(&self, first_light: usize) -> Result<(Phase, Step), LaunchError> {
+    fn shade(&self, first_light: usize) -> Result<(Pass, Step), LaunchError> {
         let queue_rows = if self.shades_leftover { self.queue_rows() } else { 0 };
         let [across, down] = self.parts.pixel_items();
         let queue_items = queue_rows * self.parts.setup.workload.local_size[1] as usize;
@@ -77,13 +77,13 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         let items = Some([across, down + queue_items]);
         let kernel = self.parts.setup.kernel_for(Role::Shade)?;
         let kernel = self.parts.pixel_kernel(kernel, &arguments, items)?;
-        Ok((Phase::Shade, Step::Run(kernel)))
+        Ok((Pass::Shade, Step::Run(kernel)))
     }
 
     /// Returns the steps that cast the shadow rays to the lights of a round, which begins with the light `first_light`.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
-        let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
+        let pass = if self.fused { Pass::Whole } else { Pass::Shadow };
         let setup = &self.parts.setup;
         // The sky is the last light source. Shadow rays of the sky have no common origin, so the sky needs no planes.
         let left = setup.uploaded.light_count.saturating_sub(first_light);
@@ -91,14 +91,14 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         let origins = if first { 0 } else { 1 }..1 + lights;
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
         let cast = |role, items| self.parts.pixel_kernel(setup.kernel_for(role)?, &arguments, items);
-        let emptied = (phase, Step::Fill(self.shared.queued.clone(), 0));
-        let mut steps = vec![self.prepare(origins, first_light, phase)?.unwrap_or(emptied)];
+        let emptied = (pass, Step::Fill(self.shared.queued.clone(), 0));
+        let mut steps = vec![self.prepare(origins, first_light, pass)?.unwrap_or(emptied)];
         let role = if first { Role::Frame } else { Role::Shadow };
-        steps.push((phase, Step::Cast(cast(role, None)?)));
+        steps.push((pass, Step::Cast(cast(role, None)?)));
         if !self.shades_leftover {
             let [across, down] = setup.workload.local_size.map(|n| n as usize);
             let groups = [across * self.shared.groups.div_ceil(down), down];
-            steps.push((phase, Step::Run(cast(Role::Leftover, Some(groups))?)));
+            steps.push((pass, Step::Run(cast(Role::Leftover, Some(groups))?)));
         }
         Ok(steps)
     }
@@ -118,8 +118,8 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         &self,
         origins: Range<usize>,
         first_light: usize,
-        phase: Phase,
-    ) -> Result<Option<(Phase, Step)>, LaunchError> {
+        pass: Pass,
+    ) -> Result<Option<(Pass, Step)>, LaunchError> {
         let setup = &self.parts.setup;
         let triangles = setup.uploaded.triangle_count;
         if self.parts.prepared.is_none() || triangles == 0 || origins.is_empty() {
@@ -130,7 +130,7 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         let arguments = arguments.with("first_light", first_light as i32);
         let kernel = setup.kernel_for(Role::Prepare)?;
         let kernel = setup.row_kernel(kernel, &arguments, [triangles, origins.len()])?;
-        Ok(Some((phase, Step::Run(kernel))))
+        Ok(Some((pass, Step::Run(kernel))))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The commands that a frame consists of.
 
 use super::Queue;
-use super::frame::Phase;
+use super::frame::Pass;
 use ocl::{Buffer, Event, Kernel, SpatialDims};
 
 /// Which rays a frame casts.
@@ -82,7 +82,7 @@ fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims 
 }
 
 /// The commands of a frame in order, each with its purpose.
-pub(super) type Steps = Vec<(Phase, Step)>;
+pub(super) type Steps = Vec<(Pass, Step)>;
 
 #[cfg(test)]
 mod tests {

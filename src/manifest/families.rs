@@ -1,7 +1,7 @@
 //! The table of kernel families.
 
 use super::Fact::Planes;
-use super::Values::{AllBut, FilesIn, Only};
+use super::Supported::{AllBut, FilesIn, Only};
 use super::define_lists::*;
 use super::kernels::{CAST_KERNELS, RASTER_KERNELS, TILE_CPU_KERNELS, TILE_GPU_KERNELS};
 use super::{Family, Rule};
@@ -167,7 +167,7 @@ const SHADES_ONCE: &str = "shades only the nearest hit of each ray";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles itself, once for all rays of a tile";
 const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";
 
-const fn rule(axis: &'static str, takes: super::Values, because: &'static str) -> Rule {
+const fn rule(axis: &'static str, takes: super::Supported, because: &'static str) -> Rule {
     Rule { axis, takes, because }
 }
 

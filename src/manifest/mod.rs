@@ -154,7 +154,7 @@ impl Kernel {
 
 /// The values of an axis that a family supports.
 #[derive(Clone, Copy, Debug)]
-pub enum Values {
+pub enum Supported {
     /// Only these values.
     Only(&'static [&'static str]),
     /// All values except these.
@@ -164,7 +164,7 @@ pub enum Values {
     FilesIn(&'static str, Option<Fact>),
 }
 
-impl Values {
+impl Supported {
     /// Returns true if a value is supported. `has_file` returns true if the value has a file in a folder.
     /// `holds` returns true if a condition is true of a strategy with the value.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
@@ -183,7 +183,7 @@ pub struct Rule {
     pub axis: &'static str,
     /// The supported values. If the axis has no effect in the family, the family supports only one value of
     /// the axis.
-    pub takes: Values,
+    pub takes: Supported,
     /// The reason why the family supports only these values. In messages, the reason follows the family's label, for
     /// example "uses its own edge functions".
     pub because: &'static str,

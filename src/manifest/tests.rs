@@ -251,12 +251,12 @@ fn a_value_that_is_a_file_is_in_the_program_and_no_other_of_its_axis_is() {
 
 #[test]
 fn a_family_takes_the_values_of_its_list_or_of_its_files() {
-    let take = |values: Values, has_file: bool, holds: bool| values.take("a", |_| has_file, |_| holds);
-    assert!(take(Values::Only(&["a"]), false, false) && !take(Values::Only(&["b"]), true, false));
-    assert!(!take(Values::AllBut(&["a"]), true, false) && take(Values::AllBut(&["b"]), false, false));
+    let take = |values: Supported, has_file: bool, holds: bool| values.take("a", |_| has_file, |_| holds);
+    assert!(take(Supported::Only(&["a"]), false, false) && !take(Supported::Only(&["b"]), true, false));
+    assert!(!take(Supported::AllBut(&["a"]), true, false) && take(Supported::AllBut(&["b"]), false, false));
     let files = |but| {
         [(true, false), (true, true), (false, false)]
-            .map(|(has, holds)| take(Values::FilesIn("x", but), has, holds))
+            .map(|(has, holds)| take(Supported::FilesIn("x", but), has, holds))
     };
     assert_eq!(files(None), [true, true, false]);
     assert_eq!(files(Some(Fact::Planes)), [true, false, false]);
