@@ -28,6 +28,9 @@ pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Re
     Ok(())
 }
 
+/// The remedy for failed points of a run.
+pub const MEASURE_AGAIN: &str = "the same command with --resume --retry-failed measures these points again";
+
 /// Returns how many points failed, such as "2 of 4 points failed"; `None` if no point failed. Points that do not fit on
 /// their device, and points whose preset is meant for another kind of device, are not failures.
 pub fn failures(records: &[Record]) -> Option<String> {

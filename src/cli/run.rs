@@ -17,7 +17,7 @@ mod two_kernels;
 pub(crate) use interruption::forget_interruption;
 
 use super::choice::{parse_assignment, parse_seconds, whole};
-use super::measured::refuse_failed;
+use super::measured::{MEASURE_AGAIN, refuse_failed};
 use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, matching_indices};
@@ -495,7 +495,8 @@ fn report(args: &Args, out: &Path) -> Result<()> {
     if args.cl_dir.len() == 2 {
         two_kernels::compare(&folder, args.fail_on_regression, leaves_out_tables(args))?;
     }
-    refuse_failed(records, format!("{} gives the reason for each point", out.join(SUMMARY).display()))
+    let summary = out.join(SUMMARY);
+    refuse_failed(records, format!("{} gives the reason for each point; {MEASURE_AGAIN}", summary.display()))
 }
 
 /// Returns true if the tables are left out of the output.

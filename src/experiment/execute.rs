@@ -186,7 +186,9 @@ fn pass_over(
 fn say_how_far(error: Error, done: usize, count: usize) -> Error {
     match error {
         Error::Interrupted { help, .. } => {
-            Error::Interrupted { message: format!("{done} of {count} points are done"), help }
+            let message =
+                format!("{done} of {count} points are done; finished launches of other points are kept");
+            Error::Interrupted { message, help }
         }
         error => error,
     }

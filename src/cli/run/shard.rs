@@ -3,7 +3,7 @@
 
 use super::environment::environment;
 use super::{Args, chosen, earlier, interrupt_flag, listed, two_kernels};
-use crate::cli::measured::refuse_failed;
+use crate::cli::measured::{MEASURE_AGAIN, refuse_failed};
 use crate::cli::print;
 use crate::cli::progress::observer;
 use crate::config::{self, Experiment};
@@ -218,10 +218,7 @@ impl Part<'_> {
             let out = quote(&path_word(&self.out));
             print(done(self.shard, records.len(), &out))?;
         }
-        refuse_failed(
-            records,
-            "`raycl merge` gives the reason for each point; the same command with --resume --retry-failed measures these points again",
-        )
+        refuse_failed(records, format!("`raycl merge` gives the reason for each point; {MEASURE_AGAIN}"))
     }
 }
 

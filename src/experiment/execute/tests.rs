@@ -217,7 +217,8 @@ fn an_interruption_says_how_many_points_are_done_including_those_of_earlier_sess
     let more = lines.replace("[1]", "[1, 2]");
     let workers = Answering { interrupts_at: 1, ..Answering::default() };
     let (records, heard) = session(folder.path(), &more, &workers, plain);
-    assert_eq!(records.unwrap_err().to_string(), "interrupted: 1 of 2 points are done");
+    let message = "interrupted: 1 of 2 points are done; finished launches of other points are kept";
+    assert_eq!(records.unwrap_err().to_string(), message);
     assert_eq!(heard.ended, 1);
 }
 
