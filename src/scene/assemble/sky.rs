@@ -70,6 +70,6 @@ fn texels(
         }
         let meant = nearest_file(&path);
         let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();
-        error.with_help(format!("{meant}the path is relative to the scene file's folder"))
+        error.with_help(format!("{meant}the path is relative to the folder of the scene file or mesh"))
     })
 }
