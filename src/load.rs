@@ -148,9 +148,10 @@ fn process_ticks(process: &str) -> f64 {
     text(format!("/proc/{process}/stat")).and_then(|stat| user_and_system(&stat)).unwrap_or(0.0)
 }
 
-/// Returns the sum of fields 14 to 17 of a process's `stat`: the user and system time of the process, and of those of
-/// its child processes that have ended. Field 2, the process's name, may contain any character, but it ends at the last
-/// closing bracket of the line.
+/// Returns the sum of fields 14 to 17 of a process's `stat`. Fields 14 and 15 are the user and system time of
+/// the process. Fields 16 and 17 are those of its child processes that have ended and for which it has
+/// waited. Field 2, the process's name, may contain any character, but it ends at the last closing bracket of
+/// the line.
 fn user_and_system(stat: &str) -> Option<f64> {
     let after_name = &stat[stat.rfind(')')? + 1..];
     let times: Vec<f64> =

@@ -21,6 +21,11 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
 /// name.
 const TWO_NAMES: [[&str; 2]; 1] = [["obj", "mesh"]];
 
+/// Names that users may take for the key `mesh`, which names the file of a mesh.
+const LIKE_MESH: [&str; 6] = ["ply", "stl", "gltf", "glb", "file", "path"];
+/// The beginning of the remedy if a table has one of these names instead of `mesh`.
+const MESH_READS: &str = "`mesh` reads OBJ, PLY, STL, glTF and GLB files; ";
+
 /// A mistake in a document, in words for a user.
 pub struct Mistake {
     /// The mistake, with the wrong value and the expected one.
@@ -64,11 +69,15 @@ pub fn mistake(error: &toml::de::Error) -> Mistake {
         .find(|(start, ..)| message.starts_with(start));
     match (&quoted[..], what) {
         ([key, known @ ..], Some((_, one, all))) => {
-            let suggestion = or_meant(key, known.iter().copied());
+            let is_mesh = known.contains(&"mesh") && LIKE_MESH.contains(&key.to_lowercase().as_str());
+            let (suggestion, about) = match is_mesh {
+                true => ("; did you mean `mesh`?".to_owned(), MESH_READS),
+                false => (or_meant(key, known.iter().copied()), ""),
+            };
             Mistake {
                 message: format!("unknown {one} `{key}`{suggestion}"),
                 label: format!("not a {one} here"),
-                remedy: Some(format!("the valid {all} here are {}", known.join(", "))),
+                remedy: Some(format!("{about}the valid {all} here are {}", known.join(", "))),
             }
         }
         _ => Mistake { message: in_plain_words(&message), label: "here".to_owned(), remedy: None },

@@ -205,10 +205,13 @@ fn axes_that_contradict_each_other() {
     let message = argument_mistake(&["--strategy", "naive,triangles=tiled"]);
     has(&message, &["shading = eager with triangles = tiled", "barrier", "raycl strategies"]);
     let message = argument_mistake(&["--strategy", "watertight", "--set", "math=fast"]);
-    has(&message, &["watertight needs exact signs", "raycl strategies"]);
+    has(&message, &["watertight needs exact signs", "`math=strict` allows it", "raycl strategies"]);
     let entry = "[[strategy]]\npreset = \"watertight\"\nmath = \"fast\"\n";
     let message = config_mistake("strategies = [\"naive\"]\n", entry);
-    has(&message, &["config.toml:6", "watertight needs exact signs", "change one of the axes"]);
+    has(
+        &message,
+        &["config.toml:6", "watertight needs exact signs", "math = \"strict\" allows it; or change one"],
+    );
 }
 
 #[test]

@@ -134,7 +134,7 @@ fn a_strategy_that_does_not_compile_leaves_the_others() {
     let output = folder.raycl(&[&arguments[..], &strategies].concat()).assert().code(2).get_output().clone();
     let [text, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
     has(&text, &["deferred at local size 8 x 8", "Written to made"]);
-    has(&said, &["naive:\n", "eager.cl:", "2 of 3 programs were not compiled: naive and local-vectors"]);
+    has(&said, &["naive:\n", "eager.cl:", "2 of 3 programs were not compiled: naive, local-vectors"]);
     assert!(folder.path("made/deferred/made.json").exists() && !folder.path("made/naive").exists());
 }
 

@@ -199,6 +199,28 @@ fn a_report_of_one_folder_renews_its_summary_with_the_configs_question() {
 }
 
 #[test]
+fn strategies_that_differ_in_one_axis_are_compared_in_the_page_and_in_the_summary() {
+    let of = |name: &str, vectors: &str, ms: f64| {
+        let mut record = record("teapot", name, 8, ms);
+        record["strategy"] = format!("traversal=exhaustive vectors={vectors}").into();
+        record
+    };
+    // The first strategy is the one that comes first in the folder, not the faster one.
+    let results = folder(&[of("local-vectors", "local", 5.0), of("naive", "heap", 10.0)]);
+    outcome(&["report", path(&results)], 0);
+    let text = |name: &str| std::fs::read_to_string(results.path().join(name)).expect("it is there");
+    let [page, summary] = ["report.html", "summary.md"].map(text);
+    let section = |text: &str| text.split_once("One change at a time").map(|(_, rest)| rest.to_owned());
+    for (text, parts) in [
+        (&page, ["vectors: local → heap <small>(local-vectors → naive)", ">slower</b> <small>8 x 8<"]),
+        (&summary, ["| vectors: local → heap (local-vectors → naive) | 0.500 (", "), slower, 8 x 8 |"]),
+    ] {
+        let section = section(text).expect("the part");
+        assert!(parts.iter().all(|part| section.contains(part)), "{parts:?} are not in {section}");
+    }
+}
+
+#[test]
 fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     let few = |name: &str, side: u32, n: usize| {
         // Earlier versions of raycl wrote records whose 95% interval has a width of 0.

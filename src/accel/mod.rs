@@ -94,10 +94,12 @@ impl Bvh {
         build::build(mesh, leaf_size)
     }
 
-    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles`
+    /// Returns an estimate of the memory in bytes that the host needs to build a tree over `triangles`
     /// triangles. The estimate contains the leaf order, the nodes, and the larger of two amounts that are not
     /// in use at the same time. The first is a buffer of boxes. The second is a copy of the nodes, since the
-    /// nodes are made in pieces and then joined. The estimate assumes that leaves are half full on average.
+    /// nodes are made in pieces and then joined. The estimate assumes that a leaf contains
+    /// (`leaf_size` + 1) / 2 triangles on average. If leaves contain more triangles, the tree has fewer nodes,
+    /// and takes less memory.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = triangles * size_of::<bounds::Primitive>() as u64;

@@ -12,7 +12,7 @@ use crate::program::{CACHE_DISABLE, CompiledKernel, ProgramCache, Sources};
 use crate::report::{MICROSCOPE, microscope_page};
 use crate::scene::load_scene;
 use crate::strategy::Strategy;
-use crate::words::counted_of_were;
+use crate::words::{counted_of_were, few};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -128,7 +128,7 @@ fn refuse_not_compiled(failed: &[(&str, u8)], all: usize) -> Result<()> {
     }
     let names: Vec<_> = failed.iter().map(|(name, _)| *name).collect();
     let count = counted_of_were(failed.len(), all, "program");
-    let message = format!("{count} not compiled: {}", names.join(" and "));
+    let message = format!("{count} not compiled: {}", few(&names));
     let are_mistakes = failed.iter().all(|(_, code)| *code == 2);
     let error = if are_mistakes { Error::input(message) } else { Error::run(message) };
     Err(error.with_help("the messages above give the reasons"))
@@ -275,7 +275,7 @@ mod tests {
         assert!(refuse_not_compiled(&[], 2).is_ok());
         for (failed, code, message) in [
             (&[("naive", 2)][..], 2, "1 of 3 programs was not compiled: naive"),
-            (&[("naive", 2), ("bvh", 1)], 1, "2 of 3 programs were not compiled: naive and bvh"),
+            (&[("naive", 2), ("bvh", 1)], 1, "2 of 3 programs were not compiled: naive, bvh"),
         ] {
             let error = refuse_not_compiled(failed, 3).unwrap_err();
             assert_eq!((error.exit_code(), error.to_string().as_str()), (code, message));

@@ -63,8 +63,8 @@ pub struct Guarded<'a> {
 pub enum Screen {
     /// Nowhere, for all commands except `raycl view`.
     None,
-    /// In the terminal, for `raycl view --terminal`. The terminal is restored after the child process has ended in any
-    /// way. It is restored only on Unix, and only if standard input and standard output are a terminal.
+    /// In the terminal, for `raycl view --terminal`. On Unix, the terminal is restored after the child
+    /// process has ended in any way, if standard input and standard output are a terminal.
     Terminal,
     /// In a window, for `raycl view` without `--terminal`.
     Window,
@@ -76,8 +76,8 @@ impl Guarded<'_> {
     }
 }
 
-/// Runs this process's command line, that of `command`, in a child process. If the child's exit code is 0,
-/// returns; otherwise, ends this process with the child's exit code. If a driver ends the child process,
+/// Runs this process's command line in a child process; `command` describes it. If the child's exit code is
+/// 0, returns; otherwise, ends this process with the child's exit code. If a driver ends the child process,
 /// raycl runs the command line again without the drivers that fail.
 ///
 /// # Errors
@@ -125,8 +125,10 @@ fn without_broken(
         return Err(Error::run(format!("{cause}, and no other driver is left")).with_help(crash_advice(0)));
     }
     if command.reads_standard_input {
-        return Err(Error::run(format!("{cause}, and standard input cannot be read again"))
-            .with_help("name a file instead of `-`: raycl then runs again without the drivers that fail"));
+        return Err(Error::run(format!("{cause}, and standard input cannot be read again")).with_help(
+            "give the scene as a file instead of `-`; raycl can then restart the command itself, without the \
+             drivers that fail",
+        ));
     }
     let folder = tempfile::tempdir().map_err(no_list)?;
     let status = attempt(&only(&good, folder.path()).map_err(no_list)?, terminal)?;

@@ -283,7 +283,8 @@ impl Cli {
             guarded::ends_with_its_parent();
         }
         if self.command.computes_in_parallel() {
-            // The threads start now because no thread can start while a driver's libraries are being loaded.
+            // Rayon's threads start now, before a driver is loaded: while the system loads a driver's
+            // libraries, a new thread would have to wait.
             start_pool()?;
         }
         match self.command {

@@ -63,7 +63,8 @@ pub struct Args {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write layers: depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes
-    /// per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not with --devices
+    /// per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not with
+    /// --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them

@@ -142,7 +142,8 @@ fn unreadable(folder: &Path) -> Vec<Error> {
     errors.into_iter().flatten().collect()
 }
 
-/// Takes the lock of `folder`. Returns an error if this process may not create files in the folder.
+/// Takes the lock of `folder`. Returns an error if this process may not create files in the folder, or if
+/// another process holds the lock.
 fn lock_of(folder: &Path) -> Result<Lock> {
     refuse_closed(folder, CLOSED)?;
     Lock::take(folder)

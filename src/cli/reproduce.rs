@@ -70,7 +70,11 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = OutFolder::open(&args.out, choice)?;
-    refuse_other_folders(&args.out, choice, out.is_known() || !present(&args.out)?.is_empty())?;
+    let has_results = !present(&args.out)?.is_empty();
+    if args.page_only && !has_results {
+        refuse_other_names(&args.out)?;
+    }
+    refuse_other_folders(&args.out, choice, out.is_known() || has_results)?;
     out.check(report::REPRODUCTION)?;
     let failed = if args.page_only { Vec::new() } else { measure_all(&args, &mut out)? };
     say_where(&args, &write_page(&mut out)?)?;
@@ -170,6 +174,29 @@ fn present(out: &Path) -> Result<Vec<PathBuf>> {
     Ok(present)
 }
 
+/// Returns an error if the folder contains folders of results that are not named after the paper's configs. Call this
+/// function only if no folder of results in `out` is named after one of these configs.
+fn refuse_other_names(out: &Path) -> Result<()> {
+    let folders = existing::entries(out)?.into_iter().filter(|entry| entry.join(RECORDS).is_file());
+    let mut names: Vec<String> =
+        folders.map(|folder| folder.file_name().unwrap_or_default().display().to_string()).collect();
+    names.sort_unstable();
+    if names.is_empty() {
+        return Ok(());
+    }
+    Err(no_results(out, &format!("; it holds other folders of results: {}", names.join(", "))))
+}
+
+/// Returns the error for a page without results. `found` is the end of the message: what is in the folder instead.
+fn no_results(out: &Path, found: &str) -> Error {
+    let names = CONFIGS.map(|(name, _)| name).join(", ");
+    let message = format!("{} holds no results of the paper's configs{found}", out.display());
+    Error::input(message).with_help(format!(
+        "let --out name the folder that contains the folders of results; each of them must be named after its config \
+         ({names}); `raycl reproduce` without --page-only measures these configs"
+    ))
+}
+
 /// Writes copies of the paper's configs and scenes into the output folder.
 fn unpack(out: &mut OutFolder) -> Result<()> {
     let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
@@ -190,8 +217,7 @@ fn write_page(out: &mut OutFolder) -> Result<PathBuf> {
     let folders = present(out.path())?;
     let folders = folders.iter().map(|folder| Folder::read(folder)).collect::<Result<Vec<_>>>()?;
     if folders.is_empty() {
-        let error = Error::input(format!("{} holds no results of the paper's configs", out.path().display()));
-        return Err(error.with_help("run `raycl reproduce` without --page-only first"));
+        return Err(no_results(out.path(), ""));
     }
     report::write_reproduction(&folders, out)
 }
@@ -224,6 +250,25 @@ mod tests {
             quiet: false,
             verbose: false,
         }
+    }
+
+    #[test]
+    fn a_page_of_results_with_other_names_is_refused_with_the_names_that_the_folders_must_have() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let refused = || {
+            let args = Args { out: folder.path().to_owned(), page_only: true, device: Vec::new(), ..args() };
+            let error = run(args).expect_err("no results of the paper's configs");
+            let remedy = error.remedy();
+            assert!(error.exit_code() == 2 && remedy.contains("(pictures, figure-6, figure-7, "), "{remedy}");
+            error.to_string()
+        };
+        let message = format!("{} holds no results of the paper's configs", folder.path().display());
+        assert_eq!(refused(), message);
+        for name in ["rep", "b"] {
+            std::fs::create_dir(folder.path().join(name)).expect("a folder");
+            std::fs::write(folder.path().join(name).join(RECORDS), "").expect("a file");
+        }
+        assert_eq!(refused(), format!("{message}; it holds other folders of results: b, rep"));
     }
 
     #[test]

@@ -180,9 +180,16 @@ fn named(
     if let Some(reason) = draft.strategy.contradiction() {
         let what = [&[format!("preset={}", preset.name)], draft.named_axes.as_slice()].concat().join(" ");
         let message = format!("this combination of axes is not allowed: {reason}");
-        return Err(document.error(span, message, format!("asks for {what}")).with_help(
-            "change one of the axes that the message names; if lists give combinations that are not allowed, write a [[strategy]] entry for each allowed combination instead",
-        ));
+        let sets =
+            draft.strategy.sole_remedies().into_iter().map(|(axis, value)| format!("{axis} = {value:?}"));
+        let allows = match sets.collect::<Vec<_>>().join(" or ") {
+            none if none.is_empty() => none,
+            some => format!("{some} allows it; or "),
+        };
+        return Err(document.error(span, message, format!("asks for {what}")).with_help(format!(
+            "{allows}change one of the axes that the message names; if lists give combinations that are not allowed, \
+             write a [[strategy]] entry for each allowed combination instead"
+        )));
     }
     Ok(NamedStrategy {
         name: full_name(entry, &draft, preset),

@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, Once, OnceLock};
 /// The remedy if a driver breaks down in a program that uses raycl as a library.
 const BROKEN_IN_LIBRARY: &str = "the driver, or its device, may be broken: try again, or open another device (`raycl devices` lists them)";
 /// The remedy if a driver breaks down.
-const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists other devices, and --device chooses one";
+const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists all devices, and --device chooses one";
 
 /// What this process knows about a driver that breaks down.
 struct Known {
@@ -167,7 +167,8 @@ fn meaning(text: &str) -> String {
     }
 }
 
-/// Returns the reason for the user: the error that broke the driver, the panic after it, and the devices in use.
+/// Returns the reason for the user: the devices in use, the error that broke the driver, and the panic after
+/// it.
 fn reason(message: &str, Known { devices, failure }: &Known) -> String {
     let first = failure.as_ref().map(|failure| format!("{failure}; after that, ")).unwrap_or_default();
     let used = if devices.is_empty() { String::new() } else { format!(", on {}", devices.join(" or ")) };

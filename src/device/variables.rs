@@ -98,14 +98,14 @@ const SELECTING: [&str; 7] = [
 const LOGS: [&str; 4] =
     ["IGC_DumpToCurrentDir", "IGC_DumpToCustomDir", "IGC_ShaderDumpEnable", "POCL_VECTORIZER_REMARKS"];
 
-/// The variable of `DRIVERS` that chooses the cores on which threads run. The choice of cores affects times, but not
-/// the compiled code.
+/// The beginning of the setting (`NAME=VALUE`) that chooses the cores on which threads run. `DRIVERS`
+/// contains its variable. The choice of cores affects times, but not the compiled code.
 const PLACES: &str = "POCL_AFFINITY=";
 
 /// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for
-/// caches, for logs and for hiding devices. The `environment.json` of a run contains every variable with one
-/// of these prefixes that is set.
-const FAMILIES: [&str; 19] = [
+/// caches, for logs and for hiding devices. The `environment.json` of a run contains every variable that is
+/// set and has one of these prefixes.
+const PREFIXES: [&str; 19] = [
     "AMD_",
     "CL_CONFIG_",
     "CUDA_",
@@ -140,9 +140,9 @@ pub fn compiles(setting: &Setting) -> bool {
     !setting.starts_with(PLACES)
 }
 
-/// Returns every variable of a driver or a loader that is set, sorted by name.
+/// Returns every variable of a driver, a loader or Rayon that is set, sorted by name.
 pub fn all() -> Vec<Setting> {
-    let known = |name: &str| FAMILIES.iter().any(|family| name.starts_with(family));
+    let known = |name: &str| PREFIXES.iter().any(|prefix| name.starts_with(prefix));
     settings(variables(), known)
 }
 
@@ -293,7 +293,7 @@ mod tests {
         ] {
             assert!(of(platform, &recorded).is_empty(), "{platform}");
         }
-        let known = |name: &&str| FAMILIES.iter().any(|family| name.starts_with(family));
+        let known = |name: &&str| PREFIXES.iter().any(|prefix| name.starts_with(prefix));
         assert!(recorded.iter().all(known), "each is stored in the environment of a run");
         let deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
         assert!(SELECTING.iter().all(known), "each variable of a repeated command is stored there too");

@@ -12,7 +12,7 @@ const LONGEST_BYTES: u64 = 4096;
 const LONGEST_COMMAND: usize = 200;
 
 /// A process that holds a device. Fields that the lock's file does not have are 0 or empty.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Holder {
     process: u32,

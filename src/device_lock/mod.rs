@@ -6,6 +6,7 @@ mod claim;
 mod folder;
 mod holder;
 mod name;
+mod named;
 
 pub use folder::check as check_folder;
 pub use name::LockName;
@@ -43,6 +44,9 @@ pub enum LockWait<'a> {
     /// The wait begins, or another process has taken the lock during the wait. The line describes the process that
     /// holds the lock.
     For(&'a str),
+    /// The same as `For`, but this process has already reported this line. A run waits at each of its groups, so
+    /// without this value, it would print the same line again and again.
+    Again(&'a str),
     /// The wait goes on. A waiting process reports this value several times per second.
     Still,
 }
@@ -104,7 +108,11 @@ impl Locks {
                 return Err(refused(&holder, device));
             }
             if reported.as_ref() != Some(&holder) {
-                tells(LockWait::For(&format!("waiting for {holder}, which is measuring on {device}")));
+                let line = format!("waiting for {holder}, which is measuring on {device}");
+                match named::is_first(&self.folder.path(device.file()), &holder) {
+                    true => tells(LockWait::For(&line)),
+                    false => tells(LockWait::Again(&line)),
+                }
                 reported = Some(holder);
             }
             pause(device, tells, interrupted).map_err(|error| error.with_help(
@@ -141,7 +149,7 @@ impl Locks {
     }
 
     /// Takes the locks of several devices. While waiting for a lock, calls `says` with each line that
-    /// describes a process that holds the lock.
+    /// describes a process that holds the lock, unless this process has already reported the line.
     pub fn take_all(
         &self,
         devices: Vec<LockName>,
@@ -243,6 +251,7 @@ mod tests {
         let mut said = Vec::new();
         let mut tells = |waiting: LockWait<'_>| match waiting {
             LockWait::For(line) => said.push(line.to_owned()),
+            LockWait::Again(line) => panic!("this process was not named before: {line}"),
             LockWait::Still => {
                 said.push("still".to_owned());
                 held = None;
@@ -252,6 +261,30 @@ mod tests {
         assert_eq!(said.len(), 2, "{said:?}");
         assert!(said[0].starts_with(&format!("waiting for {process}, `")) && said[1] == "still", "{said:?}");
         drop(second);
+    }
+
+    #[test]
+    fn a_process_is_named_once_however_often_others_wait_for_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(folder.path(), true);
+        // Waits once for a process that holds the lock. If `text` is given, the lock's file describes another process.
+        let wait_once = |text: Option<&str>| {
+            let mut held = Some(locks.held_by_another_process(&cpu()));
+            if let Some(text) = text {
+                std::fs::write(locks.folder.path(cpu().file()), text).unwrap();
+            }
+            let mut told = Vec::new();
+            let mut tells = |waiting: LockWait<'_>| match waiting {
+                LockWait::For(_) => told.push("for"),
+                LockWait::Again(_) => told.push("again"),
+                LockWait::Still => held = None,
+            };
+            drop(locks.take(&cpu(), &mut tells, &OFF).unwrap());
+            told
+        };
+        let other = Some("{\"process\": 7}");
+        let told = [None, None, other, None, other].map(wait_once);
+        assert_eq!(told, [["for"], ["again"], ["for"], ["again"], ["again"]]);
     }
 
     #[test]

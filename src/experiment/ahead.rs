@@ -29,10 +29,11 @@ use std::time::{Duration, Instant};
 /// the scene this many times for each builder. The memory that programs and drivers need is not counted,
 /// since it is the same for every scene.
 const PLENTY: usize = 4;
+
 /// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
-/// by the hash of its source and options. A program that traverses a tree also depends on the depth of the
-/// traversal's stack. The hash does not contain this depth. The depth follows from the scene, so a program
-/// that traverses a tree is also identified by its scene.
+/// by the hash of its source and options. A program that traverses a tree also depends on the size of the
+/// traversal's stack. The hash does not contain this size. The size follows from the scene, so a program that
+/// traverses a tree is also identified by its scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
     /// The number of the job whose worker measures with the program.

@@ -55,8 +55,8 @@ pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }
 
-/// Returns how many milliseconds a frame takes on the first device that casts nothing; `None` if
-/// there is no such device.
+/// Returns the time of a frame, in milliseconds, on the first test device in `devices`; `None` if there is
+/// none, or if the field `driver` of this device is no number.
 pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }

@@ -8,6 +8,7 @@ use super::rounds::MOST as MOST_ROUNDS;
 use super::taken::Taken;
 use super::{Cost, Past, Run};
 use crate::error::Result;
+use crate::numbers::significant;
 use crate::record::{Outcome, Record, point};
 use crate::words::counted;
 use std::collections::{HashMap, HashSet};
@@ -38,6 +39,13 @@ pub struct Expected {
     /// additional launches. Waits before the first round of a launch (at most one second each) and all other
     /// delays, such as crashes of workers, are not included.
     pub additional: Duration,
+    /// The longest time that all frames take, including those of the warm-up, if a frame takes at most
+    /// `usual_frame_ms` on average and no sample is repeated. The time for everything else, such as building,
+    /// checking and waiting, is not included. Zero if the time is too long for this type.
+    pub most: Duration,
+    /// The longest mean time of a frame, in milliseconds, with which a launch takes its least number of rounds
+    /// within its time limit.
+    pub usual_frame_ms: f64,
     /// Number of records of points that are not in the plan, for example because the config has changed.
     pub others: usize,
 }
@@ -66,9 +74,10 @@ impl Run<'_> {
         let mut expected = Expected {
             launches,
             least_frames: launches * self.stopping_rule().least(),
+            usual_frame_ms: self.usual_frame_ms(),
             ..Expected::default()
         };
-        let (mut all, mut additional) = (Together::default(), Together::default());
+        let [mut all, mut additional, mut most] = [Together::default(); 3];
         let plan = self.plan();
         let groups = self.pending_points(&plan, &self.pieces(&plan))?;
         let done = self.done(groups.iter().flatten(), past);
@@ -86,6 +95,7 @@ impl Run<'_> {
             expected.least_frames = expected.least_frames.min(launches * self.stopping_rule().least());
             let is_on_host = group.iter().all(|pending| pending.record.is_baseline());
             all.add(is_on_host, self.group_ms(&timed, launches));
+            most.add(is_on_host, self.most_frames_ms(own.len() + again.len(), launches));
             if leaves_out_moved(self, group) {
                 additional.add(is_on_host, self.most_additional_ms(&timed, launches));
             }
@@ -100,6 +110,7 @@ impl Run<'_> {
         let devices = if self.spread { self.devices.len() } else { 1 };
         expected.time = duration(all.ms_on(devices));
         expected.additional = duration(additional.ms_on(devices));
+        expected.most = duration(most.ms_on(devices));
         Ok(expected)
     }
 
@@ -192,13 +203,31 @@ impl Run<'_> {
         if points.is_empty() {
             return 0.0;
         }
-        let timing = &self.experiment.timing;
         let sum = |of: &dyn Fn(&Known) -> f64| points.iter().map(of).sum::<f64>();
-        // The warm-up ends early if frames are long.
-        let warm = |point: &Known| {
-            (f64::from(timing.warmup) * point.sample_ms).min(0.1 * timing.time_limit_ms + point.sample_ms)
-        };
-        START_MS + sum(&warm) + self.rounds_ms(points) + sum(&|point| point.check_ms[0])
+        let warm_ms = sum(&|point| self.warm_up_ms(point.sample_ms));
+        START_MS + warm_ms + self.rounds_ms(points) + sum(&|point| point.check_ms[0])
+    }
+
+    /// Returns the time, in milliseconds, for a point's warm-up in a launch. The warm-up ends early if frames are long.
+    fn warm_up_ms(&self, frame_ms: f64) -> f64 {
+        let timing = &self.experiment.timing;
+        (f64::from(timing.warmup) * frame_ms).min(0.1 * timing.time_limit_ms + frame_ms)
+    }
+
+    /// Returns the longest mean time of a frame, in milliseconds, with which a launch takes its least number of rounds
+    /// within its time limit. With longer frames, the launch exceeds its limit.
+    fn usual_frame_ms(&self) -> f64 {
+        let rule = self.stopping_rule();
+        rule.time_limit_ms / rule.least() as f64
+    }
+
+    /// Returns the longest time, in milliseconds, for the frames of this many launches of a group with this many
+    /// points, if a frame takes at most [`usual_frame_ms`](Self::usual_frame_ms) on average. A launch ends after the
+    /// round in which it reaches its time limit, so it may exceed the limit by the time of a round.
+    fn most_frames_ms(&self, points: usize, launches: usize) -> f64 {
+        let (rule, frame_ms) = (self.stopping_rule(), self.usual_frame_ms());
+        let sampling_ms = (rule.time_limit_ms + frame_ms).min(rule.max_samples as f64 * frame_ms);
+        (points * launches) as f64 * (self.warm_up_ms(frame_ms) + sampling_ms)
     }
 
     /// Returns the time, in milliseconds, for the rounds of a launch in which all samples count.
@@ -213,7 +242,7 @@ impl Run<'_> {
 }
 
 /// The times of groups, in milliseconds.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Together {
     /// The time of all groups of casters on the host.
     host_ms: f64,
@@ -325,12 +354,13 @@ impl Expected {
         self.points > 0 && self.known == self.points
     }
 
-    /// Returns a text that says how long the run takes or, if no time is known, how many frames it takes.
+    /// Returns a text that says how long the run takes or, if no time is known, how many frames it takes, and how
+    /// long these usually take at most.
     fn how_long(&self) -> String {
         let known = self.known;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
-            return format!("at least {frames} of each point; how long this takes is unknown");
+            return format!("at least {frames} of each point; {}", self.at_most());
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),
@@ -343,6 +373,19 @@ impl Expected {
             }
         };
         format!("about {}{more}{some}", in_minutes(self.time))
+    }
+
+    /// Returns a text that says how long the frames usually take at most.
+    fn at_most(&self) -> String {
+        if self.most.is_zero() {
+            return "how long this takes is unknown".to_owned();
+        }
+        format!(
+            "all frames together usually take at most about {}, if a frame takes at most {} ms on average; building, \
+             checking and waiting for other measurements come on top",
+            in_minutes(self.most),
+            significant(self.usual_frame_ms, 3)
+        )
     }
 }
 
@@ -616,6 +659,32 @@ mod tests {
         // warm-up is a tenth of the 30 ms limit, plus one frame.
         let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
         assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
+    }
+
+    #[test]
+    fn without_a_known_time_the_frames_have_a_bound_that_holds_unless_they_are_long() {
+        let timing = "timing = { launches = 2, warmup = 2, time_limit_ms = 1000 }";
+        let experiment = fixtures::experiment(&format!("local_sizes = [4, 8]\n{timing}"));
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let expected = run.expected(&[], &Past::default()).unwrap();
+        // In each of two launches, each of two points has 500 ms for at least five samples, so a frame may take 100 ms.
+        // The launch may exceed its limit by a round. Two frames of warm-up take 200 ms.
+        assert_eq!(expected.usual_frame_ms, 100.0);
+        assert_eq!(expected.most, Duration::from_millis(2 * 2 * (500 + 100 + 200)));
+        let frames_ms = |sample_ms: f64| {
+            let points = [Known { sample_ms, ..Known::default() }; 2];
+            2.0 * (run.launch_ms(&points) - START_MS)
+        };
+        let most_ms = 1e3 * expected.most.as_secs_f64();
+        for (frame_ms, holds) in [(1.0, true), (33.0, true), (99.0, true), (100.0, true), (200.0, false)] {
+            assert_eq!(frames_ms(frame_ms) <= most_ms, holds, "{frame_ms}: {}", frames_ms(frame_ms));
+        }
+        let text = "2 points in 2 launches: at least 10 frames of each point; all frames together usually take at most \
+                    about 3s, if a frame takes at most 100 ms on average; building, checking and waiting for other \
+                    measurements come on top";
+        assert_eq!(expected.to_string(), text);
     }
 
     #[test]

@@ -27,8 +27,12 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
         return Ok(());
     }
     let Some(other) = entries.iter().find(|entry| !is_begun(entry)) else { return Ok(()) };
+    let what = match other.join(RECORDS).is_file() {
+        true => "which is a folder of results itself",
+        false => "which raycl did not make",
+    };
     let message = format!(
-        "'{}' is not a folder of results: it contains '{}', which raycl did not make",
+        "'{}' is not a folder of results: it contains '{}', {what}",
         folder.display(),
         other.file_name().unwrap_or_default().display()
     );
@@ -78,6 +82,17 @@ mod tests {
         assert!(refuse_other_folders(&out, Choice { force: true, ..KEEP }, false).is_ok());
         std::fs::write(out.join("records.jsonl"), "").unwrap();
         assert!(!refused(false), "results");
+    }
+
+    #[test]
+    fn a_folder_of_results_in_the_folder_is_called_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("rep");
+        std::fs::create_dir(&inner).unwrap();
+        std::fs::write(inner.join(RECORDS), "").unwrap();
+        let error = refuse_other_folders(folder.path(), KEEP, false).unwrap_err();
+        assert!(error.to_string().ends_with("'rep', which is a folder of results itself"), "{error}");
+        assert!(error.remedy().contains("`--out DIR` writes elsewhere"), "{}", error.remedy());
     }
 
     #[test]

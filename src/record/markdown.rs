@@ -1,5 +1,7 @@
 //! `summary.md`: the question, the expected answer, and the results.
 
+mod changes;
+
 use std::fmt::Write;
 
 use super::modes::{to_mind, two_modes};
@@ -59,6 +61,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.push_str(&warnings(group));
         text.push_str(&failures(group));
     }
+    text.push_str(&changes::section(records, &groups, &names));
     let notes = scene_notes(records);
     if !notes.is_empty() {
         text.push_str("\n## Notes on scenes\n\n");
@@ -138,7 +141,7 @@ fn table(group: &Group<'_>) -> String {
     for column in DECIMAL {
         align_points(rows.iter_mut().map(|row| &mut row[column]).collect());
     }
-    lay_out(&rows)
+    lay_out(&HEADER.map(String::from), &rows, &LEFT)
 }
 
 fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
@@ -178,27 +181,27 @@ fn samples(record: &Record) -> String {
 }
 
 /// Returns a Markdown table. The cells are padded with blanks, so that the columns are also aligned in the
-/// source text.
-fn lay_out(rows: &[[String; COLUMNS]]) -> String {
-    let header = HEADER.map(String::from);
-    let all = || std::iter::once(&header).chain(rows);
+/// source text. `left` has the indices of the left-aligned columns; the other columns are right-aligned.
+fn lay_out<R: AsRef<[String]>>(header: &[String], rows: &[R], left: &[usize]) -> String {
+    let all = || std::iter::once(header).chain(rows.iter().map(R::as_ref));
     // Some Markdown parsers require at least three dashes below a column's heading.
     let widest =
         |column: usize| all().map(|row| row[column].chars().count()).max().unwrap_or_default().max(3);
-    let widths: [usize; COLUMNS] = std::array::from_fn(widest);
-    let rule: [String; COLUMNS] = std::array::from_fn(|column| {
-        let end = if LEFT.contains(&column) { "-" } else { ":" };
-        "-".repeat(widths[column] - 1) + end
-    });
-    let line = |row: &[String; COLUMNS]| {
+    let widths: Vec<usize> = (0..header.len()).map(widest).collect();
+    let rule = |(column, width): (usize, &usize)| {
+        let end = if left.contains(&column) { "-" } else { ":" };
+        "-".repeat(width - 1) + end
+    };
+    let rule: Vec<String> = widths.iter().enumerate().map(rule).collect();
+    let line = |row: &[String]| {
         let pad = |(column, cell): (usize, &String)| {
             let width = widths[column];
-            if LEFT.contains(&column) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+            if left.contains(&column) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
         };
         format!("| {} |\n", row.iter().enumerate().map(pad).collect::<Vec<_>>().join(" | "))
     };
-    let body: String = rows.iter().map(line).collect();
-    line(&header) + &line(&rule) + &body
+    let body: String = rows.iter().map(|row| line(row.as_ref())).collect();
+    line(header) + &line(&rule) + &body
 }
 
 /// Returns a Markdown list of the warnings about measured times, each with its point.

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 /// A point ties with the fastest point unless the samples show that the point takes longer by more than this
 /// fraction.
-const TIE: f64 = 0.01;
+pub(super) const TIE: f64 = 0.01;
 
 /// Ranks the measured records by their times. The winners are the fastest record and every record that ties
 /// with it. A record ties if the samples do not show that the record takes more than 1% longer. A record with

@@ -102,7 +102,7 @@ fn program_of(folder: &Folder) -> String {
     };
     let all: Vec<String> = counts.iter().map(of).collect();
     let all = all.join(", ");
-    format!("The environment was written by {last}. These commits of raycl measured the records: {all}")
+    format!("These commits of raycl measured the records: {all}. The environment was written by {last}")
 }
 
 /// Returns the version and the commit of the raycl that wrote an environment, and how to build this commit
@@ -247,7 +247,7 @@ mod tests {
         let others = of(&[Some("a"), Some("c-dirty"), None, Some("a")]);
         let commits = "a (2 records), c with uncommitted changes (1 record), b (1 record)";
         let expected = format!(
-            "The environment was written by {last}. These commits of raycl measured the records: {commits}"
+            "These commits of raycl measured the records: {commits}. The environment was written by {last}"
         );
         assert_eq!(others, expected);
     }

@@ -107,14 +107,14 @@ impl Pictures {
     /// Returns the pictures of every scene and image size: the reference, the uncertain pixels, and the cost
     /// of rays (triangle tests and tree nodes). For each strategy, there are also the strategy's picture and
     /// the picture of its differences from the reference. Each record's pictures come from the record's own
-    /// folder. If several folders have the same picture under the same name, the picture is shown only once.
+    /// folder. If several records have the same picture under the same name, the picture is shown only once.
     pub fn gallery(&mut self, records: &[Record], origins: &Origins<'_>) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String, Option<blake3::Hash>)> = Vec::new();
         for record in records {
             let Some(folder) = origins.folder(record) else { continue };
             let from =
-                origins.label(record).map_or(String::new(), |label| format!(" From the folder {label}."));
+                origins.label(record).map_or(String::new(), |label| format!(" From the folder '{label}'."));
             let size = by(record.image_size);
             let index = scenes.iter().position(|scene| scene.name == record.scene && scene.size == size);
             let index = index.unwrap_or_else(|| {
@@ -290,9 +290,9 @@ mod tests {
         let one = of_two_folders(["1", "1"]);
         let captions: Vec<_> = one[0].pictures.iter().map(|one| one.caption.as_str()).collect();
         let expected = [
-            "Cast on the host, in double precision. From the folder before.",
-            "Cast on gpu (before). From the folder before.",
-            "Cast on gpu (after). From the folder after.",
+            "Cast on the host, in double precision. From the folder 'before'.",
+            "Cast on gpu (before). From the folder 'before'.",
+            "Cast on gpu (after). From the folder 'after'.",
         ];
         assert_eq!((one.len(), captions), (1, expected.to_vec()));
         let [before, after] = &data(&one[0], "naive.png")[..] else { panic!("two pictures") };

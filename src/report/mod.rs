@@ -10,6 +10,7 @@ mod growth;
 mod merged;
 mod microscope;
 mod occupancy;
+mod one_change;
 mod overview;
 mod page;
 pub mod paper;

@@ -8,7 +8,7 @@ use super::merged::{Origins, labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name};
-use super::{growth, microscope, occupancy, overview, roofline, side_by_side, view};
+use super::{growth, microscope, occupancy, one_change, overview, roofline, side_by_side, view};
 use crate::error::{Error, Result};
 use crate::numbers::{by, ms, significant};
 use crate::record::{
@@ -38,6 +38,7 @@ pub struct Page {
     counts: Vec<(String, String)>,
     answers: Vec<(Answer, Option<String>)>,
     overview: Vec<Plot>,
+    changes: Vec<one_change::Table>,
     views: Vec<View>,
     gallery: Vec<gallery::Scene>,
     hosts: Vec<HostRow>,
@@ -127,6 +128,7 @@ impl Page {
             counts: counts(&records, &groups),
             answers,
             overview,
+            changes: one_change::tables(&records, &groups),
             views: views(&groups, &looks, folders),
             gallery: pictures.gallery(&records, &origins),
             hosts: folders.iter().flat_map(hosts).collect(),

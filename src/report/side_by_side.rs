@@ -4,7 +4,7 @@
 use super::overview::devices;
 use super::plot::Plot;
 use super::plot::heat::{Cell, HeatMap};
-use super::plot::legend::shorten;
+use super::plot::shorten::shorten_all;
 use super::words::title;
 use crate::numbers::significant;
 use crate::record::{Group, HOST, Record, ratio};
@@ -125,7 +125,7 @@ fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)
         id: name.to_owned(),
         title: title.to_owned(),
         x_label: "device".into(),
-        columns: devices.iter().map(|device| shorten(device, ROOM)).collect(),
+        columns: shorten_all(devices, ROOM),
         rows,
         codes: Vec::new(),
     };

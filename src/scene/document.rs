@@ -360,6 +360,25 @@ mod tests {
         assert!(!unknown_key.contains("neither"), "this is TOML: {unknown_key}");
     }
 
+    #[test]
+    fn the_key_of_a_meshs_file_is_suggested_for_names_of_formats() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let error_of = |text: String| {
+            std::fs::write(&path, text).unwrap();
+            load_scene_named_in(folder.path(), &path, &[], Shot::SQUARE).unwrap_err()
+        };
+        for key in ["ply", "stl", "gltf", "GLB", "file", "path"] {
+            let error = error_of(format!("[[object]]\n{key} = \"a.ply\"\n"));
+            assert_eq!(error.to_string(), format!("unknown key `{key}`; did you mean `mesh`?"));
+            let help = "`mesh` reads OBJ, PLY, STL, glTF and GLB files; the valid keys here are ";
+            assert!(error.remedy().starts_with(help), "{}", error.remedy());
+        }
+        let light = error_of("[[light]]\nply = 1\n".to_owned());
+        assert_eq!(light.to_string(), "unknown key `ply`");
+        assert!(light.remedy().starts_with("the valid keys here are "), "{}", light.remedy());
+    }
+
     /// A file in another folder may belong to somebody else, so its text is not quoted.
     #[test]
     fn a_mistake_in_another_folders_file_is_reported_without_its_text() {

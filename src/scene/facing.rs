@@ -3,7 +3,7 @@
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Number of samples (rays that are tested) across a picture. 48 are enough to tell whether most of the
@@ -19,20 +19,40 @@ const MOST: f64 = 0.5;
 /// forward axis, and true if the surface faces away. The depth is infinite if there is no surface.
 type Nearest = Vec<(f64, bool)>;
 
+/// The beginning of the note if the eye is inside an object. In a scene file without a camera, the eye is at the
+/// origin, which is often inside an object.
+const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimuth 30 --elevation 20` (azimuth_degrees \
+                      and elevation_degrees of [camera]) places the camera outside, where it sees the whole scene; ";
+
 /// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
-/// `aspect`. `is_turned` is true for a scene on a turntable with `two_sided`: raycl has then already reversed
-/// either all normals of the scene or none.
-pub(super) fn note(scene: &Scene, aspect: f64, is_turned: bool) -> Option<String> {
+/// `aspect`. `starts` contains the index of the first triangle of each object. `is_turned` is true for a scene on a
+/// turntable with `two_sided`: raycl has then already reversed either all normals of the scene or none.
+pub(super) fn note(scene: &Scene, starts: &[u32], aspect: f64, is_turned: bool) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     let remedy = match is_turned {
         true => "a scene that is seen from all sides gets either all of its normals reversed or none",
         false => "--two-sided (two_sided = true) reverses its normals",
     };
     (part > MOST).then(|| {
+        let inside = if is_inside(&scene.mesh, starts, scene.camera.position) { INSIDE } else { "" };
         format!(
-            "{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
+            "{inside}{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
             100.0 * part
         )
+    })
+}
+
+/// Returns true if `eye` is inside the bounding box of an object. `starts` contains the index of the first triangle of
+/// each object. The box of a flat object, such as a ground, contains no eye.
+fn is_inside(mesh: &Mesh, starts: &[u32], eye: Vec3) -> bool {
+    let ends = starts.iter().skip(1).map(|start| *start as usize).chain([mesh.triangles.len()]);
+    starts.iter().zip(ends).any(|(start, end)| {
+        let triangles = mesh.triangles.get(*start as usize..end).unwrap_or_default();
+        let corners = triangles.iter().flat_map(|triangle| mesh.corners(triangle));
+        let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), corner| {
+            (low.min(corner), high.max(corner))
+        });
+        low.cmplt(eye).all() && eye.cmplt(high).all()
     })
 }
 
@@ -132,7 +152,6 @@ impl Grid {
 mod tests {
     use super::*;
     use crate::scene::{Shape, generate};
-    use glam::Vec3;
 
     #[test]
     fn a_ball_is_seen_from_its_front_and_its_inside_from_behind() {
@@ -148,6 +167,23 @@ mod tests {
         assert!((0.4..0.6).contains(&half), "{half}");
         let away = Camera { position: Vec3::NEG_Z * 3.0, ..camera };
         assert_eq!(averted_part(&mesh, &away, 1.6), None);
+    }
+
+    #[test]
+    fn an_eye_is_inside_an_object_but_not_above_a_ground_or_between_objects() {
+        let mut mesh = generate(&Shape::Sphere { triangles: 200 });
+        let starts = [0, mesh.triangles.len() as u32];
+        let mut other = generate(&Shape::Sphere { triangles: 200 });
+        other.positions.iter_mut().for_each(|position| position.x += 10.0);
+        mesh.append(other);
+        for (eye, expected) in [(0.0, true), (5.0, false), (10.0, true), (12.0, false)] {
+            assert_eq!(is_inside(&mesh, &starts, Vec3::X * eye), expected, "{eye}");
+        }
+        let ground = generate(&Shape::Ground);
+        let height = ground.bounds().map_or(0.0, |(low, _)| low.y);
+        for above in [0.0, 0.5] {
+            assert!(!is_inside(&ground, &[0], Vec3::Y * (height + above)), "{above}");
+        }
     }
 
     #[test]

@@ -379,11 +379,12 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     (key_power(distance), distance)
 }
 
-/// Returns a key light at the viewer's upper left and a weaker fill light at the right; for an open mesh,
-/// both lights are near the viewer. The power of the lights is proportional to the square of the mesh's size,
-/// so the picture does not depend on the mesh's scale. Consider a surface with a diffuse reflectance (k_L) of
-/// 0.8 that faces the key light and receives no other light. At the ball's nearest point to the light, the
-/// surface is displayed as 88% of white; at the ball's centre, as 80%.
+/// Returns a key light at the viewer's upper left and a weaker fill light at the right. For an open mesh, the
+/// directions to both lights are within 17 degrees of the direction to the viewer. The power of the lights is
+/// proportional to the square of the mesh's size, so the picture does not depend on the mesh's scale.
+/// Consider a surface with a diffuse reflectance (k_L) of 0.8 that faces the key light and receives no other
+/// light. At the ball's nearest point to the light, the surface is displayed as 88% of white; at the ball's
+/// centre, as 80%.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());
     let light = |right: f64, up: f64, back: f64, strength: f64| {
@@ -393,8 +394,8 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
         Light { position: position.as_vec3(), power: Vec3::splat(power as f32), radius: 0.0 }
     };
     match ball.opening {
-        // The viewer looks into a room through its open side. Only light from near the viewer enters the
-        // room.
+        // The viewer looks into a room through its open side. Only light from about the viewer's direction
+        // enters the room.
         Some(_) => vec![light(-0.12, 0.08, 1.0, 1.0), light(0.3, 0.05, 1.0, 0.3)],
         None => vec![light(-0.55, 0.75, 0.9, 1.0), light(0.9, 0.15, 0.6, 0.3)],
     }

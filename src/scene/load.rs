@@ -63,8 +63,9 @@ impl Shot {
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show
 /// whether it is a scene or a mesh; if the contents are unclear, the file's extension decides. For a mesh
 /// without a scene file, the camera and the lights are those of the mesh's own file. If this file has no
-/// camera, the camera looks at the mesh from the right, above and in front, or into a room through its open
-/// side. The whole mesh is then visible in images that are at least as wide as high. If the file has no
+/// camera, the camera looks at the mesh from the right, above and in front. It looks into a room through the
+/// room's open side, and at another open mesh horizontally, from the side to which its faces point on
+/// average. The whole mesh is then visible in images that are at least as wide as high. If the file has no
 /// lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
 ///
 /// # Errors
@@ -129,7 +130,8 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
     scene.validate()?;
     // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals
     // of the scene or none.
-    notes.extend((!turned || shot.turns).then(|| facing::note(&scene, shot.aspect, turned)).flatten());
+    let averted = || facing::note(&scene, &starts, shot.aspect, turned);
+    notes.extend((!turned || shot.turns).then(averted).flatten());
     Ok(Loaded {
         scene,
         orbit,

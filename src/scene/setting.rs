@@ -306,6 +306,7 @@ mod tests {
                 "wrong type: list, expected a table",
             ),
             ("object.0.triangle", Value::from(50), "unknown key `triangle`; did you mean `triangles`?"),
+            ("object.0.ply", Value::from("a.ply"), "unknown key `ply`; did you mean `mesh`?"),
             ("camera.z_near", Value::from(-1), "-1 is not a finite number of at least 0"),
             ("object.1.colour.red", Value::from(1), "unknown key `colour`"),
             ("light.0.position.1", Value::from("x"), "wrong type: string \"x\", expected a finite number"),

@@ -17,7 +17,7 @@ pub trait Sensor: Send {
     fn read(&mut self) -> Reading;
 }
 
-/// A reading at one moment. A value is `None` if the device does not report it.
+/// A reading at one moment. A value that the device does not report is `None`; `throttled` is then false.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// All values except the energy of a frame, which is not defined for a single moment.
@@ -37,8 +37,8 @@ pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     nvml::used_memory(hardware)
 }
 
-/// The sensors' values while a sample was taken. A record has the means over its samples. A value is `None`
-/// if the device does not report it.
+/// The sensors' values while a sample was taken. A record has the means over its samples. A value that the
+/// device does not report is `None`; `throttled` is then false.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SensorReading {

@@ -126,7 +126,8 @@ impl ShardPlan {
             out.display()
         );
         Err(Error::input(message).with_help(format!(
-            "start every shard with the same command{}, or choose another folder with --out",
+            "start every shard with the same config, --set values, scenes, kernels and number of shards{}, \
+             or choose another folder with --out",
             versions(stored, wanted)
         )))
     }
@@ -137,7 +138,7 @@ impl ShardPlan {
 fn versions(stored: &Header, wanted: &Header) -> String {
     match (&stored.raycl, &wanted.raycl) {
         (Some(there), Some(here)) if there != here => {
-            format!(" and the same raycl (the folder's plan is by raycl {there}, this is raycl {here})")
+            format!(" and with the same raycl (the folder's plan is by raycl {there}, this is raycl {here})")
         }
         _ => String::new(),
     }
@@ -242,11 +243,16 @@ mod tests {
             plan.checked(&by(here, "b"), Path::new("out")).unwrap_err().remedy().to_owned()
         };
         let (one, two) = (Some("1.0 (a)"), Some("1.0 (b)"));
-        let both = "start every shard with the same command and the same raycl (the folder's plan is by raycl 1.0 (a), \
-                    this is raycl 1.0 (b)), or choose another folder with --out";
+        let parts =
+            "start every shard with the same config, --set values, scenes, kernels and number of shards";
+        let elsewhere = "or choose another folder with --out";
+        let both = format!(
+            "{parts} and with the same raycl (the folder's plan is by raycl 1.0 (a), this is raycl 1.0 (b)), \
+             {elsewhere}"
+        );
         assert_eq!(help(one, two), both);
-        let same = "start every shard with the same command, or choose another folder with --out";
-        assert_eq!([help(one, one), help(None, two)], [same, same]);
+        let same = format!("{parts}, {elsewhere}");
+        assert_eq!([help(one, one), help(None, two)], [same.clone(), same]);
     }
 
     #[test]

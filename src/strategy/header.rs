@@ -75,6 +75,8 @@ pub(super) struct Reader<'a> {
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
     /// Returns the location of an `#include` of this file; `None` if no file includes it.
     pub included_at: &'a dyn Fn() -> Option<String>,
+    /// Returns true if this file includes another one, named relative to `cl/`, directly or through other files.
+    pub includes: &'a dyn Fn(&str) -> Result<bool>,
 }
 
 /// The entries of a header that have been read so far. Each entry that may occur only once is stored with the
@@ -103,6 +105,7 @@ impl Reader<'_> {
         }
         self.check_planes(&parsed)?;
         self.check_tile(&parsed, &folders)?;
+        self.check_exact_signs(&parsed, &folders)?;
         let facts = parsed.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: parsed.contradicts, facts })
     }
@@ -261,6 +264,24 @@ impl Reader<'_> {
         }
     }
 
+    /// Refuses a header with `exact_signs: yes` if the file does not include [`EXACT_SIGNS`]: compilers would contract
+    /// products and sums to fma. The families with tiles of rays include that file themselves.
+    fn check_exact_signs(&self, parsed: &Entries, folders: &[&str]) -> Result<()> {
+        let is_yes = |key: &str, said: &Said| key == "exact_signs" && matches!(said, Said::Word("yes"));
+        let yes = parsed.facts.iter().find(|(_, key, said)| is_yes(key, said));
+        match yes {
+            Some((line, ..)) if folders.contains(&NO_TILES) && !(self.includes)(EXACT_SIGNS)? => {
+                let message = format!(
+                    "'exact_signs' is yes, but the file does not include {EXACT_SIGNS}, without which compilers may contract products and sums to fma, which can change signs"
+                );
+                let help =
+                    format!("write #include \"{EXACT_SIGNS}\" between the header and the first function");
+                Err(self.wrong(*line, message, Some(help)))
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn unknown(&self, line: usize, key: &str) -> Error {
         let own: Vec<_> = self.key_names().collect();
         let message = format!(
@@ -293,6 +314,9 @@ const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
 /// The folder of the ray-triangle tests of the families that have no tiles of rays.
 const NO_TILES: &str = "cast/intersect/";
+
+/// The file that forbids compilers to contract expressions to fma. It concerns only the code that follows.
+const EXACT_SIGNS: &str = "common/exact_signs.cl";
 
 /// Returns the entries `// key: value` of the comment that a file begins with, up to the comment's first empty line.
 /// Each entry comes with the number of its line.

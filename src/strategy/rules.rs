@@ -1,18 +1,41 @@
 //! Checks which combinations of values of the axes are allowed.
 
-use super::values::values_of;
-use super::{AXES, Copied, Header, Math, Passes, Records, Strategy};
+use super::values::{replacing, values_of};
+use super::{AXES, AxisInfo, Copied, Math, Passes, Records, Strategy};
 use crate::error::{Error, Result};
 use crate::manifest::Rule;
 
 impl Strategy {
     /// Returns an error with the reason if this combination of values is not allowed on any device.
     pub fn check(&self) -> Result<()> {
-        match self.contradiction() {
-            Some(reason) => Err(Error::input(format!("this combination of axes is not allowed: {reason}"))
-                .with_help("change one of these axes; `raycl strategies` lists the values of each")),
-            None => Ok(()),
+        let Some(reason) = self.contradiction() else { return Ok(()) };
+        let error = Error::input(format!("this combination of axes is not allowed: {reason}"));
+        let sets = self.sole_remedies().into_iter().map(|(axis, value)| format!("`{axis}={value}`"));
+        let change = match sets.collect::<Vec<_>>().join(" or ") {
+            none if none.is_empty() => "change one of these axes".to_owned(),
+            some => format!("{some} allows it"),
+        };
+        Err(error.with_help(format!("{change}; `raycl strategies` lists the values of each axis")))
+    }
+
+    /// If two values contradict each other, returns the axes that have exactly one value with which the combination
+    /// would be allowed, each with this value. Returns nothing if the strategy's family does not support a value, since
+    /// the reason then names the supported values.
+    pub fn sole_remedies(&self) -> Vec<(&'static str, &'static str)> {
+        let is_refused = self.family().rules.iter().any(|rule| self.refusal(rule).is_some());
+        if is_refused || self.contradiction().is_none() {
+            return Vec::new();
         }
+        let sole = |info: &AxisInfo| {
+            let is_allowed = |(value, _): &(&str, &str)| {
+                let mut with = *self;
+                with.set(info.name, value).is_ok() && with.contradiction().is_none()
+            };
+            let mut allowed = info.values().into_iter().filter(is_allowed);
+            let (value, _) = allowed.next()?;
+            allowed.next().is_none().then_some((info.name, value))
+        };
+        AXES.iter().filter_map(sole).collect()
     }
 
     /// Returns why this combination is not allowed on any device: the strategy's family does not support a
@@ -96,15 +119,15 @@ impl Strategy {
         let axes = self.axes();
         let headers =
             axes.iter().flat_map(|(axis, value)| values_of(axis).filter(move |header| header.name == *value));
-        headers.flat_map(|header| header.contradicts.iter().map(move |other| (header, other))).find_map(
-            |(Header { axis, name, .. }, other)| {
-                if !axes.contains(&(other.axis, &other.value)) {
-                    return None;
-                }
-                let because = other.because.as_deref().unwrap_or("as the header of its file says");
-                Some(format!("{axis} = {name} contradicts {} = {}: {because}", other.axis, other.value))
-            },
-        )
+        let mut pairs =
+            headers.flat_map(|header| header.contradicts.iter().map(move |other| (header, other)));
+        let (header, other) = pairs.find(|(_, other)| axes.contains(&(other.axis, &other.value)))?;
+        let because = other.because.as_deref().unwrap_or("as the header of its file says");
+        let whose = replacing(header).map_or(String::new(), |file| {
+            format!(" (so says {file} in the folder of --cl-dir, which replaces the built-in file)")
+        });
+        let (axis, name) = (header.axis, &header.name);
+        Some(format!("{axis} = {name} contradicts {} = {}: {because}{whose}", other.axis, other.value))
     }
 }
 
@@ -112,6 +135,7 @@ impl Strategy {
 mod tests {
     use super::super::*;
     use crate::manifest::FAMILIES;
+    use crate::sources::Sources;
     use std::collections::HashSet;
 
     /// Returns strategies of every family. Each value that a family supports can be set in at least one of the family's
@@ -281,6 +305,54 @@ mod tests {
         assert_eq!(reason("deferred", &exact[..1]), "");
         let eager = [("shading", "eager"), ("passes", "separate")];
         assert!(reason("private", &eager).contains("passes must be fused"), "{}", reason("private", &eager));
+    }
+
+    /// Returns a preset with these values.
+    fn with(base: &str, values: &[(&str, &str)]) -> Strategy {
+        let mut strategy =
+            preset(base).map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
+        for (axis, value) in values {
+            strategy.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
+        }
+        strategy
+    }
+
+    #[test]
+    fn the_help_names_a_value_if_it_is_the_only_one_of_its_axis_that_allows_the_combination() {
+        let help = |base: &str, values: &[(&str, &str)]| {
+            with(base, values).check().expect_err("a contradiction").remedy().to_owned()
+        };
+        let lists = "`raycl strategies` lists the values of each axis";
+        let intersector = help("naive", &[("intersector", "watertight")]);
+        assert_eq!(intersector, format!("`epsilons=relative` allows it; {lists}"));
+        let math = help("deferred", &[("intersector", "watertight"), ("math", "fast")]);
+        assert!(math.starts_with("`math=strict` allows it; "), "{math}");
+        let passes = help("private", &[("passes", "separate")]);
+        assert_eq!(passes, format!("`shading=deferred` or `passes=fused` allows it; {lists}"));
+        // A tile takes one of two tests; the message names them.
+        let tile = help("tile", &[("intersector", "moller-trumbore")]);
+        assert_eq!(tile, format!("change one of these axes; {lists}"));
+    }
+
+    #[test]
+    fn a_contradiction_of_a_file_that_replaces_a_built_in_one_names_the_file() {
+        let file = "cast/intersect/moller_trumbore.cl";
+        let folder = tempfile::tempdir().expect("a folder");
+        let reason_with = |header: &str| {
+            let text = Sources::Embedded.read(file).unwrap_or_else(|error| panic!("{error}"));
+            std::fs::create_dir_all(folder.path().join("cast/intersect")).expect("a folder");
+            std::fs::write(folder.path().join(file), format!("{header}{text}")).expect("a file");
+            let values = Sources::Folder(folder.path().to_owned()).values();
+            let values = values.unwrap_or_else(|error| panic!("{error}"));
+            values.during(|| with("naive", &[]).contradiction())
+        };
+        assert_eq!(reason_with(""), None);
+        let reason = reason_with("// contradicts: epsilons=paper because it is mine\n");
+        let expected = "intersector = moller-trumbore contradicts epsilons = paper: it is mine (so says \
+                        cast/intersect/moller_trumbore.cl in the folder of --cl-dir, which replaces the built-in file)";
+        assert_eq!(reason.as_deref(), Some(expected));
+        let watertight = with("naive", &[("intersector", "watertight")]).contradiction().unwrap_or_default();
+        assert!(watertight.ends_with("numbers of the moller-trumbore test"), "{watertight}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::sources::Sources;
 use crate::threads::locked;
 use folders::{Named, named, names_of, refuse_names};
-use includes::{has_name_of, includes_of_all, wrong_include};
+use includes::{has_name_of, includes_file, includes_of_all, wrong_include};
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::{LazyLock, Mutex, PoisonError, RwLock};
@@ -22,18 +22,23 @@ use unused::refuse_unused;
 
 type Headers = &'static [Header];
 
+/// The headers of all built-in values.
+static BUILT_IN: LazyLock<Headers> = LazyLock::new(built_in);
+
 /// The headers of all values. The headers are constant for the process, which reads its `--cl-dir` before it
 /// parses any name of a value. If a run compares two folders of kernels, these are the headers of the second
 /// folder (see [`Values`]). The headers live as long as the process, so that a strategy can hold their names
 /// and be copied.
-static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
-    // A test checks that the built-in headers can be read.
-    RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
-});
+static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| RwLock::new(*BUILT_IN));
 
 thread_local! {
     /// The headers that this thread uses instead of [`KNOWN`].
     static INSTEAD: Cell<Option<Headers>> = const { Cell::new(None) };
+}
+
+/// Reads the headers of all built-in values. A test checks that they can be read.
+fn built_in() -> Headers {
+    headers(&Sources::Embedded).unwrap_or_default().leak()
 }
 
 /// Returns the headers of all values that are files, in the order of their axes and names.
@@ -77,6 +82,14 @@ pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
+}
+
+/// Returns the name of the file with this header, relative to the folder of `--cl-dir`, if the file replaces a built-in
+/// file that has another header; otherwise `None`.
+pub(super) fn replacing(header: &Header) -> Option<String> {
+    let replaced = BUILT_IN.iter().find(|other| other.axis == header.axis && other.name == header.name)?;
+    let folder = header.folders.first().filter(|_| replaced != header)?;
+    Some(format!("{folder}{}.cl", header.name.replace('-', "_")))
 }
 
 impl Sources {
@@ -126,8 +139,9 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
             let wrong = || wrong_include(&file, &includes).filter(|include| has_name_of(include, &file));
             of_file.or_else(wrong).map(|include| include.location.clone())
         };
-        let (names_of, included_at) = (&names_of, &included_at);
-        let reader = Reader { axis: named.axis, file: &file, path: &path, names_of, included_at };
+        let includes = |other: &str| includes_file(sources, &file, other);
+        let (names_of, included_at, includes) = (&names_of, &included_at, &includes);
+        let reader = Reader { axis: named.axis, file: &file, path: &path, names_of, included_at, includes };
         let header = reader.read(named.name.clone(), named.folders.clone(), &sources.read(&file)?)?;
         for other in files {
             let checked = reader.refuse_another(&sources.path_of(&other), &sources.read(&other)?);
@@ -154,7 +168,7 @@ fn taken(path: &str, name: &str, built_in: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::strategy::values::fixtures::refused_of;
+    use crate::strategy::values::fixtures::{checked, refused_of};
 
     #[test]
     fn a_file_that_is_only_included_is_sent_out_of_a_folder_of_values() {
@@ -210,6 +224,29 @@ mod tests {
         assert_eq!(floats(known), Some(12));
         replace(&mut known, headers(&Sources::Folder(folder.path().to_owned())).unwrap());
         assert_eq!(floats(known), Some(16));
+    }
+
+    #[test]
+    fn exact_signs_need_an_include_in_the_file_or_in_one_that_it_includes() {
+        let (file, include) = ("cast/intersect/mine.cl", "#include \"common/exact_signs.cl\"\n");
+        let text = Sources::Embedded.read("cast/intersect/watertight.cl").unwrap();
+        assert_eq!(text.matches(include).count(), 1);
+        let with = |other: &str| text.replace(include, other);
+        for other in ["", "// #include \"common/exact_signs.cl\"\n", "#include \"common/lanes.cl\"\n"] {
+            let error = refused_of(&[(file, &with(other))]);
+            let said = format!("{file}, line 4: 'exact_signs' is yes, but the file does not include common/");
+            assert!(error.to_string().contains(&said), "{error}");
+            assert_eq!(error.exit_code(), 2);
+        }
+        let through = with("#include \"my/helper.cl\"\n");
+        assert!(checked(&[(file, &text)]).is_ok());
+        assert!(checked(&[(file, &through), ("my/helper.cl", include)]).is_ok());
+        // The kernels of tiles include the file themselves.
+        let planes = Sources::Embedded.read("tile_cpu/intersect/edge_planes.cl").unwrap();
+        let planes = planes.replace("exact_signs: no", "exact_signs: yes");
+        assert!(checked(&[("tile_cpu/intersect/mine.cl", &planes)]).is_ok());
+        let error = refused_of(&[(file, &with("#include \"common/exact_sign.cl\"\n"))]);
+        assert!(error.to_string().contains("mine.cl, line 15, #include \"common/exact_sign.cl\""), "{error}");
     }
 
     #[test]

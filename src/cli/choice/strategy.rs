@@ -132,7 +132,7 @@ fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
         .min_by_key(|preset| differences(&preset.strategy))
         .map_or("a strategy", |preset| preset.name);
     let allows = |name: &&str| {
-        requested_strategy(Some(*name), set, *chosen).is_ok_and(|strategy| strategy.check().is_ok())
+        requested_strategy(Some(*name), set, *chosen).is_ok_and(|strategy| strategy.contradiction().is_none())
     };
     match ["deferred"].into_iter().chain(preset_names()).find(allows) {
         Some(other) => format!(

@@ -30,8 +30,8 @@ use std::time::Instant;
 /// The frames per second if neither an option nor the scene sets them.
 const USUAL_RATE: u16 = 30;
 
-/// The heading of the options for moving pictures in the help. Every option names the heading itself: if the group of
-/// options had the heading, the heading would also apply to the options after the group.
+/// The heading of the options for moving pictures in the help. Every option names the heading itself: if the
+/// struct had the heading, clap would also apply it to the options after the struct.
 const HEADING: &str = "Moving pictures";
 
 /// Options for moving pictures.

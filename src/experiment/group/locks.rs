@@ -19,18 +19,24 @@ pub(super) fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName
 }
 
 /// Takes the locks `devices`. While other processes hold these locks, the sink (the receiver of results and
-/// messages) is told that the run waits. During this wait, builders (processes that compile programs) begin
-/// no program for these devices, because compiling would disturb the other processes' measurements.
+/// messages) is told that the run waits: by a line at the first wait for a process, and as the current work at
+/// later waits for the same process. During these waits, builders (processes that compile programs) begin no
+/// program for the devices, because compiling would disturb the other processes' measurements.
 pub(super) fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,
     sink: &mut impl ResultSink,
     interrupted: &AtomicBool,
 ) -> Result<Vec<Held>> {
+    let pause = || run.ahead.into_iter().for_each(|ahead| ahead.pause(&devices));
     let mut tells = |waiting: LockWait<'_>| match waiting {
         LockWait::For(line) => {
-            run.ahead.into_iter().for_each(|ahead| ahead.pause(&devices));
+            pause();
             sink.says(line);
+        }
+        LockWait::Again(line) => {
+            pause();
+            sink.works_on(line);
         }
         LockWait::Still => sink.waits(),
     };

@@ -88,6 +88,50 @@ fn every_plot_has_a_file_of_its_own_that_a_later_report_can_remove() {
     }
 }
 
+/// Returns the page of two strategies that differ in the memory of their vectors, in two scenes. In the second scene,
+/// the second strategy has too few samples.
+fn page_of_one_change(name: &str) -> String {
+    let of = |scene: &str, (name, vectors, ms): (&str, &str, f64)| Record {
+        scene: scene.to_owned(),
+        strategy: format!("traversal=exhaustive vectors={vectors}"),
+        ..measured("gpu", name, 8, ms)
+    };
+    let strategies = [("naive", "heap", 10.0), (name, "private", 5.0)];
+    let mut records = ["room", "teapot"].map(|scene| strategies.map(|one| of(scene, one))).concat();
+    records[3].samples_ms.truncate(3);
+    records[3].sample_launches.truncate(3);
+    records[3].samples_at_ms.truncate(3);
+    Page::of(&[Folder { records: judged(records), ..Folder::default() }]).html().expect("a page")
+}
+
+#[test]
+fn one_change_at_a_time_is_between_the_plots_of_all_scenes_and_those_of_one() {
+    let page = page_of_one_change("private");
+    let headings =
+        ["<h2>All scenes together</h2>", ">One change at a time</h2>", "<h2>One scene on one device</h2>"];
+    let places = headings.map(|heading| page.find(heading).expect("a heading"));
+    assert!(places.is_sorted(), "{places:?}");
+    let section = &page[places[1]..places[2]];
+    for part in [
+        "<caption>gpu, 800 x 500</caption>",
+        "<th scope=\"col\">change</th><th scope=\"col\" class=\"num\">room</th>",
+        "<th scope=\"row\">vectors: heap → private <small>(naive → private)</small></th>",
+        "title=\"at 8 x 8, private is 2.00 (1.98 to 2.02) times as fast as naive\"",
+        ">2.00 (1.98 to 2.02) <b class=\"faster\">faster</b> <small>8 x 8</small></td>",
+        "title=\"private at 8 x 8: not enough samples (n = 3)\">-</td>",
+    ] {
+        assert!(section.contains(part), "{part} is not in {section}");
+    }
+    assert!(!page_of_one_change("</th><script>").contains("</th><script>"), "a name became markup");
+}
+
+#[test]
+fn a_page_without_changes_of_a_single_axis_has_no_part_for_them() {
+    let records = judged([measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 8, 5.0)]);
+    let page = Page::of(&[Folder { records, ..Folder::default() }]).html().expect("a page");
+    assert!(page.contains("<h2>One scene on one device</h2>") && !page.contains("One change at a time"));
+}
+
 #[test]
 fn a_scene_with_a_long_name_has_plots_and_exports() {
     let out_folder = tempfile::tempdir().expect("a folder");

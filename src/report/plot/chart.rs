@@ -3,11 +3,15 @@
 mod series;
 
 use super::layout::{LETTER, Layout, NARROW, WIDE};
-use super::legend::{self, shorten};
+use super::legend;
 use super::palette::{FAINT, GRID};
 use super::scale::{self, Kind, Scale};
+use super::shorten::shorten_all;
 use super::svg::{Anchor, LINE, Svg};
 pub use series::{Mark, Series};
+
+/// The largest number of characters of a slanted name along x. Longer names are shortened.
+const LONGEST_SLANTED: usize = 20;
 
 /// The x axis.
 #[derive(Clone, Debug)]
@@ -115,13 +119,16 @@ impl Chart {
             svg.text_in("faint", FAINT, [left - 7.0, y + 4.0], Anchor::End, &scale::label(tick));
         }
         let slanted = self.names_are_slanted(frame.layout);
-        for (tick, name) in self.ticks_across(frame) {
-            let Some(x) = frame.across.position(tick) else { continue };
+        let ticks = self.ticks_across(frame);
+        let names: Vec<&str> = ticks.iter().map(|(_, name)| name.as_str()).collect();
+        let short = shorten_all(&names, LONGEST_SLANTED);
+        for ((tick, name), short) in ticks.iter().zip(&short) {
+            let Some(x) = frame.across.position(*tick) else { continue };
             svg.line("grid", GRID, [x, frame.top], [x, frame.bottom]);
             if slanted {
-                svg.slanted_text("faint", FAINT, [x + 4.0, frame.bottom + 14.0], &shorten(&name, 20));
+                svg.slanted_text("faint", FAINT, [x + 4.0, frame.bottom + 14.0], short);
             } else {
-                svg.text_in("faint", FAINT, [x, frame.bottom + 17.0], Anchor::Middle, &name);
+                svg.text_in("faint", FAINT, [x, frame.bottom + 17.0], Anchor::Middle, name);
             }
         }
         svg.line("axis", FAINT, [left, frame.bottom], [frame.right, frame.bottom]);
@@ -130,11 +137,13 @@ impl Chart {
         svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
     }
 
-    /// Returns the length of the longest name along x, in characters, but at most 20: slanted names are shortened to 20
-    /// characters.
+    /// Returns the length of the longest name along x, in characters, but at most `LONGEST_SLANTED`.
     fn longest_name(&self) -> usize {
         match &self.across {
-            Across::Names(names) => names.iter().map(|name| name.chars().count().min(20)).max().unwrap_or(0),
+            Across::Names(names) => {
+                let lengths = names.iter().map(|name| name.chars().count().min(LONGEST_SLANTED));
+                lengths.max().unwrap_or(0)
+            }
             Across::Numbers(_) => 0,
         }
     }

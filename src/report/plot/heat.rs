@@ -2,8 +2,8 @@
 //! light. The cells of points whose time is missing or cannot be compared are hatched.
 
 use super::layout::LETTER;
-use super::legend::shorten;
 use super::palette::{FAINT, INK};
+use super::shorten::{shorten, shorten_all};
 use super::svg::{Anchor, Svg, number};
 use crate::image::viridis;
 
@@ -52,6 +52,8 @@ pub struct HeatMap {
     pub codes: Vec<(String, String)>,
 }
 
+/// The largest number of characters of a row's name. Longer names are shortened.
+const LONGEST: usize = 25;
 const LEFT: f64 = 184.0;
 const TOP: f64 = 58.0;
 const ROW: f64 = 30.0;
@@ -70,9 +72,11 @@ impl HeatMap {
             svg.text_in("faint", FAINT, [x, TOP - 9.0], Anchor::Middle, name);
         }
         svg.text_in("faint", FAINT, [LEFT - 10.0, TOP - 9.0], Anchor::End, &self.x_label);
-        for (row, (name, cells)) in self.rows.iter().enumerate() {
+        let names: Vec<&str> = self.rows.iter().map(|(name, _)| name.as_str()).collect();
+        let names = shorten_all(&names, LONGEST);
+        for (row, ((_, cells), name)) in self.rows.iter().zip(&names).enumerate() {
             let y = TOP + row as f64 * ROW;
-            svg.text("label", [LEFT - 10.0, y + 19.0], Anchor::End, &shorten(name, 25));
+            svg.text("label", [LEFT - 10.0, y + 19.0], Anchor::End, name);
             for (index, cell) in cells.iter().enumerate() {
                 let at = [LEFT + index as f64 * column, y];
                 draw_cell(&mut svg, cell, at, column, worst, &hatch);
@@ -290,6 +294,21 @@ mod tests {
         assert_eq!(text.matches("class=\"mark\"").count(), 3);
         assert_eq!(text.matches("class=\"ring\"").count(), 1);
         assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
+    }
+
+    #[test]
+    fn no_two_rows_have_the_same_name() {
+        let name = |test: &str| format!("deferred+intersector={test}+records=each-test");
+        let map = HeatMap {
+            id: "teapot".into(),
+            title: "teapot".into(),
+            x_label: "local size".into(),
+            columns: Vec::new(),
+            rows: vec![(name("my-test"), Vec::new()), (name("plucker"), Vec::new())],
+            codes: Vec::new(),
+        };
+        let text = map.svg();
+        assert!(text.contains("…my-test…") && text.contains("…plucker…"), "{text}");
     }
 
     /// Returns the numbers of an element's attributes.

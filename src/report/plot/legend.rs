@@ -1,6 +1,7 @@
 //! Draws the legend of a chart. In a page, the legend's entries are buttons.
 
 use super::look::Look;
+use super::shorten::shorten_all;
 use super::svg::{Anchor, Svg};
 
 /// The distance between two entries in pixels.
@@ -12,7 +13,9 @@ const LONGEST: usize = 24;
 /// Draws the entries below each other, the first at the position `left`, `top`. Returns the y coordinate of
 /// the legend's lower end.
 pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
-    for (index, (name, look)) in entries.iter().enumerate() {
+    let names: Vec<&str> = entries.iter().map(|(name, _)| *name).collect();
+    let labels = shorten_all(&names, LONGEST);
+    for (index, ((name, look), label)) in entries.iter().zip(&labels).enumerate() {
         let y = top + index as f64 * STEP;
         let class = format!("entry {}", look.class());
         svg.open("g", &[("class", &class), ("data-for", &index), ("data-tip", name)]);
@@ -28,36 +31,16 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
             ],
         );
         look.marker(svg, [left, y]);
-        svg.text("label", [left + 11.0, y + 4.0], Anchor::Start, &shorten(name, LONGEST));
+        svg.text("label", [left + 11.0, y + 4.0], Anchor::Start, label);
         svg.close("g");
     }
     top + entries.len() as f64 * STEP
 }
 
-/// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning and the end of the
-/// name remain, since names differ there. A name begins with the preset, and may end with the value of an axis or with
-/// the exponent of a fitted power law.
-pub fn shorten(name: &str, longest: usize) -> String {
-    let length = name.chars().count();
-    if length <= longest {
-        return name.to_owned();
-    }
-    let head = longest / 3;
-    let tail = longest.saturating_sub(head + 1);
-    name.chars().take(head).chain(['…']).chain(name.chars().skip(length - tail)).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::shorten::shorten;
     use super::*;
-
-    #[test]
-    fn long_names_keep_both_ends() {
-        assert_eq!(shorten("tile-group", 24), "tile-group");
-        let long = shorten("tile-group+intersector=common-origin: ^0.36", 24);
-        assert_eq!(long, "tile-gro…n-origin: ^0.36");
-        assert_eq!(long.chars().count(), 24);
-    }
 
     #[test]
     fn entries_stand_below_each_other_with_their_whole_names_as_tips() {
@@ -74,5 +57,18 @@ mod tests {
             assert!(entry.starts_with(&start) && entry.contains(&format!(" y=\"{y}\"")), "{entry}");
         }
         assert!(entries[1].contains(&format!(">{}<", shorten(long, LONGEST))), "{text}");
+    }
+
+    #[test]
+    fn no_two_strategies_have_the_same_entry() {
+        let names =
+            ["my-test", "plucker"].map(|test| format!("deferred+intersector={test}+records=each-test"));
+        let mut svg = Svg::default();
+        let [one, other] = names.each_ref().map(String::as_str);
+        draw(&mut svg, [10.0, 20.0], &[(one, Look::of(0)), (other, Look::of(1))]);
+        let text = svg.finish([1.0, 1.0], "", "");
+        for label in [">deferred…my-test…ch-test<", ">deferred…plucker…ch-test<"] {
+            assert!(text.contains(label), "{label} is not in {text}");
+        }
     }
 }

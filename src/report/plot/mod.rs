@@ -10,6 +10,7 @@ pub mod look;
 pub mod palette;
 pub mod png;
 pub mod scale;
+pub mod shorten;
 pub mod strip;
 pub mod svg;
 

@@ -1,9 +1,9 @@
 //! Draws strip plots, which show the samples of a few points as dots, so that noise is visible.
 
 use super::layout::{Layout, NARROW, WIDE};
-use super::legend::shorten;
 use super::palette::{FAINT, GRID, SERIES};
 use super::scale::{self, Kind, Scale};
+use super::shorten::shorten_all;
 use super::svg::{Anchor, LINE, Svg, number};
 
 /// The samples of one point.
@@ -42,13 +42,20 @@ struct Form {
     row: f64,
     /// Height of the space for a row's name above the row's dots; 0 if names are beside the dots.
     head: f64,
+    /// The largest number of characters of a row's name. Longer names are shortened.
+    longest: usize,
 }
 
 /// The layout for screens, with names on the left of the dots.
-const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
+const BESIDE: Form =
+    Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0, longest: 26 };
 /// The layout for phones, with names above the dots.
-const ABOVE: Form =
-    Form { layout: Layout { left: ABOVE_MARGIN, width: 320.0, ..NARROW }, row: 52.0, head: 18.0 };
+const ABOVE: Form = Form {
+    layout: Layout { left: ABOVE_MARGIN, width: 320.0, ..NARROW },
+    row: 52.0,
+    head: 18.0,
+    longest: 32,
+};
 /// The margins on both sides of a plot on a phone. A tick at the end of the axis has room for half of a label such as
 /// "+400%".
 const ABOVE_MARGIN: f64 = 18.0;
@@ -87,8 +94,10 @@ impl Strip {
             let label = format!("{sign}{}%", scale::label(tick));
             svg.text_in("faint", FAINT, [x, bottom + 17.0], Anchor::Middle, &label);
         }
-        for (index, one) in self.rows.iter().enumerate() {
-            draw_row(&mut svg, one, top + index as f64 * row, (&across, reach), form);
+        let names: Vec<&str> = self.rows.iter().map(|row| row.name.as_str()).collect();
+        let names = shorten_all(&names, form.longest);
+        for (index, (one, name)) in self.rows.iter().zip(&names).enumerate() {
+            draw_row(&mut svg, (one, name), top + index as f64 * row, (&across, reach), form);
         }
         let lines = layout.lines(LABEL);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
@@ -109,7 +118,8 @@ impl Strip {
     }
 }
 
-fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), form: Form) {
+/// Draws a row. `name` is the row's name, shortened.
+fn draw_row(svg: &mut Svg, (row, name): (&Row, &str), top: f64, (across, reach): (&Scale, f64), form: Form) {
     let Form { layout: Layout { left, width, .. }, head, .. } = form;
     let x = |deviation: f64| across.position(deviation.clamp(-reach, reach)).unwrap_or(left);
     svg.open("g", &[("class", &"mark s0"), ("data-tip", &row.tip)]);
@@ -124,11 +134,11 @@ fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), 
         ],
     );
     if head > 0.0 {
-        svg.text("label", [left, top + 14.0], Anchor::Start, &shorten(&row.name, 32));
+        svg.text("label", [left, top + 14.0], Anchor::Start, name);
         svg.text_in("faint", FAINT, [left + width, top + 14.0], Anchor::End, &row.value);
     } else {
         let middle = top + form.row / 2.0 + 4.0;
-        svg.text("label", [left - 92.0, middle], Anchor::End, &shorten(&row.name, 26));
+        svg.text("label", [left - 92.0, middle], Anchor::End, name);
         svg.text_in("faint", FAINT, [left - 10.0, middle], Anchor::End, &row.value);
     }
     let (top, height) = (top + head, form.row - head);

@@ -37,7 +37,8 @@ pub struct Svg {
     body: String,
 }
 
-/// The part of a text that is placed at the given position.
+/// The text anchor, as SVG calls it: the part of a text that is placed at the given position. The anchor of
+/// an experiment is something else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// The left end.
@@ -65,13 +66,13 @@ impl Svg {
         self.body.push_str("/>");
     }
 
-    /// Opens an element; [`Svg::close`] closes it.
+    /// Writes the start tag of an element. [`Svg::close`] writes the end tag.
     pub fn open(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
         self.tag(name, attributes);
         self.body.push('>');
     }
 
-    /// Closes the element with this name that was opened last.
+    /// Writes the end tag of an element. The caller must close elements in the reverse order of opening.
     pub fn close(&mut self, name: &str) {
         // Writing to a String cannot fail, so the results are ignored here and below.
         let _ = writeln!(self.body, "</{name}>");

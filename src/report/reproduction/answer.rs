@@ -5,7 +5,7 @@ use super::with_most;
 use crate::measure::Ranking;
 use crate::memory::readable;
 use crate::numbers::{by, duration};
-use crate::record::{Group, HOST, Record, file_name, median, percent, ranking};
+use crate::record::{Group, HOST, Record, file_name, median, percent, ranking, smallest_difference_note};
 use crate::report::claims::{Ratio, Run, completion};
 use crate::report::plot::Plot;
 use crate::report::plot::scale::Kind;
@@ -25,6 +25,11 @@ const MEMORY: [&str; 7] = [
 ];
 /// The bytes that a ray-triangle test reads of a ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
+/// A median seems to contradict a ranking if it is below this fraction of the median of a better point. Smaller
+/// differences count as ties.
+const CLEARLY_SMALLER: f64 = 0.99;
+/// The sentence that follows the local sizes if medians seem to contradict the ranking of points.
+const NOT_BY_MEDIANS: &str = "The fastest point is found by ratios of samples taken close together, not by medians, so a slower point can have a smaller median";
 
 /// The four lines of the answer, and plots of the times from which the answer follows.
 #[derive(Default)]
@@ -33,7 +38,7 @@ pub struct Answer {
     pub strategy: String,
     /// The best local size for each scene.
     pub size: String,
-    /// Why the best strategy is faster than the preset `naive`.
+    /// Why the best strategy is faster than the preset `naive`, or why no reason can be given.
     pub why: String,
     /// How certain the answer is.
     pub sure: String,
@@ -71,6 +76,11 @@ impl<'a> Contest<'a> {
         self.ranking.winners.iter().any(|record| record.is_naive())
     }
 
+    /// Ranks the points of the preset `naive`.
+    fn naive_ranking(&self) -> Ranking<&'a Record> {
+        ranking(self.group.records.iter().copied().filter(|record| record.is_naive()))
+    }
+
     fn triangles(&self) -> u64 {
         self.group.records.iter().filter_map(|record| record.triangles).max().unwrap_or(0)
     }
@@ -100,7 +110,7 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut V
     };
     Answer {
         strategy: each(&contests, strategy),
-        size: each(&contests, size),
+        size: all_sizes(&contests),
         why: why(&contests),
         sure: each(&contests, sure),
         plots: contests.iter().filter_map(plot).collect(),
@@ -137,15 +147,15 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     names
 }
 
-/// Returns the best strategy with its time, such as "private (vectors private, triangles global): 1.887 ms",
-/// or the names of the strategies that tie, with the time of the fastest.
+/// Returns the best strategy with its memories and its time, such as "private (vectors private, triangles
+/// global): 1.887 ms". If several strategies tie, returns all of them, with the time of the fastest.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
-    match names(&contest.ranking.winners)[..] {
-        [one] => format!("{one} ({}): {time}", homes(one)),
-        ref several => format!("{}, a tie: {time}", several.join(" or ")),
-    }
+    let winners = names(&contest.ranking.winners);
+    let tie = if winners.len() > 1 { ", a tie" } else { "" };
+    let winners: Vec<String> = winners.iter().map(|name| format!("{name} ({})", homes(name))).collect();
+    format!("{}{tie}: {time}", winners.join(" or "))
 }
 
 /// Returns the memories that hold a preset's working vectors and triangles: "vectors private, triangles
@@ -155,15 +165,37 @@ fn homes(name: &str) -> String {
     let axis = |wanted: &str| {
         preset.strategy.axes().iter().find(|(axis, _)| *axis == wanted).map_or("", |(_, value)| *value)
     };
-    format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
+    // The heap's name does not say in which memory it is.
+    let vectors = if axis("vectors") == "heap" { "global heap" } else { axis("vectors") };
+    format!("vectors {vectors}, triangles {}", axis("triangles"))
+}
+
+/// Returns the best local sizes of all scenes. If medians on the page seem to contradict them, a sentence says why.
+fn all_sizes(contests: &[Contest<'_>]) -> String {
+    let sizes = each(contests, size);
+    let seems_wrong = |contest: &Contest<'_>| {
+        medians_contradict(&contest.ranking) || medians_contradict(&contest.naive_ranking())
+    };
+    if contests.iter().any(seems_wrong) { format!("{sizes}. {NOT_BY_MEDIANS}") } else { sizes }
+}
+
+/// Returns true if medians seem to contradict a ranking: a point's median is clearly smaller than that of the fastest
+/// point, or the median of a point that does not tie is clearly smaller than that of a point that ties.
+fn medians_contradict(ranking: &Ranking<&Record>) -> bool {
+    let Some(best) = ranking.winners.first() else { return false };
+    let is_below = |record: &Record, other: &Record| {
+        median(record).zip(median(other)).is_some_and(|(ms, other_ms)| ms < CLEARLY_SMALLER * other_ms)
+    };
+    let wins = |record: &Record| ranking.winners.iter().any(|winner| winner.key == record.key);
+    let is_below_a_winner = |record: &Record| ranking.winners.iter().any(|winner| is_below(record, winner));
+    ranking.ranked.iter().any(|record| is_below(record, best) || (!wins(record) && is_below_a_winner(record)))
 }
 
 /// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the kernel of the preset
 /// `naive`, if known. If several sizes tie, returns these sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
-    let naive = contest.group.records.iter().copied().filter(|record| record.is_naive());
-    let naive = sizes(&ranking(naive).winners);
+    let naive = sizes(&contest.naive_ranking().winners);
     match (best.is_empty(), naive.is_empty()) {
         (true, _) => NO_WINNER.to_owned(),
         (false, true) => best,
@@ -183,25 +215,29 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// Explains for one scene why the best kernel is faster than the kernel of the preset `naive`. The
-/// explanation states the memory traffic of the naive kernel, the memory from which the best kernel reads
-/// rays, and the properties of both compiled kernels. `contests` lists the scene with the most triangles
-/// first. The first scene in which naive does not tie with the fastest kernel is explained. If naive ties in
-/// all scenes, the text says so.
+/// Explains why the best kernel is faster than the kernel of the preset `naive`, for the first scene in which
+/// naive does not tie with the fastest kernel. `contests` lists the scene with the most triangles first. If naive
+/// ties in all scenes, the text says so.
 fn why(contests: &[Contest<'_>]) -> String {
-    let known = || contests.iter().filter(|contest| contest.best_and_naive().is_some());
-    let explained = known().find(|contest| !contest.naive_ties()).or(known().next());
-    let Some((contest, (best, naive))) = explained.and_then(|one| Some((one, one.best_and_naive()?))) else {
+    let known: Vec<&Contest<'_>> =
+        contests.iter().filter(|contest| contest.best_and_naive().is_some()).collect();
+    if known.is_empty() {
         let one_wins = contests.iter().any(|contest| contest.winner().is_some());
         return if one_wins { "not known, because naive has no time" } else { NO_WINNER }.to_owned();
-    };
+    }
+    let explained = known.iter().find(|contest| !contest.naive_ties());
+    match explained.and_then(|contest| contest.best_and_naive()) {
+        Some((best, naive)) => reason(best, naive),
+        None => no_reason(&known, contests.len()),
+    }
+}
+
+/// Explains why the best kernel is faster than the kernel of the preset `naive`: states the memory traffic of
+/// the naive kernel, the memory from which the best kernel reads rays, and the properties of both compiled
+/// kernels.
+fn reason(best: &Record, naive: &Record) -> String {
     let triangles = best.triangles.unwrap_or(0);
     let scene = at_size(&best.scene, best.image_size);
-    if contest.naive_ties() {
-        return format!(
-            "on {scene}, naive is the fastest choice of memories for vectors and triangles, or ties with the fastest"
-        );
-    }
     let moved = readable((best.pixels() * triangles as f64 * RAY_BYTES) as u64);
     format!(
         "naive reads the ray from global memory at each test: for primary rays alone, {moved} per frame on {scene} (calculated, not measured); {} reads the ray from {}; {}",
@@ -209,6 +245,38 @@ fn why(contests: &[Contest<'_>]) -> String {
         memory_of_vectors(best),
         against(&best.name, &facts(best), &facts(naive))
     )
+}
+
+/// Says that there is no reason, because in each of these scenes naive is the fastest or ties with the fastest.
+/// If it ties, the smallest difference that the samples can show follows. `all` is the number of scenes in the
+/// answer.
+fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
+    let is_alone = |contest: &&Contest<'_>| names(&contest.ranking.winners).len() == 1;
+    let (alone, ties): (Vec<&Contest<'_>>, Vec<&Contest<'_>>) = contests.iter().copied().partition(is_alone);
+    let said = |contests: &[&Contest<'_>], what: &str| {
+        (!contests.is_empty()).then(|| format!("{}, naive {what}", places(contests, all)))
+    };
+    let scenes = [said(&alone, "is the fastest"), said(&ties, "ties with the fastest")];
+    let scenes = scenes.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    if ties.is_empty() {
+        return format!("there is no gain to explain: {scenes}");
+    }
+    let tied = ties.iter().flat_map(|contest| contest.group.records.iter().copied());
+    // The page puts a full stop after each line.
+    let limit = smallest_difference_note(tied).map(|note| format!(". {}", note.trim_end_matches('.')));
+    format!("no reason can be given: {scenes}{}", limit.unwrap_or_default())
+}
+
+/// Names some of the `all` scenes in the answer: "on teapot and still-life", "in both scenes".
+fn places(contests: &[&Contest<'_>], all: usize) -> String {
+    match contests.len() {
+        2 if all == 2 => "in both scenes".to_owned(),
+        several if several == all && all > 2 => format!("in all {all} scenes"),
+        _ => {
+            let scene = |contest: &&Contest<'_>| at_size(contest.group.scene, contest.group.image_size);
+            format!("on {}", contests.iter().map(scene).collect::<Vec<_>>().join(" and "))
+        }
+    }
 }
 
 fn memory_of_vectors(record: &Record) -> &'static str {
@@ -275,7 +343,7 @@ fn sure(contest: &Contest<'_>) -> String {
 mod tests {
     use super::*;
     use crate::program::CompiledKernel;
-    use crate::record::fixtures::{few, infeasible, judged, measured};
+    use crate::record::fixtures::{few, infeasible, judged, measured, sampled};
     use crate::record::{Folder, Outcome, groups};
 
     fn of(records: &[Record]) -> Answer {
@@ -290,8 +358,8 @@ mod tests {
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
         let answer = of(&tie);
         assert!(answer.sure.ends_with("2 of 2 points tie for fastest"), "{}", answer.sure);
-        let none = "on teapot, naive is the fastest choice of memories for vectors and triangles, or ties with the fastest";
-        assert_eq!(answer.why, none);
+        let none = "no reason can be given: on teapot, naive ties with the fastest. Differences below ";
+        assert!(answer.why.starts_with(none) && answer.why.ends_with(" not detected here"), "{}", answer.why);
         let on_gourd = |name: &str, ms| Record {
             key: format!("gourd {name}"),
             scene: "gourd".into(),
@@ -299,6 +367,67 @@ mod tests {
         };
         let answer = of(&[&tie[..], &[on_gourd("naive", 9.0), on_gourd("private", 3.0)]].concat());
         assert!(answer.why.contains("per frame on gourd (calculated"), "{}", answer.why);
+    }
+
+    #[test]
+    fn where_naive_ties_or_wins_in_all_scenes_the_reason_says_so_for_all() {
+        let on = |scene: &str, name: &str, ms: f64, spread: f64| Record {
+            key: format!("{scene} {name}"),
+            scene: scene.into(),
+            samples_ms: [[ms - spread; 5], [ms + spread; 5]].concat(),
+            ..measured("gpu", name, 8, ms)
+        };
+        let tie = |scene: &str| [on(scene, "naive", 2.0, 0.1), on(scene, "private", 1.995, 0.0)];
+        let win = |scene: &str| [on(scene, "naive", 2.0, 0.0), on(scene, "private", 4.0, 0.0)];
+        let differences = ". Differences below ";
+        for (scenes, said, detects) in [
+            (vec![tie("teapot"), tie("room")], "in both scenes, naive ties with the fastest", true),
+            (
+                vec![tie("teapot"), tie("room"), tie("gourd")],
+                "in all 3 scenes, naive ties with the fastest",
+                true,
+            ),
+            (
+                vec![tie("teapot"), win("room")],
+                "on room, naive is the fastest; on teapot, naive ties with the fastest",
+                true,
+            ),
+            (vec![win("teapot"), win("room")], "in both scenes, naive is the fastest", false),
+        ] {
+            let why = of(&scenes.concat()).why;
+            let start = if detects { "no reason can be given" } else { "there is no gain to explain" };
+            let end = if detects { differences } else { "" };
+            assert!(why.starts_with(&format!("{start}: {said}{end}")), "{why}");
+            assert!(!why.ends_with('.') && why.contains(differences) == detects, "{why}");
+        }
+    }
+
+    #[test]
+    fn each_strategy_of_a_tie_is_named_with_its_memories() {
+        let mut tie = [measured("gpu", "naive", 8, 2.0), measured("gpu", "local-triangles", 8, 1.995)];
+        tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
+        let said = of(&tie).strategy;
+        for part in [
+            "naive (vectors global heap, triangles global)",
+            " or ",
+            "local-triangles (vectors global heap, triangles local)",
+            "), a tie: ",
+        ] {
+            assert!(said.contains(part), "{part:?} is not in {said}");
+        }
+    }
+
+    /// In most launches, `naive` takes less time than `private`, so its median is smaller. In the last launch, it takes
+    /// so much longer that `private` is the best.
+    #[test]
+    fn medians_that_seem_to_contradict_the_best_size_are_explained() {
+        let in_launches = |name: &str, ms: [f64; 3]| {
+            sampled(name, (0..15).map(move |index| (index / 5, ms[index as usize / 5])))
+        };
+        let records = [in_launches("private", [1.2; 3]), in_launches("naive", [1.0, 1.0, 4.0])];
+        let answer = of(&records);
+        assert!(answer.strategy.starts_with("on teapot, private ("), "{}", answer.strategy);
+        assert!(answer.size.ends_with(&format!(". {NOT_BY_MEDIANS}")), "{}", answer.size);
     }
 
     #[test]

@@ -10,9 +10,9 @@ mod predicted;
 use super::claims::{Claim, Row, Run, Verdict, claims, table};
 use super::common_names::with_common_names;
 use super::gallery::Pictures;
-use super::merged::merged;
+use super::merged::{labels, merged};
 use super::overview::devices;
-use super::page::{SCRIPT, STYLE, nonce, notes};
+use super::page::{SCRIPT, STYLE, nonce};
 use super::plot::Plot;
 use super::view::PAPER_SIZE;
 use crate::error::{Error, Result};
@@ -33,6 +33,7 @@ pub struct Reproduction {
     nonce: String,
     version: &'static str,
     devices: Vec<Device>,
+    /// The notes of the folders without results of a device.
     notes: Vec<String>,
     commands: Vec<String>,
     /// Names of the folders next to the page that have their own reports.
@@ -48,6 +49,8 @@ pub struct Device {
     id: String,
     sizes: String,
     answer: Answer,
+    /// The notes of the folders with results of the device.
+    notes: Vec<String>,
     tally: Vec<(&'static str, usize)>,
     figures: Vec<Figure>,
     claims: Vec<Claim>,
@@ -76,7 +79,10 @@ impl Reproduction {
         let (mut pictures, mut taken) = (Pictures::default(), Vec::new());
         let devices = (0..)
             .zip(&names)
-            .map(|(index, name)| device(index, name, &runs, &paper, &mut pictures, &mut taken))
+            .map(|(index, name)| Device {
+                notes: notes(folders, |folder| has_results(folder, name)),
+                ..device(index, name, &runs, &paper, &mut pictures, &mut taken)
+            })
             .collect();
         let reports = folders.iter().filter(|folder| folder.path.join(super::PAGE).is_file());
         Ok(Self {
@@ -85,7 +91,7 @@ impl Reproduction {
             nonce: nonce(),
             version: env!("CARGO_PKG_VERSION"),
             devices,
-            notes: notes(folders),
+            notes: notes(folders, |folder| !names.iter().any(|name| has_results(folder, name))),
             commands: commands(folders),
             drivers,
             reports: reports.map(|folder| folder.label.clone()).collect(),
@@ -142,8 +148,24 @@ fn commands(folders: &[Folder]) -> Vec<String> {
     commands
 }
 
-/// Returns the results of a device; `index` is the device's index on the page. `taken` contains the plots'
-/// names in the answers of earlier devices. This function adds the plots' names in this device's answer.
+/// Returns true if a folder has results of a device.
+fn has_results(folder: &Folder, device: &str) -> bool {
+    folder.records.iter().any(|record| record.device == device)
+}
+
+/// Returns the notes of the folders for which `shows` returns true. If there are several folders, their labels are
+/// added to the notes.
+fn notes(folders: &[Folder], shows: impl Fn(&Folder) -> bool) -> Vec<String> {
+    let of = |(folder, label): (&Folder, String)| -> Vec<String> {
+        let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
+        folder.notes.iter().map(said).collect()
+    };
+    folders.iter().zip(labels(folders)).filter(|(folder, _)| shows(folder)).flat_map(of).collect()
+}
+
+/// Returns the results of a device, without notes; `index` is the device's index on the page. `taken` contains
+/// the plots' names in the answers of earlier devices. This function adds the plots' names in this device's
+/// answer.
 fn device(
     index: usize,
     name: &str,
@@ -165,6 +187,7 @@ fn device(
         id: format!("device-{index}"),
         sizes: sizes.into_iter().map(by).collect::<Vec<_>>().join(", "),
         answer: answer::answer(runs, name, &suffix, taken),
+        notes: Vec::new(),
         tally: Verdict::ALL.map(|(verdict, word, ..)| (word, count(verdict))).to_vec(),
         figures: figures.map(|about| figures::figure(about, runs, name, &suffix, pictures)).collect(),
         claims,
@@ -199,6 +222,45 @@ mod tests {
     fn compares(device: &Device, start: &str) -> bool {
         let mut lines = device.claims.iter().flat_map(|claim| &claim.lines);
         lines.any(|line| line.text.starts_with(start) && line.text.contains(" as long as "))
+    }
+
+    #[test]
+    fn the_notes_of_a_devices_folders_are_directly_below_its_four_lines() {
+        let run = |label: &str, records: &[Record]| Folder {
+            path: label.into(),
+            label: label.into(),
+            records: judged(records),
+            notes: vec!["disturbed".to_owned()],
+            ..Folder::default()
+        };
+        let on =
+            |device: &str| [("naive", 2.0), ("private", 1.0)].map(|(name, ms)| measured(device, name, 8, ms));
+        let folders = [run("figure-8", &on("gpu")), run("figure-6", &on("cpu")), run("figure-7", &[])];
+        let html = |folders: &[Folder]| {
+            Reproduction::of(folders).and_then(|page| page.html()).unwrap_or_else(|error| panic!("{error}"))
+        };
+        let html_of_all = html(&folders);
+        let mut rest = html_of_all.as_str();
+        let order = [
+            "<dt>How sure</dt>",
+            "figure-8: disturbed",
+            "class=\"counts\"",
+            "<dt>How sure</dt>",
+            "figure-6: disturbed",
+            "class=\"counts\"",
+            "<section id=\"notes\">",
+            "figure-7: disturbed",
+        ];
+        for part in order {
+            let (_, after) = rest.split_once(part).unwrap_or_else(|| panic!("{part:?} is not in its place"));
+            rest = after;
+        }
+        assert_eq!(html_of_all.matches(": disturbed").count(), 3);
+        let html_of_one = html(&folders[..1]);
+        let after = html_of_one.split_once("<dt>How sure</dt>").expect("the four lines").1;
+        let below = after.split_once("</dl>").expect("the end of the four lines").1.trim_start();
+        assert!(below.starts_with("<p class=\"note\">disturbed</p>"), "the note is not directly below");
+        assert!(!html_of_one.contains("<section id=\"notes\">"));
     }
 
     #[test]

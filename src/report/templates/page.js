@@ -87,7 +87,7 @@ function sort(head, table) {
   all("th", table).forEach((other) => other.removeAttribute("aria-sort"));
   head.setAttribute("aria-sort", up ? "ascending" : "descending");
 }
-for (const table of all(".data table, table.sorted")) for (const head of all("th", table)) {
+for (const table of all(".data table, table.sorted")) for (const head of all("thead th", table)) {
   const button = document.createElement("button");
   button.type = "button";
   button.append(...head.childNodes);

@@ -220,8 +220,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
 
 /// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
 /// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
-/// memory again. Rounded up, every two triangles of the shape need the memory of three triangles, two
-/// positions and two normals.
+/// memory again. Both together take one and a half times the mesh's memory. Two triangles therefore need the
+/// memory of three triangles, one and a half positions and one and a half normals. The numbers of positions
+/// and of normals are rounded up to two.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

@@ -629,7 +629,11 @@ fn a_skys_picture_without_colours_is_refused_with_its_channels() {
     let error = refused("sky.exr");
     assert!(error.to_string().contains("sky.exr` has the channels Y; expected R, G and B"), "{error}");
     assert!(!error.remedy().contains("relative"), "{}", error.remedy());
-    assert!(refused("skies.exr").remedy().contains("the path is relative to the folder of the scene file or mesh"));
+    assert!(
+        refused("skies.exr")
+            .remedy()
+            .contains("the path is relative to the folder of the scene file or mesh")
+    );
 }
 
 #[test]
@@ -719,6 +723,25 @@ fn a_scene_that_is_seen_from_behind_is_noted() {
     assert!(
         notes("[0, 0, -4]").iter().any(|note| note.starts_with("100% of the visible surface faces away"))
     );
+}
+
+#[test]
+fn an_eye_inside_an_object_is_noted_with_the_options_that_place_it_outside() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let object = "[[object]]\nshape = \"sphere\"\ntriangles = 200\n[[object]]\nshape = \"ground\"\n";
+    let light = "[[light]]\nposition = [0, 9, 9]\npower = 900\n";
+    std::fs::write(&path, format!("{object}{light}")).unwrap();
+    let notes = |settings: &[(&str, f64)]| {
+        let settings: Vec<_> =
+            settings.iter().map(|(name, value)| ((*name).to_owned(), Value::Float(*value))).collect();
+        load_scene_with(&path, &settings).unwrap().notes.join("\n")
+    };
+    let inside = notes(&[]);
+    assert!(inside.contains("the eye is inside the bounding box of an object; `--azimuth 30 "), "{inside}");
+    assert!(inside.contains("% of the visible surface faces away"), "{inside}");
+    let outside = notes(&[("camera.azimuth_degrees", 30.0), ("camera.elevation_degrees", 20.0)]);
+    assert!(!outside.contains("the eye is inside"), "{outside}");
 }
 
 /// A mesh in another folder may belong to somebody else, so notes must not quote it. Notes that quote nothing

@@ -12,7 +12,8 @@ fn read(axis: &'static str, text: &str) -> Result<Header> {
         }
     };
     let (file, path) = ("cast/intersect/my_test.cl", "kernels/cast/intersect/my_test.cl");
-    let reader = Reader { axis, file, path, names_of: &names_of, included_at: &|| None };
+    let includes = |other: &str| Ok(text.contains(&format!("\n#include \"{other}\"\n")));
+    let reader = Reader { axis, file, path, names_of: &names_of, included_at: &|| None, includes: &includes };
     reader.read("my-test".to_owned(), vec!["cast/intersect/"], text)
 }
 
@@ -149,6 +150,20 @@ fn a_test_in_the_folder_of_families_without_tiles_is_not_prepared_for_a_tile() {
         "line 4: 'prepared_for' is tile, but the kernels that include cast/intersect/ have no tiles of rays",
         "docs/own-kernels.md",
     );
+}
+
+#[test]
+fn a_test_with_exact_signs_includes_the_file_that_forbids_contraction() {
+    mistake(
+        "exact_signs: no",
+        "exact_signs: yes",
+        "line 5: 'exact_signs' is yes, but the file does not include common/exact_signs.cl",
+        "between the header and the first function",
+    );
+    let yes = RIGHT.replace("exact_signs: no", "exact_signs: yes");
+    let with_include = format!("{yes}\n#include \"common/exact_signs.cl\"\n");
+    let header = read("intersector", &with_include).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(header.word("exact_signs"), "yes");
 }
 
 #[test]

@@ -52,6 +52,29 @@ fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
     Ok(lines.filter_map(include).collect())
 }
 
+/// Returns true if a kernel file includes the file `other`, directly or through other files. Also returns true if a
+/// path contains an axis in braces, since it may be the path of any file.
+pub fn includes_file(sources: &Sources, file: &str, other: &str) -> Result<bool> {
+    let mut files = vec![(file.to_owned(), sources.read(file)?)];
+    let mut done = 0;
+    while let Some((name, text)) = files.get(done).cloned() {
+        for (number, line) in (1..).zip(lines(&sources.path_of(&name), &text)?) {
+            match line.includes {
+                Some(path) if path == other || path.contains('{') => return Ok(true),
+                Some(path) if files.iter().all(|(known, _)| known != path) => {
+                    let included = sources.read(path);
+                    let included =
+                        included.map_err(|error| sources.at_include(error, path, &name, number))?;
+                    files.push((path.to_owned(), included));
+                }
+                _ => {}
+            }
+        }
+        done += 1;
+    }
+    Ok(false)
+}
+
 /// Returns the line that probably includes a file by a wrong path: its path names no file, and its last part is the
 /// file's name or a similar name.
 pub fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Include> {

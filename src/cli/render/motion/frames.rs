@@ -106,9 +106,10 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the numbers of the frames that are still to be rendered. `key` returns the key of a frame, which
-    /// identifies its picture. `key` is only called for frames whose file contains a key. A file with a different key
-    /// or without a key shows a different picture and causes an error; with `--force`, its frame is rendered again.
+    /// Returns the numbers of the frames that are still to be rendered. `key` returns the key of a frame,
+    /// which identifies its picture. `key` is called only for frames whose file has a valid key: raycl made
+    /// the file as a frame, and nobody changed it. Without `--force`, a file with another key or without a
+    /// valid one is an error; with `--force`, its frame is rendered again.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {

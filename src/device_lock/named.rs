@@ -1,0 +1,15 @@
+//! Remembers which processes this process has waited for, so that it names each of them once.
+
+use super::holder::Holder;
+use crate::threads::locked;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// The files of locks for which this process has waited, and the processes that held these locks.
+static NAMED: Mutex<BTreeSet<(PathBuf, Holder)>> = Mutex::new(BTreeSet::new());
+
+/// Returns true if this process now waits for the first time for the lock with this file while `holder` holds the lock.
+pub fn is_first(file: &Path, holder: &Holder) -> bool {
+    locked(&NAMED).insert((file.to_owned(), holder.clone()))
+}

@@ -1,0 +1,194 @@
+//! Compares strategies that differ in a single axis.
+
+mod column;
+mod pairs;
+
+use super::ranking::TIE;
+use super::summary::Group;
+use super::types::{HOST, Record};
+use crate::entry::entry;
+use crate::measure::Interval;
+use crate::numbers::significant;
+use crate::words::counted_are;
+use column::Column;
+use pairs::{Pair, pairs};
+
+/// The largest number of changes that are shown for a device.
+const MOST: usize = 40;
+
+/// The explanation of the tables, for every page that has them.
+pub(crate) const HOW_TO_READ_CHANGES: &str = "Each row compares two strategies that differ in a single axis. \
+    A cell says how many times as fast the second strategy is as the first, with the ratio's 95% interval. Both \
+    strategies have the local size that the cell names: of the local sizes at which both have a rank, the one at \
+    which the faster of the two is fastest. \"Tie\" means that the samples do not show that one of the two takes \
+    more than 1% longer; \"-\" means that there is no ratio. The changes with the largest effects come first.";
+
+/// The changes of a single axis on one device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Changes<'a> {
+    /// The device's name.
+    pub device: &'a str,
+    /// The scenes with their image sizes in pixels (across, down). [`Change::results`] has a result for each of them.
+    pub columns: Vec<(&'a str, [u32; 2])>,
+    /// The changes with the largest effects, the largest first: at most `MOST`.
+    pub rows: Vec<Change<'a>>,
+    /// The number of changes that `rows` lacks.
+    pub left_out: usize,
+}
+
+/// A change of a single axis: two strategies that are equal in all other axes, in the order of the plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change<'a> {
+    /// The axis.
+    pub axis: &'a str,
+    /// The axis's value in each strategy.
+    pub values: [&'a str; 2],
+    /// The name of each strategy.
+    pub names: [&'a str; 2],
+    /// The result for each scene and image size.
+    pub results: Vec<Compared>,
+}
+
+/// The result of comparing two strategies in a group of points: a scene at an image size on a device.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Compared {
+    /// Both strategies have a point with a rank at the same local size.
+    Times {
+        /// The first strategy's time divided by the second strategy's time: how many times as fast the second is.
+        ratio: Interval,
+        /// What the ratio shows.
+        effect: Effect,
+        /// The local size of both points.
+        local_size: Option<[u32; 2]>,
+    },
+    /// There is no ratio.
+    Nothing {
+        /// The reason.
+        why: String,
+    },
+}
+
+/// What the ratio of two times shows about the second strategy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// The first strategy takes more than 1% longer.
+    Faster,
+    /// The second strategy takes more than 1% longer.
+    Slower,
+    /// The samples show neither.
+    Tie,
+}
+
+impl Effect {
+    /// Judges the ratio of the first strategy's time to the second's, by the rule by which points tie with the fastest
+    /// point of a group.
+    fn of(ratio: Interval) -> Self {
+        if ratio.low > 1.0 + TIE {
+            Self::Faster
+        } else if ratio.high < 1.0 / (1.0 + TIE) {
+            Self::Slower
+        } else {
+            Self::Tie
+        }
+    }
+
+    /// Returns the effect as a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Faster => "faster",
+            Self::Slower => "slower",
+            Self::Tie => "tie",
+        }
+    }
+}
+
+impl Changes<'_> {
+    /// Returns the image size of all columns; `None` if they have several.
+    pub fn image_size(&self) -> Option<[u32; 2]> {
+        let (_, first) = *self.columns.first()?;
+        self.columns.iter().all(|(_, size)| *size == first).then_some(first)
+    }
+
+    /// Returns the columns' names: the scenes and, if there are several image sizes, the sizes.
+    pub fn column_names(&self) -> Vec<String> {
+        let is_one_size = self.image_size().is_some();
+        let name = |(scene, [across, down]): &(&str, [u32; 2])| match is_one_size {
+            true => (*scene).to_owned(),
+            false => format!("{scene} {across}x{down}"),
+        };
+        self.columns.iter().map(name).collect()
+    }
+
+    /// Returns a sentence on the changes that are left out; `None` if there are none.
+    pub fn note(&self) -> Option<String> {
+        let are = counted_are(self.left_out, "further change");
+        let note = || format!("{are} left out: only the {MOST} with the largest effects are shown.");
+        (self.left_out > 0).then(note)
+    }
+}
+
+impl Change<'_> {
+    /// Returns the axis and its two values, such as "vectors: heap → local".
+    pub fn what(&self) -> String {
+        let [from, to] = self.values;
+        format!("{}: {from} → {to}", self.axis)
+    }
+
+    /// Returns the names of the two strategies, such as "naive → local-vectors".
+    pub fn whose(&self) -> String {
+        self.names.join(" → ")
+    }
+
+    /// Returns the largest effect in any group: the absolute value of the ratio's logarithm; 0 for ties.
+    fn largest_effect(&self) -> f64 {
+        let effect = |result: &Compared| match result {
+            Compared::Times { effect: Effect::Tie, .. } | Compared::Nothing { .. } => 0.0,
+            Compared::Times { ratio, .. } => ratio.middle.ln().abs(),
+        };
+        self.results.iter().map(effect).fold(0.0, f64::max)
+    }
+}
+
+/// Formats a ratio with its 95% interval, such as "1.32 (1.21 to 1.44)".
+pub(crate) fn with_interval(ratio: Interval) -> String {
+    let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
+    format!("{middle} ({low} to {high})")
+}
+
+/// Returns the changes of a single axis on each device on which both strategies of such a change have times. `groups`
+/// are the groups of `records`. The order of `records` decides which strategy of a change is the first.
+pub(crate) fn changes<'a>(records: &'a [Record], groups: &[Group<'a>]) -> Vec<Changes<'a>> {
+    let pairs = pairs(records);
+    if pairs.is_empty() {
+        return Vec::new();
+    }
+    let mut devices: Vec<(&'a str, Vec<Column<'a>>)> = Vec::new();
+    for group in groups.iter().filter(|group| group.device != HOST) {
+        let new = || (group.device, Vec::new());
+        entry(&mut devices, |(device, _)| *device == group.device, new).1.push(Column::of(group));
+    }
+    devices.iter().filter_map(|(device, columns)| on_device(device, columns, &pairs)).collect()
+}
+
+fn on_device<'a>(device: &'a str, columns: &[Column<'a>], pairs: &[Pair<'a>]) -> Option<Changes<'a>> {
+    let timed = pairs.iter().filter(|pair| columns.iter().any(|column| column.has_times_of(pair)));
+    let mut rows: Vec<Change<'a>> = timed.map(|pair| change(pair, columns)).collect();
+    // The sort is stable, so changes with equal effects stay in the order of the plan.
+    rows.sort_by(|one, other| other.largest_effect().total_cmp(&one.largest_effect()));
+    let left_out = rows.len().saturating_sub(MOST);
+    rows.truncate(MOST);
+    let columns = columns.iter().map(|column| (column.scene, column.image_size)).collect();
+    (!rows.is_empty()).then_some(Changes { device, columns, rows, left_out })
+}
+
+fn change<'a>(pair: &Pair<'a>, columns: &[Column<'a>]) -> Change<'a> {
+    Change {
+        axis: pair.axis,
+        values: pair.values,
+        names: pair.strategies.map(|strategy| strategy.name),
+        results: columns.iter().map(|column| column.compare(pair)).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests;
