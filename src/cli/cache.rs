@@ -40,7 +40,7 @@ struct Shown {
     /// The path of the cache's folder. Null if the cache has no folder; raycl then stores nothing between runs.
     folder: Option<String>,
     /// The reason why raycl cannot use the folder, and therefore stores nothing between runs. Null if raycl
-    /// can use the folder, or if there is no folder.
+    /// can use the folder, or if the cache has no folder.
     unusable: Option<&'static str>,
     entries: usize,
     bytes: u64,

@@ -215,9 +215,9 @@ fn text(peak: &Peak, device: &str) -> String {
     row("multiply-adds", &peak.fma_per_s, 1e-9, "Gfma/s", None);
     row("copy, read + written", &peak.copy_bytes_per_s, 1e-9, "GB/s", None);
     row("__local reads", &peak.local_bytes_per_s, 1e-9, "GB/s", None);
-    row("launch, device's clock", &peak.launch_device_us, 1.0, "us", None);
-    row("launch, host's clock", &peak.launch_host_us, 1.0, "us", None);
-    row("launch, mean of many", &peak.launch_batched_us, 1.0, "us", None);
+    row("start of a kernel, device's clock", &peak.launch_device_us, 1.0, "us", None);
+    row("start of a kernel, host's clock", &peak.launch_host_us, 1.0, "us", None);
+    row("start of a kernel, mean of many", &peak.launch_batched_us, 1.0, "us", None);
     let mut latency = |name: &str, figure: &Figure| row(name, figure, 1.0, "ns", peak.cycles(figure));
     latency("private multiply-add", &peak.private_ns);
     latency("private array", &peak.private_array_ns);
@@ -340,9 +340,9 @@ mod tests {
             ("multiply-adds", ["1000", "900 to 1100", "Gfma/s", ""]),
             ("copy, read + written", ["2000", "1800 to 2200", "GB/s", ""]),
             ("__local reads", ["3000", "2700 to 3300", "GB/s", ""]),
-            ("launch, device's clock", ["4.00", "3.60 to 4.40", "us", ""]),
-            ("launch, host's clock", ["5.00", "4.50 to 5.50", "us", ""]),
-            ("launch, mean of many", ["6.00", "5.40 to 6.60", "us", ""]),
+            ("start of a kernel, device's clock", ["4.00", "3.60 to 4.40", "us", ""]),
+            ("start of a kernel, host's clock", ["5.00", "4.50 to 5.50", "us", ""]),
+            ("start of a kernel, mean of many", ["6.00", "5.40 to 6.60", "us", ""]),
             ("private multiply-add", ["10.0", "9.00 to 11.0", "ns", "20"]),
             ("private array", ["20.0", "18.0 to 22.0", "ns", "40"]),
             ("__local memory", ["30.0", "27.0 to 33.0", "ns", "60"]),

@@ -14,7 +14,7 @@ use crate::record::journals::RECORDS;
 use crate::report;
 use crate::report::paper::{CONFIGS, SCENES};
 use crate::settings::results;
-use crate::words::{option, quote};
+use crate::words::{few, option, quote};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -72,7 +72,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut out = OutFolder::open(&args.out, choice)?;
     let has_results = !present(&args.out)?.is_empty();
     if args.page_only && !has_results {
-        refuse_other_names(&args.out)?;
+        refuse_without_results(&args.out)?;
     }
     refuse_other_folders(&args.out, choice, out.is_known() || has_results)?;
     out.check(report::REPRODUCTION)?;
@@ -174,9 +174,20 @@ fn present(out: &Path) -> Result<Vec<PathBuf>> {
     Ok(present)
 }
 
-/// Returns an error if the folder contains folders of results that are not named after the paper's configs. Call this
-/// function only if no folder of results in `out` is named after one of these configs.
-fn refuse_other_names(out: &Path) -> Result<()> {
+/// Returns an error that says what is wrong if the folder does not exist, is a folder of results itself, or contains
+/// folders of results that are not named after the paper's configs. Call this function only if no folder of results in
+/// `out` is named after one of these configs.
+fn refuse_without_results(out: &Path) -> Result<()> {
+    if !existing::exists(out)? {
+        return Err(no_results(format!("there is no folder {}", out.display())));
+    }
+    if existing::is_file(&out.join(RECORDS))? {
+        let message = format!(
+            "{} is a folder of results; expected a folder that contains folders of results",
+            out.display()
+        );
+        return Err(no_results(message));
+    }
     let folders = existing::entries(out)?.into_iter().filter(|entry| entry.join(RECORDS).is_file());
     let mut names: Vec<String> =
         folders.map(|folder| folder.file_name().unwrap_or_default().display().to_string()).collect();
@@ -184,13 +195,17 @@ fn refuse_other_names(out: &Path) -> Result<()> {
     if names.is_empty() {
         return Ok(());
     }
-    Err(no_results(out, &format!("; it holds other folders of results: {}", names.join(", "))))
+    Err(no_results(format!("{}; it holds other folders of results: {}", holds_none(out), few(&names))))
 }
 
-/// Returns the error for a page without results. `found` is the end of the message: what is in the folder instead.
-fn no_results(out: &Path, found: &str) -> Error {
+/// Returns a message for a folder without results of the paper's configs.
+fn holds_none(out: &Path) -> String {
+    format!("{} holds no results of the paper's configs", out.display())
+}
+
+/// Returns the error for a page without results. Its help says which folder `--out` must name.
+fn no_results(message: String) -> Error {
     let names = CONFIGS.map(|(name, _)| name).join(", ");
-    let message = format!("{} holds no results of the paper's configs{found}", out.display());
     Error::input(message).with_help(format!(
         "let --out name the folder that contains the folders of results; each of them must be named after its config \
          ({names}); `raycl reproduce` without --page-only measures these configs"
@@ -217,7 +232,7 @@ fn write_page(out: &mut OutFolder) -> Result<PathBuf> {
     let folders = present(out.path())?;
     let folders = folders.iter().map(|folder| Folder::read(folder)).collect::<Result<Vec<_>>>()?;
     if folders.is_empty() {
-        return Err(no_results(out.path(), ""));
+        return Err(no_results(holds_none(out.path())));
     }
     report::write_reproduction(&folders, out)
 }
@@ -255,20 +270,28 @@ mod tests {
     #[test]
     fn a_page_of_results_with_other_names_is_refused_with_the_names_that_the_folders_must_have() {
         let folder = tempfile::tempdir().expect("a folder");
-        let refused = || {
-            let args = Args { out: folder.path().to_owned(), page_only: true, device: Vec::new(), ..args() };
+        let refused = |out: &Path| {
+            let args = Args { out: out.to_owned(), page_only: true, device: Vec::new(), ..args() };
             let error = run(args).expect_err("no results of the paper's configs");
             let remedy = error.remedy();
             assert!(error.exit_code() == 2 && remedy.contains("(pictures, figure-6, figure-7, "), "{remedy}");
             error.to_string()
         };
         let message = format!("{} holds no results of the paper's configs", folder.path().display());
-        assert_eq!(refused(), message);
-        for name in ["rep", "b"] {
+        assert_eq!(refused(folder.path()), message);
+        let add = |name: &str| {
             std::fs::create_dir(folder.path().join(name)).expect("a folder");
             std::fs::write(folder.path().join(name).join(RECORDS), "").expect("a file");
-        }
-        assert_eq!(refused(), format!("{message}; it holds other folders of results: b, rep"));
+        };
+        ["rep", "b"].into_iter().for_each(add);
+        let others = format!("{message}; it holds other folders of results");
+        assert_eq!(refused(folder.path()), format!("{others}: b, rep"));
+        ["c", "d", "e"].into_iter().for_each(add);
+        assert_eq!(refused(folder.path()), format!("{others}: b, c, d, e, and 1 more"));
+        let missing = folder.path().join("nowhere");
+        assert_eq!(refused(&missing), format!("there is no folder {}", missing.display()));
+        let own = refused(&folder.path().join("rep"));
+        assert!(own.contains("rep is a folder of results; expected a folder that contains "), "{own}");
     }
 
     #[test]

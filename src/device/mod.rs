@@ -38,6 +38,7 @@ pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub use panics::report_panics;
 pub(crate) use panics::{forget_failures, guarded, note_device, note_failure, noted, tell_panics};
 pub(crate) use quieting::{Hush, quieting};
+pub(crate) use select::has_part;
 pub use select::{default_index, matching_indices, select};
 pub use threads::{pinning_variables, thread_variables};
 

@@ -101,7 +101,7 @@ fn names(info: &DeviceInfo) -> Vec<String> {
 
 /// Returns true if a pattern is a part of a name. A pattern of digits has to be a whole number in the name: a user who
 /// gives the index of a device, such as 1, does not mean every device with this digit in its name.
-fn has_part(name: &str, pattern: &str) -> bool {
+pub(crate) fn has_part(name: &str, pattern: &str) -> bool {
     if pattern.bytes().all(|byte| byte.is_ascii_digit()) {
         return name.split(|c: char| !c.is_ascii_digit()).any(|number| number == pattern);
     }

@@ -4,9 +4,10 @@ use crate::device::{DeviceInfo, DeviceKind};
 use std::cmp::Ordering;
 use std::fmt;
 
-/// The name of a lock. All drivers for the host's processors, and the casters on the host, share one lock. Two drivers
-/// of another device share a lock if both report the same UUID or, if neither reports a UUID, the same PCI address.
-/// Names of the same lock are equal, whatever their labels are.
+/// The name of a lock. All drivers for the host's processors, and the casters on the host, share one lock.
+/// Two drivers that list the same device, if it is not the host's processors, share a lock if both report the
+/// same UUID or, if neither reports a UUID, the same PCI address. If neither reports a UUID or a PCI address,
+/// each driver has a lock of its own. Names of the same lock are equal, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct LockName {
     file: String,
@@ -36,7 +37,8 @@ impl Ord for LockName {
 
 impl LockName {
     /// Returns the name of a device's lock: from the device's UUID, else from its PCI address, else from its
-    /// own name. For `None`, returns the name of the lock of the host's processors.
+    /// platform, its name and, if several devices have this name, its number among them. For `None`, returns
+    /// the name of the lock of the host's processors.
     pub fn of(device: Option<&DeviceInfo>) -> Self {
         let Some(info) = device.filter(|info| info.kind != DeviceKind::Cpu) else {
             return Self { file: "cpu".to_owned(), label: "the host's processors".to_owned() };

@@ -354,8 +354,8 @@ impl Expected {
         self.points > 0 && self.known == self.points
     }
 
-    /// Returns a text that says how long the run takes or, if no time is known, how many frames it takes, and how
-    /// long these usually take at most.
+    /// Returns a text that says how long the run takes or, if no time is known, how many frames it takes, and
+    /// an upper limit of their total time.
     fn how_long(&self) -> String {
         let known = self.known;
         if known == 0 {
@@ -375,14 +375,14 @@ impl Expected {
         format!("about {}{more}{some}", in_minutes(self.time))
     }
 
-    /// Returns a text that says how long the frames usually take at most.
+    /// Returns a text with an upper limit of the frames' total time, and the condition under which it holds.
     fn at_most(&self) -> String {
         if self.most.is_zero() {
             return "how long this takes is unknown".to_owned();
         }
         format!(
-            "all frames together usually take at most about {}, if a frame takes at most {} ms on average; building, \
-             checking and waiting for other measurements come on top",
+            "all frames together take about {} or less, if a frame takes at most {} ms on average; building, \
+             checking and waiting for other measurements take additional time",
             in_minutes(self.most),
             significant(self.usual_frame_ms, 3)
         )
@@ -681,9 +681,9 @@ mod tests {
         for (frame_ms, holds) in [(1.0, true), (33.0, true), (99.0, true), (100.0, true), (200.0, false)] {
             assert_eq!(frames_ms(frame_ms) <= most_ms, holds, "{frame_ms}: {}", frames_ms(frame_ms));
         }
-        let text = "2 points in 2 launches: at least 10 frames of each point; all frames together usually take at most \
-                    about 3s, if a frame takes at most 100 ms on average; building, checking and waiting for other \
-                    measurements come on top";
+        let text = "2 points in 2 launches: at least 10 frames of each point; all frames together take about 3s or \
+                    less, if a frame takes at most 100 ms on average; building, checking and waiting for other \
+                    measurements take additional time";
         assert_eq!(expected.to_string(), text);
     }
 

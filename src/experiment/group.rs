@@ -202,8 +202,8 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.launches().saturating_sub(self.whole.len());
         let devices = lock_names(run, &self.points);
-        // Drivers start and programs are built only when the devices are free. This work would disturb
-        // another process's measurement, and so would checks.
+        // The run waits until the devices are free. Then it starts drivers and builds programs. This work,
+        // like the checks after it, would disturb another process's measurement.
         let interrupted = supervisor.interrupted();
         drop(take_locks(run, devices.clone(), sink, interrupted)?);
         supervisor.start_ahead(self.tasks())?;

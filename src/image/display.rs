@@ -73,14 +73,14 @@ pub fn transform(radiance: f32, display: Display) -> u8 {
     (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates, and turns NaN into 0
 }
 
-/// The display transform of one channel, as tables. A power or a binary search for every channel would take longer than
-/// writing the file.
+/// The display transform of one channel, as tables. Without the tables, each channel of each pixel would need a
+/// power or a binary search. That would take longer than writing the picture's file.
 struct Thresholds {
     /// For each value from 1 to 255, the smallest radiance that is shown as this value or a greater one; the first
     /// element is for the value 1. The last element is NaN, so that no radiance reaches it.
     smallest: [f32; Shown::VALUES],
-    /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. The bound is
-    /// usually too low by at most 2.
+    /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. It is too
+    /// low by 2 or less in most cases.
     at_least: Vec<u8>,
 }
 
@@ -98,7 +98,7 @@ impl Thresholds {
     }
 
     fn value(&self, radiance: f32) -> u8 {
-        // Radiance is black if it is NaN or not positive.
+        // A radiance that is NaN or not positive is shown as black.
         if radiance.is_nan() || radiance <= 0.0 {
             return 0;
         }

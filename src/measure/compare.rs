@@ -6,11 +6,11 @@ use super::Interval;
 /// threshold count as equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// The new result is faster by more than the threshold, for every ratio in the 95% interval.
+    /// The new time is shorter by more than the threshold: this holds for the whole 95% interval.
     Faster,
-    /// The new result is slower by more than the threshold, for every ratio in the 95% interval.
+    /// The new time is longer by more than the threshold: this holds for the whole 95% interval.
     Slower,
-    /// The difference is at most the threshold, for every ratio in the 95% interval.
+    /// The times differ by at most the threshold: this holds for the whole 95% interval.
     Same,
     /// The 95% interval contains ratios within the threshold and ratios beyond the threshold.
     Unclear,

@@ -60,7 +60,9 @@ pub use launch_end::LaunchEnd;
 pub use markdown::summary_markdown;
 pub(crate) use modes::{to_mind, two_modes};
 pub use noise::{Causes, Noise};
-pub(crate) use one_change::{Change, Changes, Compared, HOW_TO_READ_CHANGES, changes, with_interval};
+pub(crate) use one_change::{
+    Change, Changes, Compared, HOW_TO_READ_CHANGES, both_sizes, changes, with_interval,
+};
 pub use outcome::Outcome;
 pub use plan::{CurrentPlan, PlannedPoint};
 pub(crate) use point_times::{fewest, interval, is_below_resolution, launches, median};

@@ -8,7 +8,7 @@ use super::summary::Group;
 use super::types::{HOST, Record};
 use crate::entry::entry;
 use crate::measure::Interval;
-use crate::numbers::significant;
+use crate::numbers::{by, significant};
 use crate::words::counted_are;
 use column::Column;
 use pairs::{Pair, pairs};
@@ -18,10 +18,10 @@ const MOST: usize = 40;
 
 /// The explanation of the tables, for every page that has them.
 pub(crate) const HOW_TO_READ_CHANGES: &str = "Each row compares two strategies that differ in a single axis. \
-    A cell says how many times as fast the second strategy is as the first, with the ratio's 95% interval. Both \
-    strategies have the local size that the cell names: of the local sizes at which both have a rank, the one at \
-    which the faster of the two is fastest. \"Tie\" means that the samples do not show that one of the two takes \
-    more than 1% longer; \"-\" means that there is no ratio. The changes with the largest effects come first.";
+    A cell says how many times as fast the second strategy is as the first, with the ratio's 95% interval. Each \
+    strategy has the local size at which it is fastest; the cell names both sizes if they differ. \"Tie\" means \
+    that the samples do not show that one of the two takes more than 1% longer; \"-\" means that there is no ratio. \
+    The changes with the largest effects come first. About one of twenty intervals misses the true ratio.";
 
 /// The changes of a single axis on one device.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub struct Changes<'a> {
     pub left_out: usize,
 }
 
-/// A change of a single axis: two strategies that are equal in all other axes, in the order of the plan.
+/// A change of a single axis: two strategies that are equal in all other axes, in the order of the records.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change<'a> {
     /// The axis.
@@ -52,14 +52,14 @@ pub struct Change<'a> {
 /// The result of comparing two strategies in a group of points: a scene at an image size on a device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Compared {
-    /// Both strategies have a point with a rank at the same local size.
+    /// Both strategies have a point with a rank.
     Times {
         /// The first strategy's time divided by the second strategy's time: how many times as fast the second is.
         ratio: Interval,
         /// What the ratio shows.
         effect: Effect,
-        /// The local size of both points.
-        local_size: Option<[u32; 2]>,
+        /// The local size of each point: that at which the strategy is fastest.
+        local_sizes: [Option<[u32; 2]>; 2],
     },
     /// There is no ratio.
     Nothing {
@@ -149,6 +149,15 @@ impl Change<'_> {
     }
 }
 
+/// Formats the local sizes of two points: "8 x 8" if they are equal, and otherwise "8 x 8 → 4 x 4". Returns an empty
+/// text if the points have no local size.
+pub(crate) fn both_sizes([first, second]: [Option<[u32; 2]>; 2]) -> String {
+    match (first, second) {
+        (Some(first), Some(second)) if first != second => format!("{} → {}", by(first), by(second)),
+        (first, second) => first.or(second).map_or(String::new(), by),
+    }
+}
+
 /// Formats a ratio with its 95% interval, such as "1.32 (1.21 to 1.44)".
 pub(crate) fn with_interval(ratio: Interval) -> String {
     let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
@@ -173,7 +182,7 @@ pub(crate) fn changes<'a>(records: &'a [Record], groups: &[Group<'a>]) -> Vec<Ch
 fn on_device<'a>(device: &'a str, columns: &[Column<'a>], pairs: &[Pair<'a>]) -> Option<Changes<'a>> {
     let timed = pairs.iter().filter(|pair| columns.iter().any(|column| column.has_times_of(pair)));
     let mut rows: Vec<Change<'a>> = timed.map(|pair| change(pair, columns)).collect();
-    // The sort is stable, so changes with equal effects stay in the order of the plan.
+    // The sort is stable, so changes with equal effects stay in the order of the records.
     rows.sort_by(|one, other| other.largest_effect().total_cmp(&one.largest_effect()));
     let left_out = rows.len().saturating_sub(MOST);
     rows.truncate(MOST);
@@ -185,7 +194,7 @@ fn change<'a>(pair: &Pair<'a>, columns: &[Column<'a>]) -> Change<'a> {
     Change {
         axis: pair.axis,
         values: pair.values,
-        names: pair.strategies.map(|strategy| strategy.name),
+        names: pair.strategies.each_ref().map(|strategy| strategy.name),
         results: columns.iter().map(|column| column.compare(pair)).collect(),
     }
 }

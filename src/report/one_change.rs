@@ -1,7 +1,7 @@
 //! Formats the tables "One change at a time", which compare strategies that differ in a single axis.
 
 use crate::numbers::by;
-use crate::record::{Change, Changes, Compared, Group, Record, changes, with_interval};
+use crate::record::{Change, Changes, Compared, Group, Record, both_sizes, changes, with_interval};
 
 /// The table of a device.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ pub struct Cell {
     pub ratio: String,
     /// The effect in a word: "faster", "slower" or "tie"; empty without a ratio.
     pub effect: &'static str,
-    /// The local size at which the two are compared, such as "8 x 8"; empty without a ratio.
+    /// The local sizes at which the two are compared, such as "8 x 8" or "8 x 8 → 4 x 4"; empty without a ratio.
     pub size: String,
     /// The cell's tooltip: the result as a sentence, or the reason why there is no ratio.
     pub tip: String,
@@ -63,11 +63,12 @@ fn row(change: &Change<'_>) -> Row {
 
 fn cell(result: &Compared, [first, second]: [&str; 2]) -> Cell {
     match result {
-        Compared::Times { ratio, effect, local_size } => {
-            let size = local_size.map_or(String::new(), by);
+        Compared::Times { ratio, effect, local_sizes } => {
             let ratio = with_interval(*ratio);
-            let tip = format!("at {size}, {second} is {ratio} times as fast as {first}");
-            Cell { ratio, effect: effect.name(), size, tip }
+            let [one, two] =
+                local_sizes.map(|size| size.map_or(String::new(), |size| format!(" at {}", by(size))));
+            let tip = format!("{second}{two} is {ratio} times as fast as {first}{one}");
+            Cell { ratio, effect: effect.name(), size: both_sizes(*local_sizes), tip }
         }
         Compared::Nothing { why } => {
             Cell { ratio: "-".to_owned(), effect: "", size: String::new(), tip: why.clone() }
@@ -103,7 +104,7 @@ mod tests {
             let [ratio, size, tip] = [ratio, size, tip].map(str::to_owned);
             Cell { ratio, effect, size, tip }
         };
-        let sentence = "at 8 x 8, private is 2.00 (1.98 to 2.02) times as fast as naive";
+        let sentence = "private at 8 x 8 is 2.00 (1.98 to 2.02) times as fast as naive at 8 x 8";
         let cells = vec![
             cell("2.00 (1.98 to 2.02)", "faster", "8 x 8", sentence),
             cell("-", "", "", "private at 8 x 8: not enough samples (n = 3)"),

@@ -124,7 +124,7 @@ impl Page {
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
-            notes: notes(folders).into_iter().chain(left_out).collect(),
+            notes: notes(folders, |_| true).into_iter().chain(left_out).collect(),
             counts: counts(&records, &groups),
             answers,
             overview,
@@ -168,13 +168,14 @@ pub fn nonce() -> String {
     format!("{:016x}{:016x}", random(), random())
 }
 
-/// Returns the folders' notes. If there are several folders, each note begins with its folder's label.
-pub fn notes(folders: &[Folder]) -> Vec<String> {
+/// Returns the notes of the folders for which `shows` returns true. If there are several folders, each note begins with
+/// its folder's label.
+pub fn notes(folders: &[Folder], shows: impl Fn(&Folder) -> bool) -> Vec<String> {
     let of = |(folder, label): (&Folder, String)| -> Vec<String> {
         let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
         folder.notes.iter().map(said).collect()
     };
-    folders.iter().zip(labels(folders)).flat_map(of).collect()
+    folders.iter().zip(labels(folders)).filter(|(folder, _)| shows(folder)).flat_map(of).collect()
 }
 
 /// Returns the questions and expected answers of the folders' configs, without repetitions.

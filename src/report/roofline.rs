@@ -63,7 +63,8 @@ pub fn rooflines(
 fn is_of(peak: &Peak, label: &str, shown: &str, drivers: &HashMap<String, String>) -> bool {
     let without_label = shown.strip_suffix(format!(" ({label})").as_str());
     [Some(shown), without_label].into_iter().flatten().any(|name| match drivers.get(name) {
-        // Another driver's device, which has other peak rates, may have the same common name.
+        // Compares the drivers' names, not the common names: a second driver may list a device with the same
+        // common name, and that device's peak rates differ.
         Some(driver) => *driver == peak.device,
         None => name == peak.device || name == common_name(&peak.device),
     })

@@ -38,6 +38,8 @@ pub(super) struct Assembled {
     /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that
     /// has no lights.
     pub dressed: bool,
+    /// True if the scene file or a setting sets the camera's position.
+    pub eye_is_set: bool,
     /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
     /// scene is visible.
     pub is_framed: bool,
@@ -91,8 +93,9 @@ pub(super) fn assemble(
         transparent: wire.is_transparent(),
         display,
     };
-    let is_framed = framed && wire.camera.position.is_none();
-    Ok(Assembled { scene, orbit, starts, dressed: studio.is_some(), is_framed })
+    let eye_is_set = wire.camera.position.is_some();
+    let is_framed = framed && !eye_is_set;
+    Ok(Assembled { scene, orbit, starts, dressed: studio.is_some(), eye_is_set, is_framed })
 }
 
 /// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name.

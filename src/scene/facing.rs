@@ -19,22 +19,31 @@ const MOST: f64 = 0.5;
 /// forward axis, and true if the surface faces away. The depth is infinite if there is no surface.
 type Nearest = Vec<(f64, bool)>;
 
-/// The beginning of the note if the eye is inside an object. In a scene file without a camera, the eye is at the
-/// origin, which is often inside an object.
+/// The beginning of the note if the eye is inside an object, although the scene file does not set the eye's position.
+/// The eye is then usually at the origin, which is often inside an object. If the file sets the position, its author
+/// probably wants to see an object's inside, and an angle would have no effect beside the position.
 const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimuth 30 --elevation 20` (azimuth_degrees \
                       and elevation_degrees of [camera]) places the camera outside, where it sees the whole scene; ";
 
 /// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
 /// `aspect`. `starts` contains the index of the first triangle of each object. `is_turned` is true for a scene on a
-/// turntable with `two_sided`: raycl has then already reversed either all normals of the scene or none.
-pub(super) fn note(scene: &Scene, starts: &[u32], aspect: f64, is_turned: bool) -> Option<String> {
+/// turntable with `two_sided`: raycl has then already reversed either all normals of the scene or none. `eye_is_set` is
+/// true if the scene file or a setting sets the eye's position.
+pub(super) fn note(
+    scene: &Scene,
+    starts: &[u32],
+    aspect: f64,
+    is_turned: bool,
+    eye_is_set: bool,
+) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     let remedy = match is_turned {
         true => "a scene that is seen from all sides gets either all of its normals reversed or none",
         false => "--two-sided (two_sided = true) reverses its normals",
     };
     (part > MOST).then(|| {
-        let inside = if is_inside(&scene.mesh, starts, scene.camera.position) { INSIDE } else { "" };
+        let is_lost = !eye_is_set && is_inside(&scene.mesh, starts, scene.camera.position);
+        let inside = if is_lost { INSIDE } else { "" };
         format!(
             "{inside}{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
             100.0 * part

@@ -89,7 +89,7 @@ pub(super) struct CameraWire {
 #[serde(deny_unknown_fields)]
 #[schemars(transform = both_names_of_mesh)]
 pub(super) struct ObjectWire {
-    /// The path of a mesh, relative to this file: OBJ, PLY, STL, glTF or GLB, also as .gz.
+    /// The path of a mesh file (OBJ, PLY, STL, glTF or GLB; may be compressed as .gz), relative to the scene file.
     #[serde(alias = "mesh")]
     #[schemars(with = "Option<String>")]
     pub obj: Option<Spanned<String>>,

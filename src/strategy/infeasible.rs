@@ -86,7 +86,7 @@ impl Infeasible {
         Self { reason, cause: Cause::WorkGroup }
     }
 
-    /// Makes the refusal of a point whose strategy cannot cast the scene on any device.
+    /// Makes the refusal of a point whose scene contains something that its strategy does not support.
     pub fn lacking(reason: String) -> Self {
         Self { reason, cause: Cause::Lacking }
     }

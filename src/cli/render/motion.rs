@@ -43,8 +43,8 @@ pub struct Motion {
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = whole::<u32>(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is
-    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder. Not with the options that
-    /// --turntable excludes
+    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder. Not with --turntable,
+    /// --watch, --devices, --verify, --repeat or --layers
     #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
     /// With --turntable or --animate: render only frames A to B, both included; the first frame has the number 1
@@ -62,8 +62,8 @@ pub struct Motion {
 
 /// The name of the group of options that make pictures move.
 pub(super) const MOVING: &str = "moving";
-/// The options that cannot be used with `--turntable` or `--animate`. The options `--layers`, `--every-device` and
-/// `--no-wait` are not in this list: each of them declares in `render.rs` that it conflicts with these two options.
+/// Options that conflict with `--turntable` and `--animate`. `--layers`, `--every-device` and `--no-wait` conflict
+/// with them too; `render.rs` declares this for each.
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {
@@ -224,8 +224,8 @@ fn sink(args: &Args, film: &Film, wanted: Frames, transparent: bool) -> Result<S
     Ok(sink)
 }
 
-/// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, these are the
-/// frames that have no picture yet; for a movie (a single file or a stream), they are all frames.
+/// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, frames
+/// whose picture is still right are left out. A movie (a single file or a stream) needs all frames.
 fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) -> Result<Vec<u32>> {
     match sink {
         Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number))),

@@ -23,9 +23,9 @@ use std::time::Instant;
 struct Report {
     scene: String,
     triangles: usize,
-    /// The value of every axis of the strategy, if all devices use the same strategy.
+    /// The value of every axis of the strategy, if all devices use the same strategy; null otherwise.
     strategy: Option<String>,
-    /// Local size, if all devices use the same local size.
+    /// Local size, if all devices use the same local size; null otherwise.
     local_size: Option<[u32; 2]>,
     image_size: [u32; 2],
     /// Samples per pixel.

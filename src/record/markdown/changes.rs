@@ -3,7 +3,9 @@
 use super::lay_out;
 use crate::numbers::by;
 use crate::printer::markdown;
-use crate::record::one_change::{Change, Changes, Compared, HOW_TO_READ_CHANGES, changes, with_interval};
+use crate::record::one_change::{
+    Change, Changes, Compared, HOW_TO_READ_CHANGES, both_sizes, changes, with_interval,
+};
 use crate::record::summary::Group;
 use crate::record::types::Record;
 use std::collections::HashMap;
@@ -36,9 +38,9 @@ fn row(change: &Change<'_>) -> Vec<String> {
 
 fn cell(result: &Compared) -> String {
     match result {
-        Compared::Times { ratio, effect, local_size } => {
-            let size = local_size.map_or(String::new(), |size| format!(", {}", by(size)));
-            format!("{}, {}{size}", with_interval(*ratio), effect.name())
+        Compared::Times { ratio, effect, local_sizes } => {
+            let parts = [with_interval(*ratio), effect.name().to_owned(), both_sizes(*local_sizes)];
+            parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
         }
         Compared::Nothing { .. } => "-".to_owned(),
     }

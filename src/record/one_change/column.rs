@@ -14,75 +14,59 @@ pub(super) struct Column<'a> {
     pub(super) scene: &'a str,
     /// Image size in pixels: across, down.
     pub(super) image_size: [u32; 2],
-    /// The points of each strategy: first those with a rank, the fastest first, and last those without a time.
-    points: HashMap<Identity<'a>, Vec<Point<'a>>>,
-}
-
-/// A point of a group.
-#[derive(Clone, Copy)]
-struct Point<'a> {
-    record: &'a Record,
-    /// The point's place among the points of its group that have a rank, from 0 for the fastest; `None` without a rank.
-    rank: Option<usize>,
+    /// The fastest point of each strategy that has a point with a rank.
+    ranked: HashMap<Identity<'a>, &'a Record>,
+    /// A point without a rank of each strategy that has one; if possible, a point with a time.
+    others: HashMap<Identity<'a>, &'a Record>,
 }
 
 impl<'a> Column<'a> {
     /// Ranks the points of a group, and sorts them by strategy.
     pub(super) fn of(group: &Group<'a>) -> Self {
         let ranking = group.ranking();
-        let ranked = ranking.ranked.iter().copied().enumerate();
-        let ranked = ranked.map(|(rank, record)| Point { record, rank: Some(rank) });
         let failed = group.failures().into_iter().map(|(record, _)| record);
-        let others = ranking.unranked.iter().copied().chain(failed);
-        let others = others.map(|record| Point { record, rank: None });
-        let mut points: HashMap<Identity<'a>, Vec<Point<'a>>> = HashMap::new();
-        for point in ranked.chain(others) {
-            points.entry(Identity::of(point.record)).or_default().push(point);
+        let mut ranked: HashMap<Identity<'a>, &'a Record> = HashMap::new();
+        let mut others: HashMap<Identity<'a>, &'a Record> = HashMap::new();
+        for record in ranking.ranked.iter().copied() {
+            ranked.entry(Identity::of(record)).or_insert(record);
         }
-        Self { scene: group.scene, image_size: group.image_size, points }
+        for record in ranking.unranked.iter().copied().chain(failed) {
+            others.entry(Identity::of(record)).or_insert(record);
+        }
+        Self { scene: group.scene, image_size: group.image_size, ranked, others }
     }
 
-    /// Returns the points of both strategies at each local size that both have.
-    fn at_common_sizes(&self, pair: &Pair<'a>) -> Vec<[Point<'a>; 2]> {
-        let of = |strategy: Identity<'a>| self.points.get(&strategy).map(Vec::as_slice).unwrap_or_default();
-        let [first, second] = pair.strategies.map(of);
-        let mut both = Vec::new();
-        for one in first {
-            let has_its_size = |other: &&Point<'a>| other.record.local_size == one.record.local_size;
-            both.extend(second.iter().find(has_its_size).map(|other| [*one, *other]));
-        }
-        both
-    }
-
-    /// Returns true if both strategies have a time at the same local size, with or without a rank.
+    /// Returns true if both strategies have a time, with or without a rank.
     pub(super) fn has_times_of(&self, pair: &Pair<'a>) -> bool {
-        let has_time = |point: &Point<'a>| median(point.record).is_some();
-        self.at_common_sizes(pair).iter().any(|both| both.iter().all(has_time))
+        let has_time = |strategy| {
+            let point = self.ranked.get(strategy).or_else(|| self.others.get(strategy));
+            point.is_some_and(|record| median(record).is_some())
+        };
+        pair.strategies.iter().all(has_time)
     }
 
-    /// Compares two strategies at the same local size: of the local sizes at which both have a rank, the one at which
-    /// the faster of the two is fastest.
+    /// Compares two strategies, each at the local size at which it is fastest.
     pub(super) fn compare(&self, pair: &Pair<'a>) -> Compared {
-        let points = self.at_common_sizes(pair);
-        let ranked = points.iter().filter_map(|[one, other]| Some((one.rank?.min(other.rank?), one, other)));
-        let best = ranked.min_by_key(|(rank, ..)| *rank);
-        let known = best.and_then(|(_, one, other)| Some((ratio(one.record, other.record)?, one.record)));
+        let [first, second] = [0, 1].map(|index| self.ranked.get(&pair.strategies[index]));
+        let known =
+            first.zip(second).and_then(|(first, second)| Some((ratio(first, second)?, first, second)));
         match known {
-            Some((ratio, one)) => {
-                Compared::Times { ratio, effect: Effect::of(ratio), local_size: one.local_size }
+            Some((ratio, first, second)) => {
+                let local_sizes = [first.local_size, second.local_size];
+                Compared::Times { ratio, effect: Effect::of(ratio), local_sizes }
             }
-            None => Compared::Nothing { why: self.why_nothing(pair, &points) },
+            None => Compared::Nothing { why: self.why_nothing(pair) },
         }
     }
 
-    /// Returns the reason why two strategies have no ratio. `points` are their points at common local sizes.
-    fn why_nothing(&self, pair: &Pair<'a>, points: &[[Point<'a>; 2]]) -> String {
-        let unranked = points.iter().flatten().find(|point| point.rank.is_none());
-        let absent = pair.strategies.iter().find(|strategy| !self.points.contains_key(*strategy));
-        match (unranked, absent) {
-            (Some(point), _) => why_unranked(point.record),
-            (None, Some(strategy)) => format!("there is no point of {}", strategy.name),
-            (None, None) => "the two strategies have no local size in common".to_owned(),
+    /// Returns the reason why two strategies have no ratio.
+    fn why_nothing(&self, pair: &Pair<'a>) -> String {
+        match pair.strategies.iter().find(|strategy| !self.ranked.contains_key(*strategy)) {
+            Some(strategy) => match self.others.get(strategy) {
+                Some(record) => why_unranked(record),
+                None => format!("there is no point of {}", strategy.name),
+            },
+            None => "their times cannot be compared".to_owned(),
         }
     }
 }

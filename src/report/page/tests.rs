@@ -116,8 +116,8 @@ fn one_change_at_a_time_is_between_the_plots_of_all_scenes_and_those_of_one() {
         "<caption>gpu, 800 x 500</caption>",
         "<th scope=\"col\">change</th><th scope=\"col\" class=\"num\">room</th>",
         "<th scope=\"row\">vectors: heap → private <small>(naive → private)</small></th>",
-        "title=\"at 8 x 8, private is 2.00 (1.98 to 2.02) times as fast as naive\"",
-        ">2.00 (1.98 to 2.02) <b class=\"faster\">faster</b> <small>8 x 8</small></td>",
+        "title=\"private at 8 x 8 is 2.00 (1.98 to 2.02) times as fast as naive at 8 x 8\"",
+        ">2.00 (1.98 to 2.02)<br><b class=\"faster\">faster</b> <small>8 x 8</small></td>",
         "title=\"private at 8 x 8: not enough samples (n = 3)\">-</td>",
     ] {
         assert!(section.contains(part), "{part} is not in {section}");

@@ -148,14 +148,30 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
 }
 
 /// Returns the best strategy with its memories and its time, such as "private (vectors private, triangles
-/// global): 1.887 ms". If several strategies tie, returns all of them, with the time of the fastest.
+/// global): 1.887 ms". If several strategies tie, returns all of them, each with the local sizes at which it ties, and
+/// the time of the fastest.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
     let winners = names(&contest.ranking.winners);
-    let tie = if winners.len() > 1 { ", a tie" } else { "" };
-    let winners: Vec<String> = winners.iter().map(|name| format!("{name} ({})", homes(name))).collect();
-    format!("{}{tie}: {time}", winners.join(" or "))
+    if let [only] = winners[..] {
+        return format!("{only} ({}): {time}", homes(only));
+    }
+    let tied = |name: &&str| {
+        let records = contest.ranking.winners.iter().copied().filter(|record| record.name == *name);
+        format!("{name} ({}, {})", homes(name), at_sizes(&records.collect::<Vec<_>>()))
+    };
+    format!("{}, a tie: {time}", winners.iter().map(tied).collect::<Vec<_>>().join(" or "))
+}
+
+/// Returns the local sizes of the records: "at 8 x 8 and 16 x 16", or "at 9 local sizes".
+fn at_sizes(records: &[&Record]) -> String {
+    let mut sizes = view::sizes(records.iter().copied());
+    sizes.dedup();
+    match sizes.len() {
+        0..=3 => format!("at {}", sizes.iter().map(|size| by(*size)).collect::<Vec<_>>().join(" and ")),
+        many => format!("at {many} local sizes"),
+    }
 }
 
 /// Returns the memories that hold a preset's working vectors and triangles: "vectors private, triangles
@@ -256,7 +272,7 @@ fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
     let said = |contests: &[&Contest<'_>], what: &str| {
         (!contests.is_empty()).then(|| format!("{}, naive {what}", places(contests, all)))
     };
-    let scenes = [said(&alone, "is the fastest"), said(&ties, "ties with the fastest")];
+    let scenes = [said(&alone, "is the fastest"), said(&ties, "ties for fastest")];
     let scenes = scenes.into_iter().flatten().collect::<Vec<_>>().join("; ");
     if ties.is_empty() {
         return format!("there is no gain to explain: {scenes}");
@@ -358,7 +374,7 @@ mod tests {
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
         let answer = of(&tie);
         assert!(answer.sure.ends_with("2 of 2 points tie for fastest"), "{}", answer.sure);
-        let none = "no reason can be given: on teapot, naive ties with the fastest. Differences below ";
+        let none = "no reason can be given: on teapot, naive ties for fastest. Differences below ";
         assert!(answer.why.starts_with(none) && answer.why.ends_with(" not detected here"), "{}", answer.why);
         let on_gourd = |name: &str, ms| Record {
             key: format!("gourd {name}"),
@@ -381,15 +397,11 @@ mod tests {
         let win = |scene: &str| [on(scene, "naive", 2.0, 0.0), on(scene, "private", 4.0, 0.0)];
         let differences = ". Differences below ";
         for (scenes, said, detects) in [
-            (vec![tie("teapot"), tie("room")], "in both scenes, naive ties with the fastest", true),
-            (
-                vec![tie("teapot"), tie("room"), tie("gourd")],
-                "in all 3 scenes, naive ties with the fastest",
-                true,
-            ),
+            (vec![tie("teapot"), tie("room")], "in both scenes, naive ties for fastest", true),
+            (vec![tie("teapot"), tie("room"), tie("gourd")], "in all 3 scenes, naive ties for fastest", true),
             (
                 vec![tie("teapot"), win("room")],
-                "on room, naive is the fastest; on teapot, naive ties with the fastest",
+                "on room, naive is the fastest; on teapot, naive ties for fastest",
                 true,
             ),
             (vec![win("teapot"), win("room")], "in both scenes, naive is the fastest", false),
@@ -408,9 +420,9 @@ mod tests {
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
         let said = of(&tie).strategy;
         for part in [
-            "naive (vectors global heap, triangles global)",
+            "naive (vectors global heap, triangles global, at 8 x 8)",
             " or ",
-            "local-triangles (vectors global heap, triangles local)",
+            "local-triangles (vectors global heap, triangles local, at 8 x 8)",
             "), a tie: ",
         ] {
             assert!(said.contains(part), "{part:?} is not in {said}");

@@ -10,9 +10,9 @@ mod predicted;
 use super::claims::{Claim, Row, Run, Verdict, claims, table};
 use super::common_names::with_common_names;
 use super::gallery::Pictures;
-use super::merged::{labels, merged};
+use super::merged::merged;
 use super::overview::devices;
-use super::page::{SCRIPT, STYLE, nonce};
+use super::page::{SCRIPT, STYLE, nonce, notes};
 use super::plot::Plot;
 use super::view::PAPER_SIZE;
 use crate::error::{Error, Result};
@@ -151,16 +151,6 @@ fn commands(folders: &[Folder]) -> Vec<String> {
 /// Returns true if a folder has results of a device.
 fn has_results(folder: &Folder, device: &str) -> bool {
     folder.records.iter().any(|record| record.device == device)
-}
-
-/// Returns the notes of the folders for which `shows` returns true. If there are several folders, their labels are
-/// added to the notes.
-fn notes(folders: &[Folder], shows: impl Fn(&Folder) -> bool) -> Vec<String> {
-    let of = |(folder, label): (&Folder, String)| -> Vec<String> {
-        let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
-        folder.notes.iter().map(said).collect()
-    };
-    folders.iter().zip(labels(folders)).filter(|(folder, _)| shows(folder)).flat_map(of).collect()
 }
 
 /// Returns the results of a device, without notes; `index` is the device's index on the page. `taken` contains

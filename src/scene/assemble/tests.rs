@@ -744,6 +744,21 @@ fn an_eye_inside_an_object_is_noted_with_the_options_that_place_it_outside() {
     assert!(!outside.contains("the eye is inside"), "{outside}");
 }
 
+/// An angle would have no effect beside the position, and the author probably wants to see the inside.
+#[test]
+fn an_eye_that_the_file_places_inside_an_object_is_not_sent_outside() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    for angle in ["", "azimuth_degrees = 30\n"] {
+        let camera = format!("[camera]\nposition = [0.1, 0, 0]\n{angle}");
+        std::fs::write(&path, camera + "[[object]]\nshape = \"sphere\"\ntriangles = 200\n").unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        let start = "100% of the visible surface faces away";
+        let is_it = |note: &String| note.starts_with(start) && note.contains("--two-sided");
+        assert!(notes.iter().any(is_it), "{angle}{notes:?}");
+    }
+}
+
 /// A mesh in another folder may belong to somebody else, so notes must not quote it. Notes that quote nothing
 /// from the file are shown.
 #[test]

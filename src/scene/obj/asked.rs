@@ -57,7 +57,7 @@ impl Wish {
             Self::Refraction => ("refraction", "every surface is opaque"),
             Self::Unlit => ("a colour without light", "the surface is lit like any other"),
             Self::NoHighlight => ("no highlight", "there is a highlight, since Ks is not zero"),
-            Self::ShadowCatcher => ("an invisible surface for shadows", "the surface is drawn"),
+            Self::ShadowCatcher => ("a surface that shows only shadows", "the surface is drawn"),
             Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
             Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),

@@ -265,7 +265,7 @@ fn what_a_material_asks_for_is_noted_by_name_and_count() {
         ("illum 1\nKs 1 1 1", "asks for no highlight (illum 1)"),
         ("illum 3", "asks for mirror reflections (illum 3)"),
         ("illum 7\nNi 1.5", "asks for refraction (illum 7)"),
-        ("illum 10", "asks for an invisible surface for shadows (illum 10)"),
+        ("illum 10", "asks for a surface that shows only shadows (illum 10)"),
         ("illum 42", "asks for an unknown illumination model (illum 42)"),
         ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are ignored (`kd`)"),
     ];

@@ -1,6 +1,6 @@
-//! Selects kinds of device by the words that select devices for a run.
+//! Selects the kinds of device whose results are merged.
 
-use crate::device::DeviceKind;
+use crate::device::{DeviceKind, has_part};
 use crate::error::Result;
 use crate::existing;
 use crate::record::HOST;
@@ -35,7 +35,8 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
 
 /// Returns the kinds that took part and are selected, and the words that match no kind. If there are no words, all
 /// kinds are selected. The host's kinds are always selected. A word is `all`, a type of device (`cpu`, `gpu`,
-/// `accelerator`), or a part of a kind's description.
+/// `accelerator`), or a part of a kind's description. A word of digits only has to be a whole number there,
+/// as with `raycl run --device`.
 pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>, Vec<String>) {
     let has =
         |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());
@@ -55,7 +56,7 @@ fn matches(kind: &Kind, known: Option<&String>, word: &str) -> bool {
         _ if word == "all" => true,
         _ if is_type && kind.device == HOST => false,
         Some(known) if is_type => known == word,
-        _ => format!("{} | {}", kind.device, kind.identity).to_lowercase().contains(word),
+        _ => has_part(&format!("{} | {}", kind.device, kind.identity).to_lowercase(), word),
     }
 }
 
@@ -90,6 +91,15 @@ mod tests {
         assert_eq!(selected(&["POCL"]), (names(&["host", "cpu"]), vec![]));
         assert_eq!(selected(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
         assert_eq!(selected(&["cpu"]), (names(&["host", "cpu"]), vec![]), "the types are unknown");
+    }
+
+    #[test]
+    fn a_number_selects_kinds_only_as_a_whole() {
+        let all = [kind("NVIDIA H200", "CUDA | driver 580"), kind("cpu", "PoCL | 7.0")];
+        let selected = |word: &str| selected(&all, &Types::new(), &[word]);
+        assert_eq!(selected("200"), (names(&["NVIDIA H200"]), vec![]));
+        assert_eq!(selected("7"), (names(&["cpu"]), vec![]));
+        assert_eq!(selected("20"), (vec![], names(&["20"])));
     }
 
     #[test]

@@ -57,8 +57,9 @@ pub struct Merged {
 type Measured = (usize, Record);
 
 /// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains
-/// words that select kinds of device, as for `raycl run --device`; if `meant` is empty, all kinds that took
-/// part are used.
+/// words that select kinds of device. Each word is `all`, a type of device (`cpu`, `gpu`, `accelerator`) or a
+/// part of a kind's description; a number has to be a whole number there. Without words, all kinds that took
+/// part are merged. The baselines are always merged.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;

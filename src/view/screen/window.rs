@@ -213,8 +213,8 @@ fn too_few_colours(display: &str, depth: u8, bits: u8) -> Error {
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
-    /// True if the last call of `set_key_state` reported a key as down that was already down before this
-    /// call.
+    /// True if the key of the last call of `set_key_state` is being held: it is down, and was already down
+    /// before.
     is_held: bool,
 }
 
