@@ -98,8 +98,8 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
 }
 
 impl Shown {
-    /// Returns the output of `raycl cache show`: the cache's folder, the number of its entries and their
-    /// sizes.
+    /// Returns what `raycl cache show` prints: the cache's folder, the number and total size of its entries,
+    /// the cache's limit, and the reason if the folder cannot be used.
     fn of(cache: &Cache) -> Self {
         let entries = cache.entries();
         Self {

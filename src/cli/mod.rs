@@ -323,8 +323,9 @@ impl Cli {
 
 /// Prepares this process and its child processes for drivers. First stores the values that the drivers'
 /// environment variables have now, then sets the variables that raycl chooses for drivers. A driver reads its
-/// variables when it is loaded; child processes inherit the variables. If `measures` is true, PoCL (an OpenCL
-/// driver for CPUs) pins its threads. The process must not have loaded a driver or started a thread before.
+/// variables when it is loaded; child processes inherit the variables. If `measures` is true, raycl asks PoCL
+/// (an OpenCL driver for CPUs) to pin its threads, where this is possible. The process must not have loaded a
+/// driver or started a thread before.
 pub(crate) fn prepare_for_drivers(measures: bool) {
     remember_libraries();
     variables::of_user();

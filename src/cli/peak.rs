@@ -196,14 +196,15 @@ fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }
 
-/// Returns one table of rates per device. If several devices have the same common name, the tables use names
-/// that differ.
+/// Returns a heading and a table of rates per device. If several devices have the same common name, their
+/// headings have names that differ.
 fn texts(all: &[Peak]) -> Vec<String> {
     let names = common_names(all.iter().map(|peak| peak.device.as_str()));
     all.iter().map(|peak| text(peak, &names[peak.device.as_str()])).collect()
 }
 
-/// Returns the table of a device's rates; `device` is the device's name in the table.
+/// Returns a heading and the table of a device's peak rates and latencies. The heading begins with `device`,
+/// a name that no other device in the output has.
 fn text(peak: &Peak, device: &str) -> String {
     let mut table = super::table(&["rate or time", "median", "quartiles", "unit", "cycles"], 1);
     let mut row = |name: &str, figure: &Figure, scale: f64, unit: &str, cycles: Option<f64>| {

@@ -40,8 +40,8 @@ pub struct Cost {
 /// The expected time of a block, and the block.
 type Priced = (f64, Block);
 
-/// The limits that [`cut`] tries for the expected times of the pieces of a group, largest first. A limit is a fraction
-/// of the time that each shard would take if all shards had equally much work.
+/// The targets that [`cut`] tries for the expected times of the pieces of a group, largest first. A target is
+/// a fraction of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// With smaller pieces, control points are measured more often: once in each piece of a group. Smaller pieces
 /// are therefore used only if they shorten the time of the shard that takes longest by more than this

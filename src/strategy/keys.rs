@@ -59,7 +59,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "layout",
         "index_bits",
-        "bits of an index into the lists of positions and normals; none for a triangle soup",
+        "bits of an index into the lists of positions and normals; `none` for a triangle soup",
         Takes::Words(&["none", "16", "32"]),
     ),
     key("shading", "shades", "the hits that are shaded", Takes::Words(&["each-nearer-hit", "nearest-hit"])),
@@ -78,7 +78,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "intersector",
         "exact_signs",
-        "whether the test needs exact signs, which math = fast does not preserve",
+        "whether the test needs the exact signs of its numbers, which `math = fast` may change",
         Takes::Words(&["yes", "no"]),
     ),
     Key {

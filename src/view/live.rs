@@ -165,8 +165,8 @@ impl Live {
         self.view(pose).0
     }
 
-    /// Returns the camera and the lights for a position of the eye. Lights that raycl added to a mesh move with the
-    /// eye.
+    /// Returns the camera and the lights for a position of the eye. Lights that raycl added to a mesh turn
+    /// with the eye around the scene.
     pub fn view(&self, pose: &Pose) -> (Camera, Vec<Light>) {
         let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
         (fitted(camera, self.framed, self.size()), lights)

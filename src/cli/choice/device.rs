@@ -13,9 +13,9 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }
 
-/// Returns the index, in `infos`, of the device that [`one_device`] chooses. `word` is the text that names a device in
-/// the user's settings. Returns an error if `pattern` or `word` matches no usable device. Without `pattern` and `word`,
-/// returns `None` if no device is usable.
+/// Returns the index, in `infos`, of the device that [`one_device`] chooses. `word` is the text that
+/// names a device in `RAYCL_DEVICE` or the user's settings. Returns an error if `pattern` or `word` matches
+/// no usable device. Without `pattern` and `word`, returns `None` if no device is usable.
 fn one_device_index(
     infos: &[DeviceInfo],
     pattern: Option<&str>,

@@ -205,7 +205,7 @@ fn text(report: &Report) -> String {
         if report.samples > 1 { format!(", {} samples each", report.samples) } else { String::new() };
     lines.push(format!("size      {width} x {height} pixels{samples}\n{table}"));
     lines.push(format!(
-        "frame     {:.2} ms on the slowest device (median of {}); upload {:.2} ms, download {:.2} ms",
+        "longest   on any device: frame {:.2} ms (median of {}), upload {:.2} ms, read {:.2} ms",
         report.frame_ms, report.frames, report.upload_ms, report.read_ms
     ));
     lines.extend(
@@ -333,7 +333,7 @@ mod tests {
             "device rows strategy build ms upload ms frame ms read ms",
             "one 0 to 2 deferred 10.00 11.00 6.00 12.00",
             "two 3 to 8 deferred 10.00 11.00 6.00 12.00",
-            "frame 1.00 ms on the slowest device (median of 7); upload 2.00 ms, download 3.00 ms",
+            "longest on any device: frame 1.00 ms (median of 7), upload 2.00 ms, read 3.00 ms",
             "left out slow: it is slow",
             "verified against the reference picture: largest relative difference 0.0e0, 0 pixels uncertain",
             "note a remark",

@@ -15,8 +15,8 @@ pub fn in_two_launches(name: &str, ms: f64, slower: f64) -> Record {
     sampled(name, (0..10).map(|index| (index / 5, at(index))))
 }
 
-/// Two groups of points have equally many launches. How much launches differ on one machine or device says
-/// nothing about other machines or devices.
+/// A group's launches narrow the intervals of another group only if both were measured on the same machine
+/// and devices.
 #[test]
 fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
     let of = |host: Option<&str>, device: &str| Record {

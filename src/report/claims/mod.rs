@@ -77,8 +77,8 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The paper's text lists five scenes, but the legend of Figure 6 has four.",
     "Figures 6 to 8 have no point at 14 x 14, although the text names this block size.",
-    "The paper repeats no measurement, shows no error bars and names no device, so none of its differences can be called \
-     significant.",
+    "The paper reports no repeated measurements, no error bars and no device, so differences of about an \
+     eighth cannot be distinguished from noise.",
     "Figure 3's caption puts the lower light at (2, 0, 0), but the picture is lit from (3, 0.95, -1.5).",
 ];
 

@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 /// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the picture is
 /// not copied again. If a different file of that name exists, a hash of the picture's bytes is added to the copy's
 /// name, also in the record. The attempt may come from a stranger, so a picture is left out if its path leads out of
-/// the attempt's folder, even if only through a link. Fails if a link is in the place of a folder of the copy.
+/// the attempt's folder, even if only through a link. Fails if a folder into which it copies is a link.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     let pictures = [
         &mut record.image,
