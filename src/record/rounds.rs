@@ -172,7 +172,8 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved to other cores. This changes times, above all those of kernels whose work-groups share data.",
+             probably moved to other cores. This changes the times of everything that runs on these processors, \
+             above all of kernels whose work-groups share data.",
             significant(low, 2),
             significant(high, 2)
         )
