@@ -187,6 +187,11 @@ pub mod tests {
         }
     }
 
+    /// Returns the record with the axes of an exhaustive strategy whose working vectors are in this memory.
+    pub fn in_memory(record: Record, vectors: &str) -> Record {
+        Record { strategy: format!("traversal=exhaustive vectors={vectors}"), ..record }
+    }
+
     /// Returns a measured record with `n` samples in one launch.
     pub fn few(device: &str, name: &str, side: u32, ms: f64, n: usize) -> Record {
         Record { samples_ms: vec![ms; n], sample_launches: vec![0; n], ..measured(device, name, side, ms) }

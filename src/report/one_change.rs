@@ -79,12 +79,8 @@ fn cell(result: &Compared, [first, second]: [&str; 2]) -> Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{few, judged, measured};
+    use crate::record::fixtures::{few, in_memory, judged, measured};
     use crate::record::groups;
-
-    fn in_memory(record: Record, vectors: &str) -> Record {
-        Record { strategy: format!("traversal=exhaustive vectors={vectors}"), ..record }
-    }
 
     fn tables_of(records: impl Into<Vec<Record>>) -> Vec<Table> {
         let records = judged(records);

@@ -50,11 +50,7 @@ fn cell(result: &Compared) -> String {
 mod tests {
     use super::super::summary_markdown;
     use super::*;
-    use crate::record::fixtures::{few, judged, measured};
-
-    fn in_memory(record: Record, vectors: &str) -> Record {
-        Record { strategy: format!("traversal=exhaustive vectors={vectors}"), ..record }
-    }
+    use crate::record::fixtures::{few, in_memory, judged, measured};
 
     fn summary(records: impl Into<Vec<Record>>) -> String {
         summary_markdown(&judged(records), &[], "?", "!")
