@@ -208,4 +208,11 @@ mod tests {
         std::fs::write(&path, "another").unwrap();
         assert!(!still());
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_neither_an_ordinary_file_nor_a_folder() {
+        let device = Path::new("/dev/null");
+        assert!(exists(device).unwrap() && !is_file(device).unwrap() && !is_folder(device).unwrap());
+    }
 }

@@ -259,4 +259,15 @@ mod tests {
         let all = [999, 1_500, 2_340_000, 12_000_000_000].map(readable);
         assert_eq!(all, ["999 B", "1.5 kB", "2.3 MB", "12.0 GB"]);
     }
+
+    #[test]
+    fn in_the_first_version_of_control_groups_what_groups_below_can_give_back_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("memory.limit_in_bytes", "1000\n");
+        write("memory.usage_in_bytes", "900\n");
+        write("memory.stat", "inactive_file 5\ntotal_inactive_file 300\n");
+        let Available { bytes, source } = group_available(folder.path(), &VERSION_1).unwrap();
+        assert_eq!((bytes, source.ends_with("memory.limit_in_bytes")), (400, true), "{source}");
+    }
 }

@@ -162,8 +162,13 @@ pub fn device() -> Option<String> {
 /// Returns the place that names the default device: the environment variable or the settings file. Returns
 /// `None` if neither names a device.
 pub fn device_origin() -> Option<&'static str> {
-    let of_file = || user().wire.device.is_some().then_some("your settings file");
-    variable(DEVICE).map(|_| DEVICE).or_else(of_file)
+    origin(variable(DEVICE).is_some(), user().wire.device.is_some())
+}
+
+/// Returns the place that names the default device. The arguments are true if the environment and the settings file
+/// name a device; the environment takes precedence.
+fn origin(in_environment: bool, in_file: bool) -> Option<&'static str> {
+    in_environment.then_some(DEVICE).or(in_file.then_some("your settings file"))
 }
 
 /// Returns `error`, an error about the default device, with the place that names this device: the environment
@@ -246,5 +251,11 @@ mod tests {
             assert_eq!(filled(Some(blank.to_owned())), None);
         }
         assert_eq!(filled(Some("cpu".to_owned())).as_deref(), Some("cpu"));
+    }
+
+    #[test]
+    fn the_default_device_is_that_of_the_environment_and_then_that_of_the_file() {
+        assert_eq!([origin(true, true), origin(true, false)], [Some(DEVICE); 2]);
+        assert_eq!([origin(false, true), origin(false, false)], [Some("your settings file"), None]);
     }
 }

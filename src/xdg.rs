@@ -1,6 +1,7 @@
 //! The user's folders, according to the XDG base directory specification
 //! (<https://specifications.freedesktop.org/basedir-spec/latest/>).
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Returns the folder `raycl` in the folder that the environment variable `variable` names. If the variable names no
@@ -35,5 +36,23 @@ fn home() -> Option<PathBuf> {
 
 /// Returns the path in an environment variable; `None` if the variable is not set or the path is relative.
 fn named(variable: &str) -> Option<PathBuf> {
-    std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute())
+    absolute(std::env::var_os(variable))
+}
+
+/// Returns the path in the value of a variable; `None` if there is no value or the path is relative.
+fn absolute(value: Option<OsString>) -> Option<PathBuf> {
+    value.map(PathBuf::from).filter(|path| path.is_absolute())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_relative_path_and_an_empty_value_name_no_folder() {
+        let of = |value: &str| absolute(Some(value.into()));
+        assert!([absolute(None), of(""), of("caches"), of("./caches")].iter().all(Option::is_none));
+        let here = env!("CARGO_MANIFEST_DIR");
+        assert_eq!(of(here), Some(PathBuf::from(here)));
+    }
 }

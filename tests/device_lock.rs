@@ -15,6 +15,15 @@ local_sizes = [2, 4]
 strategies = ["naive", "deferred"]
 baselines = ["serial"]
 "#;
+/// A case for `raycl rule`.
+const CASE: &str = r#"
+[[case]]
+name = "one"
+scene = "scene.toml"
+size = [24, 15]
+kinds = ["few"]
+devices = ["cpu", "gpu"]
+"#;
 /// Options that make a run hang while it times a point of a kernel.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
 
@@ -81,6 +90,7 @@ fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
 #[test]
 fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
     let (folder, device) = (new_folder(), device());
+    folder.write("cases.toml", CASE);
     let first = holder(&folder, &device);
     let process = format!("process {}, `raycl run test.toml", first.id());
     let render = ["render", "scene.toml", "--width", "40", "--height", "25", "--device", &device];
@@ -89,6 +99,7 @@ fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
         [&render[..], &["--repeat", "2", "--no-wait"]].concat(),
         vec!["render", "scene.toml", "--devices", &device, "--repeat", "2", "--no-wait"],
         vec!["peak", "--device", &device, "--no-wait"],
+        vec!["rule", "cases.toml", "--device", &device, "--no-wait"],
     ] {
         let message = folder.mistake(&arguments, 1);
         has(&message, &[&process, "without --no-wait, raycl waits"]);

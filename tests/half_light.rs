@@ -68,6 +68,16 @@ fn a_transparent_background_keeps_its_coverage() {
     );
 }
 
+/// A grey background has no light that could be blocked: it must not change the light of surfaces beside it, and pixels
+/// at a silhouette keep their share of it.
+#[test]
+fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
+    for (size, family) in [(EVEN, "tile"), (ODD, "tile"), (EVEN, "bvh")] {
+        picture(&folder, size, &["--background", "#808080", "--verify", "--strategy", family]);
+    }
+}
+
 /// The unoccluded light of a black surface is 0, so no pixel of the half picture is similar to it. The weights of these
 /// pixels must nevertheless not be 0, since the filter divides by their sum. In the changed kernel they are 0.
 #[test]

@@ -13,7 +13,7 @@ fn run<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 /// Returns a folder of drivers with a single driver, which runs `body` as soon as it is loaded.
-fn driver(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
+pub fn driver(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
     let [source, library, vendors] = ["driver.c", "driver.so", "vendors"].map(|name| folder.path(name));
     let code = format!(
         "#include <stdlib.h>\n#include <unistd.h>\n__attribute__((constructor)) static void load(void) {{ {body}; }}\n"

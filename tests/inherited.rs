@@ -31,14 +31,39 @@ fn a_caller_that_ignores_sigchld_gets_exit_code_0() {
     assert!(folder.path("a.png").exists());
 }
 
+/// A command that runs another command as the first process of a container.
+const CONTAINER: [&str; 7] =
+    ["unshare", "--user", "--map-root-user", "--pid", "--fork", "--kill-child", "--mount-proc"];
+
+/// Returns true if this machine lets `unshare` make a container. Otherwise, says that a test is left out.
+fn makes_containers() -> bool {
+    let is_allowed = Command::new(CONTAINER[0]).args(&CONTAINER[1..]).arg("true").status();
+    let is_allowed = is_allowed.is_ok_and(|status| status.success());
+    if !is_allowed {
+        eprintln!("left out: this machine does not let `unshare` make a container");
+    }
+    is_allowed
+}
+
+/// Starts a container, waits by `wait`, sends the signal to the container's first process, and checks the exit code.
+#[track_caller]
+fn ends_with(signal: Signal, code: i32, mut command: Command, wait: impl Fn()) {
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().expect("it starts");
+    wait();
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
+    let children = std::fs::read_to_string(children).expect("a list of processes");
+    let raycl = children.trim().parse().ok().and_then(Pid::from_raw).expect("one process");
+    kill_process(raycl, signal).expect("the process lives");
+    let output = finish(child);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{signal:?}: {said}");
+}
+
 /// The system gives the first process of a container only signals for which it has a handler.
 #[test]
 fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets() {
-    let container =
-        ["unshare", "--user", "--map-root-user", "--pid", "--fork", "--kill-child", "--mount-proc"];
-    let is_allowed = Command::new(container[0]).args(&container[1..]).arg("true").status();
-    if !is_allowed.is_ok_and(|status| status.success()) {
-        eprintln!("left out: this machine does not let `unshare` make a container");
+    if !makes_containers() {
         return;
     }
     let device = device();
@@ -48,18 +73,27 @@ fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets(
     ];
     for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130), (Signal::HUP, 129)] {
         let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
-        let mut command = started_by(&container, &render.concat(), &folder);
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
-        let child = command.spawn().expect("it starts");
-        until("the first frame is written", || folder.path("a-0001.png").exists());
-        let children = format!("/proc/{0}/task/{0}/children", child.id());
-        let children = std::fs::read_to_string(children).expect("a list of processes");
-        let raycl = children.trim().parse().ok().and_then(Pid::from_raw).expect("one process");
-        kill_process(raycl, signal).expect("the process lives");
-        let output = finish(child);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{signal:?}: {said}");
+        let command = started_by(&CONTAINER, &render.concat(), &folder);
+        ends_with(signal, code, command, || {
+            until("the first frame is written", || folder.path("a-0001.png").exists());
+        });
     }
+}
+
+/// The driver of this test crashes the process that runs the command. When raycl then tries the driver alone, it does
+/// not answer.
+#[test]
+fn as_the_first_process_of_a_container_raycl_ends_with_a_signal_while_it_tries_drivers() {
+    if !makes_containers() {
+        return;
+    }
+    let folder = WorkFolder::new();
+    let body =
+        "if (getenv(\"RAYCL_GUARDED\")) abort(); if (symlink(\"/\", \"tried\")) abort(); for (;;) pause()";
+    let vendors = crate::hostile::driver(&folder, body);
+    let mut command = started_by(&CONTAINER, &["devices"], &folder);
+    command.env("OCL_ICD_VENDORS", vendors);
+    ends_with(Signal::TERM, 143, command, || until("the driver is tried", || folder.path("tried").exists()));
 }
 
 fn flags(stream: impl AsFd) -> OFlags {

@@ -188,6 +188,15 @@ fn a_pairwise_cover_of_all_axes() {
     all_agree(&mut stand, points, none);
 }
 
+/// Where the two spheres of this scene cut each other, the rays of a vector hit materials that differ in every number.
+#[test]
+fn each_ray_of_a_vector_has_the_material_of_its_own_hit() {
+    apart!();
+    let mut stand = Stand::new(scene("../tests/data/highlights.toml"), SIZE);
+    let vectors = ["wide", "bvh-packet", "tile"].map(|name| preset(name).expect("a preset").strategy);
+    all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
+}
+
 /// The scene of this test is smooth, so the corners of a face have different normals. In the tests of presets and of
 /// the pairwise cover, all corners of a face have the same normal.
 #[test]

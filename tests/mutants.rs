@@ -3,13 +3,13 @@
 
 use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::apart::apart;
-use crate::common::{self, compiles_soon, is_long, one_preset_of_each_family};
+use crate::common::{self, Stand, compiles_soon, is_long, one_preset_of_each_family};
 use crate::watertight::faults;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::program::{ProgramSpec, Sources};
 use raycl::strategy::{AXES, Preset, Strategy, Workload};
 use serde::Deserialize;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::OnceLock;
 
 /// `make test` tries every `STEP`th picture.
@@ -121,15 +121,12 @@ impl Mutant {
     /// Casts an image with the change, and fails if verification does not notice the change.
     fn must_be_noticed_in(&self, name: &str, strategy: &Strategy) {
         let work_folder = WorkFolder::new();
-        let local_size = match strategy.family().name {
-            "tile-cpu" => "1x1",
-            "tile-gpu" => "32x1",
-            _ => "4x4",
-        };
+        let [across, down] = local_size(strategy);
+        let local_size = format!("{across}x{down}");
         let scene = repository("scenes").join(self.scene.as_deref().unwrap_or("still-life.toml"));
         let scene = scene.to_str().expect("UTF-8");
         let device = device();
-        let cast = ["render", scene, "--device", &device, "--local-size", local_size, "--strategy", name];
+        let cast = ["render", scene, "--device", &device, "--local-size", &local_size, "--strategy", name];
         let folder = self.folder(&work_folder);
         let width = self.width.unwrap_or(SIZE[0]).to_string();
         let size = ["--width", &width, "--height", &SIZE[1].to_string()];
@@ -144,6 +141,15 @@ impl Mutant {
         let count = text.matches(&self.from).count();
         assert_eq!(count, 1, "{}: {:?} has to be there once", self.file, self.from);
         folder.kernels(&self.file, &self.from, &self.to)
+    }
+}
+
+/// Returns the local size of all pictures of a strategy.
+fn local_size(strategy: &Strategy) -> [u32; 2] {
+    match strategy.family().name {
+        "tile-cpu" => [1, 1],
+        "tile-gpu" => [32, 1],
+        _ => [4, 4],
     }
 }
 
@@ -187,6 +193,48 @@ fn a_broken_kernel_is_a_wrong_picture() {
         }
     }
     assert!(pictures > 100 || chosen().is_some(), "{pictures}");
+}
+
+/// Returns the pictures in which the rows of the table show their changes: for each scene and each width in pixels, the
+/// strategies that cast it.
+fn pictures() -> BTreeMap<(String, u32), Vec<Strategy>> {
+    let mut pictures: BTreeMap<(String, u32), Vec<Strategy>> = BTreeMap::new();
+    for mutant in mutants().iter().filter(|mutant| mutant.command.is_none() && mutant.reason.is_none()) {
+        let scene = mutant.scene.as_deref().unwrap_or("still-life.toml").to_owned();
+        let known = pictures.entry((scene, mutant.width.unwrap_or(SIZE[0]))).or_default();
+        for (_, strategy) in mutant.strategies() {
+            if !known.contains(&strategy) {
+                known.push(strategy);
+            }
+        }
+    }
+    pictures
+}
+
+/// A picture that is wrong even without a change would hide that verification does not notice the change.
+#[test]
+fn without_a_change_each_picture_is_right() {
+    apart!();
+    let (mut count, mut wrong) = (0, Vec::new());
+    for ((scene, width), strategies) in pictures() {
+        let is_due = |strategy: &Strategy| {
+            count += 1;
+            is_long() || (count % STEP == 0 && compiles_soon(strategy))
+        };
+        let due: Vec<Strategy> = strategies.into_iter().filter(is_due).collect();
+        if due.is_empty() {
+            continue;
+        }
+        let mut stand = Stand::new(common::scene(&scene), [width, SIZE[1]]);
+        for strategy in due {
+            match stand.check(&strategy, local_size(&strategy)) {
+                Ok(verdict) if verdict.ok => {}
+                other => wrong.push(format!("{scene}, {width} pixels wide, {strategy}: {other:?}")),
+            }
+        }
+    }
+    assert!(count > 80, "{count}");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// Faults that no picture shows: rays that slip between neighbouring triangles, or are stopped beside a triangle,

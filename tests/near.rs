@@ -3,6 +3,8 @@
 //! lists changes to the kernels that these tests notice.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, one_preset_of_each_family};
+use glam::{Vec3, vec3};
+use raycl::launch::Ray;
 use raycl::reference::reference;
 use raycl::scene::{Scene, load_scene};
 use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
@@ -61,8 +63,29 @@ fn shadow_rays_end_at_lights_and_meet_all_before() {
 }
 
 #[test]
+fn surfaces_far_from_their_light_do_not_shadow_themselves() {
+    is_right_in_all("distant.toml");
+}
+
+#[test]
 fn surfaces_whose_boxes_overlap_are_distinguished() {
     is_right_in_all("layers.toml");
+}
+
+/// A camera's rays all begin at its near plane. Rays that a caller provides begin where each of them says. These rays
+/// meet the sheet at a distance of 0.9, and the wall at a distance of 4.
+#[test]
+fn a_given_ray_begins_at_a_distance_of_its_own() {
+    let stand = Stand::new(scene("near.toml"), SIZE);
+    let [origin, direction] = [vec3(-1.0, -0.5, 0.0), Vec3::NEG_Z];
+    let rays = [0.0, 0.89, 0.91, 3.99, 4.01].map(|t_min| Ray { origin, direction, t_min });
+    let [wall, sheet] = [Some(1), Some(2)];
+    for name in ["deferred", "wide-common-origin", "bvh-packet"] {
+        let strategy = preset(name).expect("a preset").strategy;
+        let built = stand.build_for_rays(&strategy, COMMON_LOCAL_SIZE).expect("a strategy that fits");
+        let hits = built.cast_rays(&rays).expect("a cast");
+        assert_eq!(hits, [sheet, sheet, wall, wall, None], "{name}");
+    }
 }
 
 #[test]

@@ -34,6 +34,8 @@ struct Simulation<'a> {
     scene: &'a str,
     strategy: &'a Strategy,
     local: &'a str,
+    /// More arguments of the command.
+    options: &'a [&'a str],
     plugin: &'a str,
     /// A folder of kernels that replace built-in ones.
     cl: Option<&'a Path>,
@@ -51,7 +53,7 @@ impl Simulation<'_> {
         let local = if self.strategy.shares_tiles() { "32x1" } else { self.local };
         command.args(["--device", "oclgrind", "--width", width, "--height", height, "--quiet", "--verify"]);
         command.args(["--strategy", &spelled(self.strategy), "--local-size", local, "--output"]);
-        command.arg(folder.join("picture.png"));
+        command.arg(folder.join("picture.png")).args(self.options);
         if let Some(cl) = self.cl {
             command.arg("--cl-dir").arg(cl);
         }
@@ -107,10 +109,22 @@ fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) ->
 
 /// Does the same as `all_clean`, but for pictures of this width and height.
 fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
+    all_clean_with(&[], size, scene, strategies, local, plugin)
+}
+
+/// Does the same as `all_clean_at`, but with more arguments of the command.
+fn all_clean_with(
+    options: &[&str],
+    size: [&str; 2],
+    scene: &str,
+    strategies: &[Strategy],
+    local: &str,
+    plugin: &str,
+) -> usize {
     let mut wrong = Vec::new();
     let mut run = 0;
     for strategy in strategies {
-        let simulation = Simulation { size, scene, strategy, local, plugin, cl: None };
+        let simulation = Simulation { size, scene, strategy, local, options, plugin, cl: None };
         let Some(report) = simulation.reports() else { continue };
         run += 1;
         if !report.is_empty() {
@@ -160,6 +174,13 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
     assert_eq!(all_clean("../tests/data/near.toml", &shared, "32x1", RACES), 2);
 }
 
+/// As the test above, but with a distant light: rounding moves the ends of its shadow rays by more than the bias.
+#[test]
+fn tiles_that_work_items_share_do_not_shadow_surfaces_by_themselves() {
+    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
+    assert_eq!(all_clean("../tests/data/distant.toml", &shared, "32x1", RACES), 2);
+}
+
 /// Shadow rays of tiles are tested from the light, but a ray that runs towards the light must meet a front. Tiles that
 /// work-items share cast some of the shadow rays of this scene one by one.
 #[test]
@@ -175,6 +196,14 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
         Strategy { intersector, culling: Culling::Back, ..usual }
     });
     assert_eq!(all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES), 4);
+}
+
+/// In a picture whose width is a multiple of four pixels, `tile` stores four pixels of a row at a time. The last blocks
+/// of this picture extend below it, where nothing may be stored.
+#[test]
+fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
+    let tile = preset("tile").expect("a preset").strategy;
+    assert_eq!(all_clean_at(["16", "11"], "pyramid-lower.toml", &[tile], "1x1", RACES), 1);
 }
 
 /// No command of the binary casts rays from a buffer, so Oclgrind runs a test of tests/watertight.rs that casts such
@@ -250,6 +279,7 @@ fn a_kernel_without_its_barriers_is_reported() {
         scene: "pyramid-lower.toml",
         strategy: &tiled,
         local: "4x4",
+        options: &[],
         plugin: RACES,
         cl: Some(cl.path()),
     };
@@ -329,6 +359,7 @@ fn each_barrier_is_needed() {
             scene: TILES,
             strategy: &strategy,
             local: "4x4",
+            options: &[],
             plugin: RACES,
             cl: Some(cl.path()),
         };

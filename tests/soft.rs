@@ -231,8 +231,8 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
     }
 }
 
-/// A changed kernel uses another point of the sequence, of the ball or of the hemisphere, inverts the
-/// occlusion, or tests only one triangle of a leaf.
+/// Each change is one mistake in a kernel: in the choice of a sample point, in the received light, in the
+/// occlusion, or in the test of a box or a triangle.
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
@@ -259,7 +259,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ]) {
         folder.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
-    // These changes have a visible effect only if a packet's rays to a large light pass many small boxes.
+    // The following changes have a visible effect only if a packet's rays to a large light pass many small boxes.
     let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
     let narrower = (
         "tile_cpu/soft.cl",
@@ -275,8 +275,8 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     }
 }
 
-/// A floor between three walls. In every tile, some rays to the sky are stopped and some are not, and their
-/// number is not a multiple of a vector's length.
+/// A floor between three walls. Of the rays to the sky that a tile casts together, walls stop some, and others
+/// reach the sky.
 const HALF_OPEN: &str = "[camera]
 position = [0, 1.5, 4]
 look_at = [0, 0.5, 0]

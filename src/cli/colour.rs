@@ -27,12 +27,17 @@ static CHOSEN: AtomicU8 = AtomicU8::new(0);
 /// a setting.
 pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let code = match option.or(refused.then_some(Colour::Never)).or(setting) {
+    let code = match preferred(option, refused, setting) {
         Some(Colour::Always) => 1,
         Some(Colour::Never) => 2,
         None | Some(Colour::Auto) => 0,
     };
     CHOSEN.store(code, Ordering::Relaxed);
+}
+
+/// Returns the choice that takes precedence. `refused` is true if `NO_COLOR` is set.
+fn preferred(option: Option<Colour>, refused: bool, setting: Option<Colour>) -> Option<Colour> {
+    option.or(refused.then_some(Colour::Never)).or(setting)
 }
 
 /// Returns true if the user chose `always` and false if the user chose `never`; `None` if colours depend on the output.
@@ -85,5 +90,13 @@ mod tests {
         assert_eq!(typed("raycl --color=auto run --color=always"), Some(Colour::Always));
         assert_eq!(typed("raycl run --color=sometimes"), None);
         assert_eq!(typed("raycl run -- --color=always"), None);
+    }
+
+    #[test]
+    fn the_option_counts_before_the_variable_and_the_variable_before_the_setting() {
+        let (auto, always) = (Some(Colour::Auto), Some(Colour::Always));
+        assert_eq!([preferred(always, true, auto), preferred(always, false, auto)], [always; 2]);
+        assert_eq!([preferred(None, true, always), preferred(None, true, None)], [Some(Colour::Never); 2]);
+        assert_eq!([preferred(None, false, always), preferred(None, false, None)], [always, None]);
     }
 }

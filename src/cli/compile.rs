@@ -202,9 +202,14 @@ fn compile(
         ("source.cl", spec.source.clone().into_bytes()),
         ("options.txt", format!("{}\n", spec.options).into_bytes()),
         ("build.log", format!("{log}\n").into_bytes()),
-        (if binary_is_ptx { "binary.ptx" } else { "binary.bin" }, binary),
+        (binary_name(binary_is_ptx), binary),
     ];
     Ok((made, files))
+}
+
+/// Returns the name of the file of a program's binary.
+fn binary_name(is_ptx: bool) -> &'static str {
+    if is_ptx { "binary.ptx" } else { "binary.bin" }
 }
 
 /// Writes the files of a strategy's folder. Then removes files that an earlier program left in this folder and that the
@@ -328,5 +333,12 @@ mod tests {
         for file in ["naive/made.json", "naive/notes.txt", "deferred/binary.ptx"] {
             assert!(is_there(file), "{file}");
         }
+    }
+
+    #[test]
+    fn the_name_of_a_binary_says_whether_it_is_ptx_and_is_one_of_the_folders_names() {
+        let names = [true, false].map(binary_name);
+        assert_eq!(names, ["binary.ptx", "binary.bin"]);
+        assert!(names.iter().all(|name| FILES.contains(name)));
     }
 }

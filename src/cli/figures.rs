@@ -54,10 +54,28 @@ fn listed(differences: &[(&str, Difference)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::documents::DOCUMENTS;
 
     #[test]
     fn differences_are_counted() {
         let rest = "between the numbers in raycl's documents and the stored records";
         assert_eq!([1, 2].map(differ), [format!("1 difference {rest}"), format!("2 differences {rest}")]);
+    }
+
+    #[test]
+    fn a_number_without_a_source_fails_a_check_and_an_update() {
+        let root = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(root.path().join(name), text).unwrap();
+        std::fs::create_dir(root.path().join("docs")).unwrap();
+        write("docs/figures.toml", "[sources]\n[facts]\n[blocks]\n");
+        for name in DOCUMENTS {
+            write(name, "");
+        }
+        write("README.md", "It took 7 ms.\n");
+        for check in [true, false] {
+            let error = run(Args { root: root.path().to_owned(), check }).unwrap_err();
+            assert_eq!(error.exit_code(), 1);
+            assert!(error.to_string().contains("README.md:1: the document has '7'"), "{error}");
+        }
     }
 }

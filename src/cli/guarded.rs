@@ -26,7 +26,7 @@ use errors::{
     or_clear_cache, still_failing,
 };
 #[cfg(unix)]
-use signals::run_to_end;
+use signals::{end_at_signals, run_to_end};
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
@@ -106,6 +106,10 @@ fn without_broken(
     command: &Guarded<'_>,
     terminal: Option<&LentTerminal>,
 ) -> Result<ExitStatus> {
+    // A lent terminal has its own handlers of these signals.
+    if terminal.is_none() {
+        end_at_signals()?;
+    }
     let mut good = Vec::new();
     let mut broken = Vec::new();
     for driver in installed() {
@@ -207,6 +211,12 @@ fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> R
 #[cfg(not(unix))]
 fn run_to_end(command: &mut std::process::Command) -> Result<ExitStatus> {
     command.status().map_err(|error| not_started(&error))
+}
+
+/// Does nothing on systems other than Unix: their containers' first processes are ended like all others.
+#[cfg(not(unix))]
+fn end_at_signals() -> Result<()> {
+    Ok(())
 }
 
 /// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.

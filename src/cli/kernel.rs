@@ -88,7 +88,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Returns the program as the device's compiler sees it. Returns an error if the device does not support the
-/// strategy with the sizes in `workload`.
+/// strategy with this workload.
 fn on_device(
     device: &Device,
     strategy: &Strategy,
@@ -102,7 +102,8 @@ fn on_device(
     preprocess_for(&Queue::open(device)?, spec)
 }
 
-/// Returns the sizes (of the scene and the work-group) on which the lengths of the program's arrays depend.
+/// Returns the properties of the scene and the work-group on which the program depends. Without `--scene`, the
+/// scene is a small cube.
 fn workload(args: &Args, strategy: &Strategy, device: Option<&Device>) -> Result<Workload> {
     const USUAL: [u32; 2] = [8, 8];
     let usual = match device {

@@ -491,6 +491,8 @@ mod tests {
             "raycl render a.toml --every-device --layers a.exr",
             "raycl render a.toml --every-device --turntable 2",
             "raycl render a.toml --turntable 2 --no-wait",
+            "raycl rule --show a.json --no-wait",
+            "raycl rule --fit a.json --no-wait",
             "raycl man render --force",
             "raycl merge out --device cpu --between 3",
             "raycl merge out --quiet --between 3",

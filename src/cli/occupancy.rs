@@ -1,4 +1,4 @@
-//! `raycl occupancy`: predicts occupancy as in the paper's Figure 5, for any compute capability.
+//! `raycl occupancy`: predicts occupancy as in the paper's Figure 5, for each compute capability that raycl knows.
 
 mod paper;
 mod results;
@@ -39,10 +39,11 @@ pub struct Args {
     /// this one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// For each local size, print three numbers of threads per multiprocessor: the number that Figure 5 of
-    /// the student paper predicts (raycl repeats this paper), the number that the paper's 63 registers per
-    /// work-item allow, and the number if each work-item also needs the 108 B of __local memory of the
-    /// paper's optimisation 1. Of the other options, only --local-sizes and --json can be given with this one
+    /// For each local size, print three numbers of threads per multiprocessor. The first is the prediction of
+    /// Figure 5 in the student paper that raycl repeats. The second is the number that the paper's 63
+    /// registers per work-item allow. For the third, each work-item also needs the 108 B of __local memory of
+    /// the paper's optimisation 1. Of the other options, only --local-sizes and --json can be given with this
+    /// one
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

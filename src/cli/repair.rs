@@ -31,13 +31,13 @@ pub struct Args {
     json: bool,
 }
 
-/// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and
-/// records of control points. A copy of each changed file's original stays in the same folder. Other files,
-/// such as plan.json, cannot be repaired. If one of them cannot be read, the command says what to do. If the
-/// folder is that of an experiment in shards, the journals of all attempts are repaired too, except those of
-/// attempts that may be running. A running attempt increases a counter once per second. If some attempts have not
-/// reported their end, the repair reads the counters of all attempts twice, five seconds apart. An attempt
-/// whose counter has not increased was lost, so its journals are repaired.
+/// Removes damaged lines from the folder's journals: records, samples, ends of launches, rounds, samples of
+/// the anchor and records of control points. A copy of each changed file's original stays in the same folder.
+/// Other files, such as plan.json, cannot be repaired. If one of them cannot be read, the command says what
+/// to do. If the folder is that of an experiment in shards, the journals of all attempts are repaired too,
+/// except those of attempts that may be running. A running attempt increases a counter once per second. If
+/// some attempts have not reported their end, the repair reads the counters of all attempts twice, five
+/// seconds apart. An attempt whose counter has not increased was lost, so its journals are repaired.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }

@@ -75,3 +75,23 @@ fn tell_damage(folder: &Folder, quiet: bool) {
         crate::printer::tell(format!("note: {error}; {}", error.remedy()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::measured;
+
+    #[test]
+    fn the_summary_of_a_folder_is_written_again_with_its_question_and_its_expectation() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let record = serde_json::to_string(&measured("gpu", "naive", 8, 1.0)).unwrap();
+        std::fs::write(at("records.jsonl"), format!("{record}\n")).unwrap();
+        let config = "question = 'Which one?'\nexpectation = 'This one.'\n";
+        std::fs::write(at("environment.json"), serde_json::json!({ "config": config }).to_string()).unwrap();
+        let folders = vec![folder.path().to_owned()];
+        run(Args { folders, out: None, force: false, json: false, quiet: true }).unwrap();
+        let summary = std::fs::read_to_string(at("summary.md")).unwrap();
+        assert!(summary.starts_with("# Which one?\n\nExpected: This one.\n"), "{summary}");
+    }
+}

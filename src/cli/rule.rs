@@ -40,6 +40,9 @@ pub struct Args {
     /// Number of rounds, 1 to 100. The time of each candidate strategy is the shortest of all rounds
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = whole::<u32>(1..=100))]
     rounds: u32,
+    /// If another process is measuring on the device, end at once instead of waiting for it
+    #[arg(long, conflicts_with_all = ["fit", "show"])]
+    no_wait: bool,
     /// A note about the machine, stored with the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
@@ -113,7 +116,7 @@ fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
         return Err(Error::input(message)
             .with_help("a case's `devices` are cpu, gpu or both; --only takes a part of a case's name"));
     }
-    let _held = hold(&[&device.info], false)?;
+    let _held = hold(&[&device.info], args.no_wait)?;
     // All cases are checked before the first one is measured, so that a mistake loses no measurements.
     let mut last = LastScene::default();
     wanted.iter().try_for_each(|case| checked(case, path, &mut last).map(drop))?;

@@ -333,10 +333,10 @@ fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
 }
 
 /// With `--peak`, stores the devices' peak rates in the folder of results: the rates in the file of `--peak=FILE` or,
-/// without a file, measured rates. Also without `--peak`, removes outdated rates from the folder: rates that an earlier
-/// session stored for a device with another driver or in another state. Unless `--quiet` is given, a note names the
-/// devices that still have no rates in the folder. The note is printed only if `--peak=FILE` is given, or if outdated
-/// rates were removed from the folder.
+/// without a file, measured rates. Removes outdated rates from the folder, even without `--peak`: rates that were
+/// measured on one of the run's devices, but with another driver or in another state. Unless `--quiet` is given, a note
+/// names the devices that still have no rates in the folder. The note is printed only if `--peak=FILE` is given, or if
+/// outdated rates were removed from the folder.
 fn keep_peak(
     args: &Args,
     run: &Run<'_>,
@@ -366,8 +366,9 @@ fn keep_peak(
 
 /// Returns a note that names the devices without rates in `peaks`. The note also names the file in which
 /// these rates are missing: the file of `--peak=FILE` or, if `left_out` is not empty, the folder's file.
-/// Returns `None` if there is neither file, or if every device has rates. If `left_out` contains rates of a
-/// device with another driver or in another state, the note states the device's present driver and state.
+/// Returns `None` if there is neither file, or if every device has rates. `left_out` contains rates that were
+/// measured on these devices with another driver or in another state. If a device that the note names has such
+/// rates, the note states the device's present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;

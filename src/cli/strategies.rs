@@ -126,4 +126,15 @@ mod tests {
             assert_eq!(strategy, preset.strategy, "{}", preset.name);
         }
     }
+
+    #[test]
+    fn a_preset_is_listed_with_its_own_values() {
+        let text = text();
+        for preset in &PRESETS[1..] {
+            let head = format!("\n{}: {}", preset.name, preset.about);
+            let (_, after) = text.split_once(&head).expect(preset.name);
+            let axes = after.lines().nth(1).unwrap_or_default();
+            assert_eq!(axes.trim(), spelled(&difference(&PRESETS[0], preset)), "{}", preset.name);
+        }
+    }
 }

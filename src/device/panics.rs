@@ -247,4 +247,14 @@ mod tests {
         let other = catch_unwind(|| guarded(|| -> u32 { panic!("of somebody else") }));
         assert!(other.is_err(), "only panics of the crate `ocl` are errors");
     }
+
+    #[test]
+    fn an_error_after_which_the_work_went_on_is_forgotten() {
+        let message = "clX returned -5, in a test";
+        assert_eq!(noted(message), message);
+        forget_failures();
+        // Meanwhile, another test may store its own error.
+        let failure = known().failure.clone();
+        assert_ne!(failure.as_deref(), Some(message));
+    }
 }

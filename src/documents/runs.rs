@@ -36,3 +36,15 @@ fn command(environment: &Value) -> String {
     let words = words.iter().skip(1).filter_map(Value::as_str).map(crate::words::quote);
     format!("`raycl {}`", words.collect::<Vec<_>>().join(" "))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_command_has_no_path_of_the_program_and_is_quoted_for_a_shell() {
+        let environment = json!({ "command_line": ["/home/me/raycl", "run", "my configs/a.toml"] });
+        assert_eq!(command(&environment), "`raycl run 'my configs/a.toml'`");
+    }
+}

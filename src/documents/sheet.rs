@@ -221,3 +221,19 @@ fn emboldened(mut cells: Vec<String>, bold: Option<Bold>) -> Vec<String> {
     }
     cells
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn longer_facts_come_before_shorter_ones_that_they_may_contain() {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir(root.path().join("docs")).unwrap();
+        let facts = "sizes = [\"8 x 8\", \"all 8 x 8 pixels\"]\nvectors = [\"nine of 8 x 8\"]\n";
+        let text = format!("[sources]\n[facts]\n{facts}[blocks]\n");
+        std::fs::write(root.path().join(SHEET), text).unwrap();
+        let facts = Sheet::read(root.path()).unwrap().facts;
+        assert_eq!(facts, ["all 8 x 8 pixels", "nine of 8 x 8", "8 x 8"]);
+    }
+}

@@ -47,7 +47,7 @@ impl Sources {
     pub fn folder(&self, name: &str) -> Result<Folder, String> {
         match &*self.get(name)? {
             Source::Folder(folder) => Ok(folder.clone()),
-            Source::Json(_) => Err(format!("'{name}' is a file; expected a folder of results")),
+            Source::Json(_) => Err(format!("'{name}' is a JSON file; expected a folder of results")),
         }
     }
 

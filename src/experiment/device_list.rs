@@ -94,3 +94,14 @@ fn listed(sources: &Sources) -> Result<Vec<Listed>> {
     let devices = device::list(&Cache::of_user(), sources)?;
     Ok(devices.into_iter().map(|device| Listed::of(device, sources)).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_answer_is_the_last_line_that_is_not_blank() {
+        assert_eq!(last_line("a driver's words\n\n {\"answer\": 1} \n \n"), Some("{\"answer\": 1}"));
+        assert_eq!([last_line(""), last_line(" \n\n")], [None, None]);
+    }
+}

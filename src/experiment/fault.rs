@@ -13,7 +13,7 @@ const HANGS: &str = ".hangs";
 
 /// How and when a worker fails. For example, `segv@cast:3` makes a worker crash when it casts point 3, and
 /// `hang@check:0` makes a worker hang when it checks point 0. `abort@cast:1:once` makes only the first worker
-/// of each device abort.
+/// of each device abort. Points are counted from 0, in the order of the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,

@@ -1,6 +1,6 @@
-//! A group of points that are compared with each other, including casters on the host. In every launch, each
-//! point is checked, and the points that pass are then timed together. No worker process measures two
-//! launches of a group.
+//! A group of points that are compared with each other; baselines are points too. In every launch, each point
+//! is checked, and the points that pass are then timed together. No worker process measures two launches of a
+//! group.
 
 mod locks;
 #[cfg(test)]
@@ -212,7 +212,7 @@ impl OpenGroup {
             ahead.order(&self.points);
         }
         for mut pending in std::mem::take(&mut self.points) {
-            // A check takes no device lock. But a check would disturb another process that measures on the
+            // A check holds no device lock. But a check would disturb another process that measures on the
             // device (and holds the lock), so the check waits until the device is free.
             let interrupted = supervisor.interrupted();
             drop(take_locks(run, devices.clone(), sink, interrupted)?);

@@ -51,3 +51,18 @@ pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, Fra
     let frame_ms = ms_since(start);
     (image, FrameTimes::whole(frame_ms, frame_ms))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_number_of_threads_is_another_state_of_the_host() {
+        let state = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| Identity::of_this_process().state)
+        };
+        assert!(state(2).ends_with(" cores | 2 threads"), "{}", state(2));
+        assert_ne!(state(2), state(3));
+    }
+}

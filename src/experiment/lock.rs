@@ -120,4 +120,13 @@ mod tests {
         drop(other);
         assert!(Lock::take(folder.path()).is_ok());
     }
+
+    #[test]
+    fn the_longer_number_of_an_earlier_process_is_replaced_completely() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(LOCK);
+        std::fs::write(&path, "9".repeat(30)).unwrap();
+        let _lock = Lock::take(folder.path()).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), std::process::id().to_string());
+    }
 }

@@ -143,8 +143,8 @@ impl Results {
         Ok(left_out)
     }
 
-    /// Stores a record. Fails if the folder was removed or replaced, so that the run ends at once, and not
-    /// only after it has measured all points.
+    /// Stores a record. Fails if the folder or its `records.jsonl` was removed or replaced, so that the run ends
+    /// at once, and not only after it has measured all points.
     pub fn record(&mut self, record: &Record) -> Result<()> {
         self.records.check_place()?;
         self.records.append(record)
@@ -174,7 +174,8 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Stores the end of a launch whose points had enough samples. Fails if the folder was removed or replaced.
+    /// Stores the end of a launch whose points had enough samples. Fails if the folder or its `records.jsonl` was
+    /// removed or replaced.
     pub fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
         self.records.check_place()?;
         self.launch_ends.append(end)

@@ -181,4 +181,12 @@ mod tests {
         let expected = run.expected(&[], &Past::default()).unwrap().points;
         assert_eq!((forecasts.len(), planned, expected), (2, 2, 2));
     }
+
+    #[test]
+    fn a_note_on_a_copy_is_with_the_scene_that_is_measured_in_its_place() {
+        let (all, _folder) = experiment("scenes = ['d/file.toml', 'a/tri.toml', 'b/tri.toml']");
+        let distinct = distinct_scenes(all).unwrap();
+        let counts = distinct.scenes.iter().map(|choice| choice.notes.len());
+        assert_eq!(counts.collect::<Vec<_>>(), [0, 1]);
+    }
 }

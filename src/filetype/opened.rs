@@ -197,7 +197,9 @@ mod tests {
         for rest in [0, 1, 64, 100_000] {
             assert_eq!(of(&vec![0; rest]).unwrap(), b"v 0 0 0\nv 1 0 0\n", "{rest}");
         }
-        for (rest, count) in [(&b"\0\0x"[..], "3 bytes"), (b"x", "1 byte"), (b"\0\x1f\x8b", "3 bytes")] {
+        for (rest, count) in
+            [(&b"\0\0x"[..], "3 bytes"), (b"x", "1 byte"), (b"x\0", "2 bytes"), (b"\0\x1f\x8b", "3 bytes")]
+        {
             let error = of(rest).unwrap_err();
             let expected = format!(
                 "it cannot be unpacked ({count} after the compressed data; expected none, or only zeros)"

@@ -178,4 +178,11 @@ mod tests {
         let message = "Format error decoding Bmp: two lines: the end";
         assert_eq!(decoder_message(ImageError::Decoding(of_lines)), message);
     }
+
+    #[test]
+    fn the_first_bytes_count_before_the_name() {
+        let bytes = jpeg(8, 8);
+        let reader = picture_reader(&bytes, Some(ImageFormat::Png)).unwrap();
+        assert_eq!(reader.format(), Some(ImageFormat::Jpeg));
+    }
 }

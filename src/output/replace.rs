@@ -422,4 +422,18 @@ mod tests {
             [b"new".to_vec(), b"mine".to_vec()]
         );
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_replaces_one_that_nobody_may_read_can_be_read_later() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::write(&path, "mine").unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o200)).unwrap();
+        let write = |file: &mut File| std::io::Write::write_all(file, b"new");
+        put(&path, Choice::new(true, "-o FILE"), |_| Ok(Maker::Other), write).unwrap();
+        assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
 }

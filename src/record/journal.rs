@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use super::own_file;
 use crate::error::{Error, Result};
 use crate::existing;
-use crate::reader::{self, folder_of};
+use crate::reader;
 use crate::words::counted;
 
 /// A file to which values of type `T` are appended.
@@ -76,9 +76,8 @@ impl<T: Serialize> JsonLines<T> {
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
             Ok(false) if self.is_recognised => {
-                let folder = folder_of(&self.path).display();
-                let what = "was removed or replaced while this run wrote to it";
-                Err(Error::run(format!("the folder {folder} {what}")).with_help(MOVED))
+                let what = "or its folder was removed or replaced while this run wrote to it";
+                Err(Error::run(format!("{} {what}", self.path.display())).with_help(MOVED))
             }
             _ => Ok(()),
         }
@@ -157,8 +156,8 @@ impl<T> Lines<T> {
     }
 }
 
-/// The help in an error about a folder that was removed or replaced during a run.
-const MOVED: &str = "if the folder was moved, the results up to now are in its new place: name that place with --out to continue there; do not move or remove a folder while a run writes to it";
+/// The help in an error about a journal that was removed or replaced during a run, alone or with its folder.
+const MOVED: &str = "if the folder was moved, the results up to now are in its new place: name that place with --out to continue there; do not move or remove the folder or its files while a run writes to it";
 /// The help in an error about a folder or a file that holds no results.
 pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
 
@@ -381,8 +380,8 @@ mod tests {
         journal.check_place().unwrap();
         std::fs::rename(&folder, &moved).unwrap();
         let error = journal.check_place().unwrap_err();
-        let expected =
-            format!("the folder {} was removed or replaced while this run wrote to it", folder.display());
+        let what = "or its folder was removed or replaced while this run wrote to it";
+        let expected = format!("{} {what}", folder.join("records.jsonl").display());
         assert_eq!((error.to_string(), error.exit_code()), (expected, 1));
         std::fs::create_dir(&folder).unwrap();
         std::fs::write(folder.join("records.jsonl"), "").unwrap();

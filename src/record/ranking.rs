@@ -63,7 +63,7 @@ fn beyond_a_tie(part: f64) -> f64 {
 
 /// Returns the smallest difference between two of these records that a single launch can show, as a fraction, by the
 /// rule of [`resolution`]. The result is the median over launches. Records with equal launch numbers must have been
-/// measured together, on one device. Records with times of 0 are left out.
+/// measured together, on one device. Records without a time, or with a sample of 0, are left out.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let records: Vec<&Record> = records.iter().filter(|record| has_time(record)).collect();
     let samples = in_order(records.iter().copied(), &[]);

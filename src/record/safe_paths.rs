@@ -36,13 +36,18 @@ pub fn ordinary(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Returns the bytes of a picture's file in a folder of results. Returns `None` if the path, after links are followed,
-/// leads out of the folder or to something other than an ordinary file. Also returns `None` if the file cannot be read,
-/// or is larger than the pictures that reports show.
-pub fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
-    let resolved = folder.join(path).canonicalize().ok()?;
-    let inside = resolved.starts_with(folder.canonicalize().ok()?);
-    inside.then(|| reader::bytes(&resolved, reader::Kind::Shown).ok())?
+/// Returns the bytes of a picture's file in a folder of results.
+///
+/// # Errors
+///
+/// Fails if the path, after links are followed, leads out of the folder or to something other than an ordinary file.
+/// Also fails if the file cannot be read, or is larger than the pictures that reports show.
+pub fn read_inside(folder: &Path, path: &str) -> std::io::Result<Vec<u8>> {
+    let resolved = folder.join(path).canonicalize()?;
+    match resolved.starts_with(folder.canonicalize()?) {
+        true => reader::bytes(&resolved, reader::Kind::Shown),
+        false => Err(IoError::new(ErrorKind::InvalidInput, "it leads out of the folder")),
+    }
 }
 
 #[cfg(all(test, unix))]

@@ -65,7 +65,7 @@ impl Pictures {
     /// Returns the file `path` in a folder; `None` if the file cannot be read, or lies outside the folder.
     fn file(&mut self, folder: &Path, path: &str) -> Option<&File> {
         let read = || {
-            let bytes = read_inside(folder, path)?;
+            let bytes = read_inside(folder, path).ok()?;
             Some(File { hash: blake3::hash(&bytes), bytes })
         };
         self.read.entry((folder.to_owned(), path.to_owned())).or_insert_with(read).as_ref()

@@ -330,4 +330,17 @@ mod tests {
         let labels = labels(&[at("a", "x/a"), at("a", "y/a"), at("b", "y/b")]);
         assert_eq!(labels, ["x/a", "y/a", "b"]);
     }
+
+    /// The first and the last folder have no common point. Only the second shows that their devices are the same.
+    #[test]
+    fn the_names_of_the_last_folder_reach_the_first_one_through_the_second() {
+        let folders = [
+            ("one", vec![on("gpu", "a", "1")]),
+            ("two", vec![on("cuda-gpu", "a", "1"), on("cuda-gpu", "b", "2")]),
+            ("three", vec![on("nvidia-gpu", "b", "2")]),
+        ]
+        .map(|(label, records)| Folder { label: label.into(), records, ..Folder::default() });
+        let devices: Vec<String> = merged(&folders).into_iter().map(|record| record.device).collect();
+        assert_eq!(devices, ["nvidia-gpu", "nvidia-gpu"]);
+    }
 }

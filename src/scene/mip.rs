@@ -26,8 +26,8 @@ static BETWEEN: LazyLock<[f32; 255]> =
 type Light = [f32; 4];
 
 impl Textures {
-    /// Adds mip levels to all pictures that are used as colours. If the same picture is also the surface's
-    /// mask, the texels are weighted by their alpha.
+    /// Adds mip levels to all pictures that are used as colours. If the picture is also the mask of the same
+    /// surface, the texels are weighted by their alpha.
     pub(super) fn add_levels(&mut self) {
         let weights = self.separate_weights();
         let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();
@@ -274,7 +274,8 @@ mod tests {
         assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
         let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
         assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
-        // Only the last picture is also a mask, so only its texels are weighted by their alpha.
+        // Only the last picture is used both as a colour and as the mask of the same surface. So only its texels
+        // are weighted by their alpha.
         assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
     }
 

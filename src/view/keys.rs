@@ -1,5 +1,7 @@
 //! The keys and their actions.
 
+use std::mem::discriminant;
+
 /// A key that has an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
@@ -123,6 +125,25 @@ pub fn action(key: Key) -> Option<Action> {
     KEYS.iter().flat_map(|row| row.keys).find(|(known, _)| *known == key).map(|(_, action)| *action)
 }
 
+/// Returns the actions of keys that arrived together, for example because a program was being compiled when they were
+/// pressed. Of several presses that change the strategy, only the last one counts; likewise for the local size and the
+/// device. Otherwise, the user would wait for the compilation of all these programs. If one of the keys ends the view,
+/// no other key counts.
+pub fn actions(keys: &[Key]) -> Vec<Action> {
+    let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
+    if all.contains(&Action::Quit) {
+        return vec![Action::Quit];
+    }
+    let mut counting: Vec<Action> = Vec::new();
+    for wanted in all {
+        if matches!(wanted, Action::Strategy(_) | Action::LocalSize(_) | Action::Device) {
+            counting.retain(|earlier| discriminant(earlier) != discriminant(&wanted));
+        }
+        counting.push(wanted);
+    }
+    counting
+}
+
 /// Returns true if a key repeats its action while it is held.
 pub fn repeats(key: Key) -> bool {
     matches!(action(key), Some(Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_)))
@@ -158,6 +179,18 @@ mod tests {
             };
             assert!(row.keys.iter().all(|(key, _)| named(key)), "{}", row.names);
         }
+    }
+
+    #[test]
+    fn of_keys_that_compile_a_program_the_last_counts_and_the_end_comes_first() {
+        let of = |letters: &str| actions(&letters.chars().map(Key::Char).collect::<Vec<_>>());
+        let [next, previous] = [1, -1].map(Action::Strategy);
+        assert_eq!(of("sss"), [next]);
+        assert_eq!(of("sS"), [previous]);
+        assert_eq!(of("dsw+ddWs"), [Action::Zoom(1.0), Action::Device, Action::LocalSize(-1), next]);
+        // The other keys count as often as they are pressed; the key `x` has no action.
+        assert_eq!(of("++x  "), [Action::Zoom(1.0), Action::Zoom(1.0), Action::Spin, Action::Spin]);
+        assert_eq!(of("sqw"), [Action::Quit]);
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::words::counted;
 use camera::{Pose, elevation};
 use heat::Heat;
 use image::RgbImage;
-use keys::{Action, action};
+use keys::{Action, actions};
 pub use live::Live;
 use pick::{Picked, Picker};
 use rate::Rate;
@@ -231,8 +231,7 @@ impl<S: Screen> Viewer<S> {
         if input.wheel != 0.0 {
             self.go(Action::Zoom(input.wheel));
         }
-        let mut actions = input.keys.iter().filter_map(|key| action(*key));
-        actions.any(|wanted| self.act(wanted))
+        actions(&input.keys).into_iter().any(|wanted| self.act(wanted))
     }
 
     /// Carries out one action. Returns true if the user wants to end the view.

@@ -229,6 +229,17 @@ fn a_program_that_is_compiled_is_announced_with_its_strategy() {
 }
 
 #[test]
+fn keys_that_waited_for_a_compiler_compile_nothing_that_is_passed_by() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    let next = title::compiling(&viewer.live.strategy_after(1));
+    let input = |letters: &str| Input { keys: letters.chars().map(Key::Char).collect(), ..Input::default() };
+    assert!(!viewer.obey(&input("sss")));
+    assert!(viewer.obey(&input("sq")), "the user quits");
+    assert_eq!(screen.lines, [next]);
+}
+
+#[test]
 fn what_a_cleared_screen_showed_is_shown_again() {
     let mut screen = Script::default();
     screen.inputs.extend([Input::default(), Input { redraws: true, ..Input::default() }]);

@@ -5,9 +5,12 @@ use super::errors::{not_awaited, not_started};
 use crate::error::{Error, Result};
 use rustix::process::{Pid, Signal, kill_process};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::flag::register_conditional_shutdown;
 use signal_hook::iterator::Signals;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, Command, ExitStatus};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread::Builder;
 
 /// The signals with which a user, a shell or the system ends processes.
@@ -24,6 +27,20 @@ pub fn run_to_end(command: &mut Command) -> Result<ExitStatus> {
         Some(signals) => wait_with(signals, &mut child, Builder::new()),
         None => child.wait().map_err(not_awaited),
     }
+}
+
+/// If this process is the first process of a container, lets each signal in [`ENDING`] end it from now on. The exit
+/// code is then 128 plus the signal's number, and the system ends all other processes of the container. This function
+/// is for the search for drivers that fail, which starts child processes without [`run_to_end`].
+pub fn end_at_signals() -> Result<()> {
+    if std::process::id() != FIRST_PROCESS {
+        return Ok(());
+    }
+    let always = Arc::new(AtomicBool::new(true));
+    for signal in ENDING {
+        register_conditional_shutdown(signal, 128 + signal, Arc::clone(&always)).map_err(not_awaited)?;
+    }
+    Ok(())
 }
 
 /// Waits until a child process has ended. Meanwhile, the thread that `listener` starts waits for `signals`,

@@ -146,4 +146,15 @@ mod tests {
         assert!(text.contains("\n32x32: cannot launch: registers:"), "{text}");
         assert!(!text.contains("\n4x4: "), "{text}");
     }
+
+    #[test]
+    fn the_json_has_the_threads_without_and_with_vectors_in_local_memory() {
+        let all = rows(&[[8, 8]]).unwrap();
+        let json = json(&all);
+        let row = &json["rows"][0];
+        let [bare, with_vectors] = ["threads", "threads_with_local_vectors"].map(|key| row[key].as_u64());
+        let held = [&all[0].held, &all[0].held_with_vectors].map(|held| Some(held.threads));
+        assert_eq!([bare, with_vectors], held);
+        assert!(with_vectors < bare, "{row}");
+    }
 }

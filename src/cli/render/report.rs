@@ -133,11 +133,12 @@ impl Verification {
 /// The result of `--verify` if the picture agrees with the reference.
 #[derive(Debug, Default, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference, over all certain pixels; null if no pixel is
-    /// certain. If soft light was cast in half pictures, raycl makes two comparisons, and this field has the
-    /// larger difference. First, the pictures from which the filter made the final picture are compared with
-    /// the reference, in their certain pixels. Second, the final picture is compared with the result of the
-    /// same filter on the host, in all pixels.
+    /// The largest relative difference. Without half pictures, it is the difference from the reference, over
+    /// all certain pixels; null if no pixel is certain. With half pictures, raycl makes two comparisons. This
+    /// field then has the larger difference, and is never null. First, the pictures from which the filter made
+    /// the final picture are compared with the reference, in their certain pixels. Second, the host applies
+    /// the same filter to the pictures that the device cast. All pixels of the final picture are compared with
+    /// the result.
     pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.

@@ -148,4 +148,20 @@ mod tests {
         );
         assert!(of(&[&two[..], &limit].concat(), false).is_ok());
     }
+
+    #[test]
+    fn more_than_two_folders_of_kernels_are_refused() {
+        let folders = ["--cl-dir", "cl", "--cl-dir", "cl", "--cl-dir", "cl"];
+        let error = sources(&args(&[&["configs/quick.toml"], &folders[..]].concat()), false).unwrap_err();
+        let message = error.to_string();
+        assert_eq!((message.as_str(), error.exit_code()), ("--cl-dir names 3 folders of kernels", 2));
+    }
+
+    #[test]
+    fn a_mistake_that_occurs_with_both_folders_is_the_experiments_own() {
+        let folders = ["--cl-dir", "cl", "--cl-dir", "cl", "--set", "strategies=['nothing']"];
+        let error = sources(&args(&[&["configs/quick.toml"], &folders[..]].concat()), false).unwrap_err();
+        assert!(error.to_string().contains("nothing"), "{error}");
+        assert!(!error.remedy().contains("occurs only with"), "{}", error.remedy());
+    }
 }

@@ -38,8 +38,8 @@ pub(super) struct Pooled {
     together: Prior,
     rows: usize,
     columns: usize,
-    /// The spread in other tables: the square root of the mean of their `together.typical`, and the degrees
-    /// of freedom of this mean.
+    /// The spread in other tables: the square root of the mean of their `together.typical`, weighted by their
+    /// degrees of freedom. It has the sum of these degrees of freedom, but at most [`BORROWED`].
     elsewhere: Error,
 }
 
@@ -61,8 +61,8 @@ impl Pooled {
         self.moderated(parts, variance(differences))
     }
 
-    /// Returns a copy of this table in which the spread of all rows has no weight. The error of a difference then
-    /// follows only from the rows of this difference.
+    /// Returns a copy in which the common spread of differences (`apart`) has no weight. The error of a difference
+    /// then follows only from the rows of this difference.
     pub(super) fn alone(self) -> Self {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }

@@ -308,7 +308,7 @@ mod tests {
             codes: Vec::new(),
         };
         let text = map.svg();
-        assert!(text.contains("…my-test…") && text.contains("…plucker…"), "{text}");
+        assert!(text.contains("=my-test…") && text.contains("=plucker…"), "{text}");
     }
 
     /// Returns the numbers of an element's attributes.

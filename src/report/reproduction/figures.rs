@@ -90,6 +90,8 @@ fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::fixtures::measured;
+    use crate::record::{Folder, Record, groups};
 
     #[test]
     fn every_figure_but_the_drawing_of_the_camera_says_what_differs() {
@@ -101,5 +103,24 @@ mod tests {
             assert!(!figure.differs.trim().is_empty() && !figure.title.is_empty(), "{figure:?}");
             assert!(figure.pictures.iter().all(|scene| scenes.contains(&scene.as_str())), "{figure:?}");
         }
+    }
+
+    #[test]
+    fn the_widest_picture_is_shown_and_of_equally_wide_ones_that_of_naive() {
+        let root = tempfile::tempdir().expect("a folder");
+        let record = |name: &str, image_size: [u32; 2]| {
+            let image = format!("{name}-{}.png", image_size[0]);
+            std::fs::write(root.path().join(&image), "a picture").expect("a file");
+            Record { image: Some(image), image_size, ..measured("gpu", name, 8, 1.0) }
+        };
+        let shown = |records: [Record; 2]| {
+            let (path, records) = (root.path().to_owned(), records.into());
+            let folder = Folder { path, records, ..Folder::default() };
+            let runs = Run::of(&folder, groups(&folder.records));
+            let picture = picture("teapot", &runs, "gpu", &mut Pictures::default());
+            picture.expect("a picture").path
+        };
+        assert_eq!(shown([record("naive", [8, 5]), record("bvh", [16, 10])]), "bvh-16.png");
+        assert_eq!(shown([record("naive", [16, 10]), record("bvh", [16, 10])]), "naive-16.png");
     }
 }

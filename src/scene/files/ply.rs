@@ -73,8 +73,9 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     }
     let mut file = parts.mesh(named.quotes, &header).map_err(|flaw| named.error(flaw))?;
     if strange > 0 {
+        let they_do = if strange == 1 { "it does" } else { "they do" };
         file.notes.push(format!(
-            "ignored {} in the header: PLY does not define such lines",
+            "ignored {} in the header: {they_do} not begin with a keyword of PLY",
             counted(strange, "line")
         ));
     }

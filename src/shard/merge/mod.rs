@@ -77,7 +77,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let abouts = attempts.iter().map(Attempt::about).collect::<Result<Vec<_>>>()?;
     let abouts: Vec<About> = abouts.into_iter().flatten().collect();
     let missing = missing::missing(out, &plan, wanted, &abouts, &|key| chosen.outcome(key));
-    let notes = notes(&plan, &chosen, &attempts)?;
+    let mut notes = notes(&plan, &chosen, &attempts)?;
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let origins = Origins::read(&attempts)?;
     let mut controls = controls(&attempts, &origins)?;
@@ -95,11 +95,16 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
         Some(AnchorSample { device: name(attempt, &line.device)?, ..line })
     })?;
     write_peak(out, &attempts, name)?;
+    let mut lost = Vec::new();
     for (attempt, record) in records.iter_mut().chain(&mut controls) {
         launches.renumber(*attempt, record);
         planned.tell_apart(record);
         record.attempt = Some(attempts[*attempt].name.clone());
-        pictures::copy(out, &attempts[*attempt].folder, record)?;
+        lost.extend(pictures::copy(out, &attempts[*attempt].folder, record)?);
+    }
+    if let Some(note) = pictures::note(&lost) {
+        notes.push(note);
+        write_about(out, &attempts, &notes)?;
     }
     write_lines(&out.join(CONTROLS), controls.iter().map(|(_, record)| record))?;
     CurrentPlan { points: planned.points }.write(out)?;
@@ -507,10 +512,17 @@ mod tests {
         let attempts = Attempt::all(out).unwrap();
         std::fs::remove_file(attempts[0].folder.join(SAMPLES)).unwrap();
         std::fs::write(attempts[0].folder.join(ROUNDS), "nonsense\n").unwrap();
+        std::fs::remove_file(attempts[0].folder.join("images/a.png")).unwrap();
         let notes = merge(out, &[]).unwrap().notes;
-        for part in ["n1..r00/rounds.jsonl; the first is line 1", "n1..r00/samples.jsonl is missing"] {
+        for part in [
+            "n1..r00/rounds.jsonl; the first is line 1",
+            "n1..r00/samples.jsonl is missing",
+            "1 picture could not be copied; the first is parts/shard-00001.n1..r00/images/a.png: ",
+        ] {
             assert!(notes.iter().any(|note| note.contains(part)), "{part}: {notes:?}");
         }
+        let about: Value = serde_json::from_slice(&std::fs::read(out.join(MERGE)).unwrap()).unwrap();
+        assert_eq!(about["notes"], json!(notes));
     }
 
     #[test]

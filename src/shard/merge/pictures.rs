@@ -2,13 +2,26 @@
 
 use crate::error::{Error, Result};
 use crate::record::{Record, own_folder, read_inside, write_page};
+use crate::words::counted;
+use std::collections::HashSet;
+use std::io::{Error as IoError, ErrorKind};
 use std::path::{Component, Path};
+
+/// A picture that could not be copied.
+#[derive(Debug)]
+pub struct Lost {
+    /// The picture's path in the folder that is merged.
+    path: String,
+    /// The reason why the picture could not be read.
+    why: IoError,
+}
 
 /// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the picture is
 /// not copied again. If a different file of that name exists, a hash of the picture's bytes is added to the copy's
 /// name, also in the record. The attempt may come from a stranger, so a picture is left out if its path leads out of
-/// the attempt's folder, even if only through a link. Fails if a folder into which it copies is a link.
-pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
+/// the attempt's folder, even if only through a link. Returns the pictures that were left out because they cannot be
+/// read. Fails if a folder into which it copies is a link.
+pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>> {
     let pictures = [
         &mut record.image,
         &mut record.difference_image,
@@ -17,14 +30,19 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
         &mut record.tests_image,
         &mut record.nodes_image,
     ];
+    let mut lost = Vec::new();
     for name in pictures.into_iter().flatten() {
-        if !stays_inside(name) {
-            continue;
-        }
-        // A picture may be lost with its machine. The record's times are still used.
-        let Some(bytes) = read_inside(attempt, name) else { continue };
+        let bytes = match read(attempt, name) {
+            Ok(bytes) => bytes,
+            // A picture may be lost with its machine. The record's times are still used.
+            Err(why) => {
+                let place = attempt.file_name().unwrap_or_default().to_string_lossy();
+                lost.push(Lost { path: format!("parts/{place}/{name}"), why });
+                continue;
+            }
+        };
         let (mut target, mut path) = (name.clone(), out.join(&name));
-        if read_inside(out, name).is_some_and(|there| there != bytes) {
+        if read_inside(out, name).is_ok_and(|there| there != bytes) {
             target = with_hash(name, &bytes);
             path = out.join(&target);
         }
@@ -34,7 +52,24 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
         }
         *name = target;
     }
-    Ok(())
+    Ok(lost)
+}
+
+/// Returns a note on the pictures that could not be copied; `None` if there are none. A picture that several records
+/// name counts once.
+pub fn note(lost: &[Lost]) -> Option<String> {
+    let Lost { path, why } = lost.first()?;
+    let paths: HashSet<&str> = lost.iter().map(|one| one.path.as_str()).collect();
+    Some(format!("{} could not be copied; the first is {path}: {why}.", counted(paths.len(), "picture")))
+}
+
+/// Reads a record's picture from the folder of the record's attempt. Fails if the picture's path leads out of the
+/// folder.
+fn read(attempt: &Path, name: &str) -> std::io::Result<Vec<u8>> {
+    if !stays_inside(name) {
+        return Err(IoError::new(ErrorKind::InvalidInput, "it has a path that may lead out of the folder"));
+    }
+    read_inside(attempt, name)
 }
 
 /// Returns true if a path in a record is relative and has no `..`. A path of this form can lead out of the
@@ -97,7 +132,7 @@ mod tests {
     /// The files `b.png` and `images/a.png` are in the attempt's folder, and `a.png` is beside it. `prepare` is called
     /// with the temporary folder before the picture is copied. Returns the result, and the paths of all files and links
     /// of the temporary folder that are not in `parts`.
-    fn strangers(name: &str, prepare: impl Fn(&Path)) -> (Result<()>, Vec<String>) {
+    fn strangers(name: &str, prepare: impl Fn(&Path)) -> (Result<Vec<Lost>>, Vec<String>) {
         let parent = tempfile::tempdir().unwrap();
         let [out, attempt] = ["merged/out", "parts/attempt"].map(|name| parent.path().join(name));
         for folder in [&out, &attempt.join("images"), &attempt.join("far/away")] {
@@ -175,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn every_picture_of_a_record_is_copied_and_a_lost_one_is_left_out() {
+    fn every_picture_of_a_record_is_copied_and_a_lost_one_is_left_out_with_a_note() {
         let folder = tempfile::tempdir().unwrap();
         let [out, attempt] = ["out", "attempt"].map(|name| folder.path().join(name));
         std::fs::create_dir_all(attempt.join("images")).unwrap();
@@ -194,13 +229,23 @@ mod tests {
             ..Record::default()
         };
         let before = record.clone();
-        copy(&out, &attempt, &mut record).unwrap();
+        assert!(copy(&out, &attempt, &mut record).unwrap().is_empty());
         assert_eq!(record, before);
         for name in names {
             assert_eq!(std::fs::read_to_string(out.join(format!("images/{name}.png"))).unwrap(), name);
         }
-        let mut lost = Record { image: picture("lost"), ..Record::default() };
-        copy(&out, &attempt, &mut lost).unwrap();
-        assert_eq!(lost.image, picture("lost"));
+        assert_eq!(note(&[]), None);
+        let mut record = Record { image: picture("lost"), ..Record::default() };
+        let mut lost = copy(&out, &attempt, &mut record).unwrap();
+        assert_eq!(record.image, picture("lost"));
+        lost.extend(copy(&out, &attempt, &mut record).unwrap());
+        let noted = note(&lost).unwrap();
+        let first = "1 picture could not be copied; the first is parts/attempt/images/lost.png: ";
+        assert!(noted.starts_with(first) && noted.len() > first.len() + 1, "{noted}");
+        record.image = Some("../a.png".into());
+        lost.extend(copy(&out, &attempt, &mut record).unwrap());
+        assert_eq!(note(&lost).unwrap(), noted.replace("1 picture", "2 pictures"));
+        let outside = note(&lost[2..]).unwrap();
+        assert!(outside.ends_with("parts/attempt/../a.png: it has a path that may lead out of the folder."));
     }
 }

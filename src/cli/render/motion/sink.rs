@@ -279,4 +279,23 @@ mod tests {
         assert_eq!(sizes.map(|size| writers_on(64, size)), [4, 2, 1, 1]);
         assert_eq!([1, 8, 64].map(|cores| writers_on(cores, [1280, 800])), [1, 2, 4]);
     }
+
+    #[test]
+    fn an_animated_picture_has_the_frames_that_are_wanted_and_not_all_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.apng");
+        let (name, size) = (path.display().to_string(), ["--width", "2", "--height", "1"]);
+        let words = ["render", "a.toml", "--turntable", "4", "-o", &name];
+        let args = Command::parse_from([&words[..], &size].concat()).args;
+        let sink = Sink::of(&args, Frames { first: 2, last: 3 }, 4, 30).unwrap();
+        let (sender, receiver) = sync_channel(2);
+        for number in [2, 3] {
+            sender.send(((number, String::new(), Radiance::new(2, 1)), Display::default())).unwrap();
+        }
+        drop(sender);
+        sink.write([2, 1], receiver).unwrap();
+        let file = std::fs::read(&path).unwrap();
+        let reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();
+        assert_eq!(reader.info().animation_control().unwrap().num_frames, 2);
+    }
 }

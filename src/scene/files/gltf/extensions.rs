@@ -16,7 +16,8 @@ const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_textu
 /// An extension that gives a surface several materials to choose from. It does not count as known, although
 /// its name begins with `KHR_materials_`, because no other module writes a note on it.
 const VARIANTS: &str = "KHR_materials_variants";
-/// An extension whose name contains one of these words compresses positions in a form that raycl cannot read.
+/// raycl assumes that an extension whose name contains one of these words compresses vertices in a form that
+/// raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
 /// Largest number of extensions that a note lists.
 const MOST_LISTED: usize = 8;
@@ -33,8 +34,8 @@ fn is_compression(extension: &str) -> bool {
     COMPRESSIONS.iter().any(|part| extension.contains(part))
 }
 
-/// Refuses a file whose vertices are compressed. The error names the extensions if messages may quote the
-/// file.
+/// Refuses a file that requires an extension which compresses vertices, and a file that has vertices in
+/// compressed form only. The error names the extensions if messages may quote the file.
 pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
     let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);

@@ -142,4 +142,26 @@ mod tests {
         ];
         assert_eq!([notes(1), notes(2)], [one, two]);
     }
+
+    #[test]
+    fn the_counts_of_all_parts_of_a_mesh_are_added() {
+        let part = |count| Part {
+            positions: Vec::new(),
+            normals: Vec::new(),
+            colours: Vec::new(),
+            coloured: 0,
+            outside: 0,
+            is_clear: false,
+            coordinates: Vec::new(),
+            triangles: Vec::new(),
+            material: 0,
+            empty: count,
+            dangling: 10 * count,
+            spare: 100 * count,
+            odd_coordinates: 1000 * count,
+        };
+        let mut all = LeftOut::default();
+        [1, 2].map(part).iter().for_each(|part| all.add(part));
+        assert_eq!([all.empty, all.dangling, all.spare, all.odd_coordinates], [3, 30, 300, 3000]);
+    }
 }

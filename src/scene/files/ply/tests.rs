@@ -315,13 +315,14 @@ fn a_header_above_the_limit_is_refused_with_the_limit() {
 
 #[test]
 fn a_line_that_is_not_plys_is_ignored_with_a_note() {
-    let file = parse("a.ply", SQUARE.replacen("comment made", "Created", 1).as_bytes()).unwrap();
-    assert_eq!(file.mesh.triangles.len(), 2);
-    assert!(
-        file.notes.iter().any(|note| note == "ignored 1 line in the header: PLY does not define such lines"),
-        "{:?}",
-        file.notes
-    );
+    for (lines, expected) in [
+        ("Created", "ignored 1 line in the header: it does not begin with a keyword of PLY"),
+        ("Created\n\nCreated", "ignored 3 lines in the header: they do not begin with a keyword of PLY"),
+    ] {
+        let file = parse("a.ply", SQUARE.replacen("comment made", lines, 1).as_bytes()).unwrap();
+        assert_eq!(file.mesh.triangles.len(), 2);
+        assert!(file.notes.iter().any(|note| note == expected), "{:?}", file.notes);
+    }
 }
 
 #[test]
@@ -574,4 +575,19 @@ fn a_second_type_of_elements_with_the_same_name_is_called_by_this_name() {
     assert_eq!(notes[1..], [left_out]);
     let error = parse("a.ply", second.replacen("3\n0 1\n", "3\n", 1).as_bytes()).err().unwrap().to_string();
     assert!(error.contains("elements `face`"), "{error}");
+}
+
+#[test]
+fn an_error_about_a_missing_property_lists_at_most_eight_others() {
+    let message = |count: u8| {
+        let property = |name: u8| format!("property float {}\n", char::from(name));
+        let properties: String = (b'a'..b'a' + count).map(property).collect();
+        let faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+        let data = format!("{}\n3 0 0 0\n", "0 ".repeat(usize::from(count)));
+        let text = format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}{faces}{data}");
+        parse("a.ply", text.as_bytes()).err().unwrap().to_string()
+    };
+    let list = "a.ply: `vertex` has no number `x`; it has `a`, `b`, `c`, `d`, `e`, `f`, `g`, `h`";
+    assert!(message(8).starts_with(list) && !message(8).contains("..."), "{}", message(8));
+    assert!(message(9).starts_with(&format!("{list}, ...")), "{}", message(9));
 }
