@@ -4,7 +4,9 @@ use super::coordinates::Coordinates;
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
-use super::text::{Chunk, Mistake, Seen, Source, keyword, possible_names, quoted, tokens, words};
+use super::text::{
+    Chunk, Mistake, Seen, Source, keyword, leading_index, possible_names, quoted, tokens, words,
+};
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
@@ -73,8 +75,14 @@ pub(super) struct FaceChunk {
     short: Seen,
 }
 
-pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Result<FaceChunk, Mistake> {
-    let mut faces = FaceChunk::default();
+/// Reads the faces of a piece. The result's list of triangles is `triangles`, an empty list whose memory is used again.
+pub(super) fn read(
+    context: &FaceContext,
+    chunk: &Chunk,
+    start: &Start,
+    triangles: Vec<Triangle>,
+) -> Result<FaceChunk, Mistake> {
+    let mut faces = FaceChunk { triangles, ..FaceChunk::default() };
     let mut seen = *start;
     let mut material = faces.material(context, start.material);
     let mut corners = Vec::new();
@@ -189,6 +197,10 @@ fn read_corners(
     corners: &mut Vec<Corner>,
 ) -> Result<(), String> {
     corners.clear();
+    if let Some(triangle) = usual_triangle(context, rest) {
+        corners.extend(triangle);
+        return Ok(());
+    }
     for token in tokens(rest) {
         corners.push(corner(context, seen, token)?);
     }
@@ -198,11 +210,6 @@ fn read_corners(
 /// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a
 /// slash may be empty.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
-    // In most meshes without normals, a corner is a number without slashes. `plain_index` reads such a corner
-    // faster.
-    if let Some(position) = plain_index(token, context.total.positions) {
-        return Ok((position, MISSING, MISSING));
-    }
     let mut parts = token.split(|&byte| byte == b'/');
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
@@ -236,15 +243,38 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
     }
 }
 
-/// Converts a number from 1 to `total` to an index from 0. Returns `None` if the text has other characters
-/// than digits, if it has more than nine digits, or if the number is out of range.
-fn plain_index(token: &[u8], total: usize) -> Option<u32> {
-    // Numbers of nine digits fit into 32 bits, so no step needs a check.
-    if token.len() > 9 || !token.iter().all(u8::is_ascii_digit) {
-        return None;
+/// Reads the corners of a triangle in the most frequent form: each corner follows one blank, and all its indices are
+/// positive and exist in the file. Returns `None` for all other text, which [`corner`] reads.
+fn usual_triangle(context: &FaceContext, line: &[u8]) -> Option<[Corner; 3]> {
+    let mut corners = [(0, MISSING, MISSING); 3];
+    let mut rest = line;
+    for corner in &mut corners {
+        (*corner, rest) = usual_corner(context, rest.strip_prefix(b" ")?)?;
     }
-    let value = token.iter().fold(0, |value, digit| 10 * value + u32::from(digit - b'0'));
-    (1..=total).contains(&(value as usize)).then(|| value - 1)
+    rest.is_empty().then_some(corners)
+}
+
+/// Splits a corner in the form `1`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None` if the corner
+/// has another form, or if one of its indices does not exist in the file.
+fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'a [u8])> {
+    let index = |number: u32, total: usize| (number as usize <= total).then(|| number - 1);
+    let (position, mut rest) = leading_index(text)?;
+    let mut corner = (index(position, context.total.positions)?, MISSING, MISSING);
+    if let Some(after) = rest.strip_prefix(b"/") {
+        rest = after;
+        if let Some((texture, after)) = leading_index(rest) {
+            if context.mapped {
+                corner.2 = index(texture, context.total.coordinates)?;
+            }
+            rest = after;
+        }
+        if let Some(after) = rest.strip_prefix(b"/") {
+            let (normal, after) = leading_index(after)?;
+            corner.1 = index(normal, context.total.normals).filter(|index| !context.is_odd(*index))?;
+            rest = after;
+        }
+    }
+    Some((corner, rest))
 }
 
 /// Returns the index, from 0, of the element that the number in `part` means. `what` names the kind of
@@ -343,6 +373,48 @@ pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    /// A file with 50 vertices, 7 texture coordinates and 5 normals, of which the third is not valid.
+    fn context(materials: &HashMap<String, u32>, mapped: bool) -> FaceContext<'_> {
+        let total = Start { positions: 50, coordinates: 7, normals: 5, material: "" };
+        FaceContext { positions: &[], odd_normals: &[Odd { number: 2, offset: 0 }], total, materials, mapped }
+    }
+
+    proptest! {
+        #[test]
+        fn a_triangle_in_the_most_frequent_form_is_read_like_any_other(
+            line in "( [0-9]{1,2}(/[0-9]?(/[0-9]?)?)?){3}",
+            mapped: bool,
+        ) {
+            let materials = HashMap::new();
+            let context = context(&materials, mapped);
+            if let Some(triangle) = usual_triangle(&context, line.as_bytes()) {
+                let corners = tokens(line.as_bytes()).map(|token| corner(&context, &Start::default(), token));
+                prop_assert_eq!(corners.collect::<Vec<_>>(), triangle.map(Ok));
+            }
+        }
+    }
+
+    #[test]
+    fn only_corners_that_exist_in_usual_forms_are_read_as_a_usual_triangle() {
+        let materials = HashMap::new();
+        let context = context(&materials, true);
+        let is_usual = |line: &str| usual_triangle(&context, line.as_bytes()).is_some();
+        for line in [" 1 2 50", " 1/7 2/ 3/1", " 1//5 2/2/4 3//1", " 000000001 2 3"] {
+            assert!(is_usual(line), "{line}");
+        }
+        for line in
+            ["", " 1 2", " 1 2 3 4", " 1 2 51", " 0 1 2", " -1 -2 -3", " 1  2 3", " 1 2 3 ", " 1 2 3#"]
+        {
+            assert!(!is_usual(line), "{line}");
+        }
+        for line in
+            [" 1/8 2 3", " 1//3 2//1 3//1", " 1//6 2 3", " 1// 2 3", " 1/2/3/4 2 3", " 0000000001 2 3"]
+        {
+            assert!(!is_usual(line), "{line}");
+        }
+    }
 
     #[test]
     fn a_material_goes_on_through_all_pieces_that_name_none() {

@@ -34,7 +34,7 @@ use glam::Vec3;
 use points::{PointChunk, Reading};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
-use text::{Chunk, Mistake, Seen, Source};
+use text::{Chunk, Mistake, PIECES_PER_THREAD, Seen, Source};
 use textures::{FaceCoordinates, Maps};
 
 pub(in crate::scene) use asked::{Asked, Wish};
@@ -100,9 +100,9 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
         materials: &materials.by_name,
         mapped,
     };
-    let faces = chunks.par_iter().zip(&starts).map(|(chunk, start)| faces::read(&context, chunk, start));
-    let mut faces: Vec<FaceChunk> = in_order(source, faces.collect())?;
-    mesh.triangles = concatenate(&mut faces);
+    let at_a_time = PIECES_PER_THREAD * rayon::current_num_threads();
+    let (triangles, faces) = read_faces(source, &context, &chunks, &starts, at_a_time)?;
+    mesh.triangles = triangles;
     if mesh.triangles.is_empty() {
         return Err(source.error(without_triangles(source.text, total.positions, &points)));
     }
@@ -271,20 +271,36 @@ fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) 
     coordinates
 }
 
+/// Reads the faces of all pieces. Returns the triangles of the whole file, and the other results of each piece. The
+/// pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the end of the list,
+/// and the next group is read into the same memory. For large files, this is faster than new memory for each piece,
+/// since the system fills new memory with zeros. For the same reason, all threads move triangles.
+fn read_faces(
+    source: &Source,
+    context: &FaceContext,
+    chunks: &[Chunk],
+    starts: &[faces::Start],
+    at_a_time: usize,
+) -> Result<(Vec<Triangle>, Vec<FaceChunk>)> {
+    let mut buffers = vec![Vec::new(); at_a_time.min(chunks.len())];
+    let (mut triangles, mut pieces) = (Vec::new(), Vec::with_capacity(chunks.len()));
+    for (chunks, starts) in chunks.chunks(at_a_time).zip(starts.chunks(at_a_time)) {
+        let group = chunks.par_iter().zip(starts).zip(&mut buffers);
+        let read =
+            group.map(|((chunk, start), buffer)| faces::read(context, chunk, start, std::mem::take(buffer)));
+        for (mut piece, buffer) in in_order(source, read.collect())?.into_iter().zip(&mut buffers) {
+            triangles.par_extend(piece.triangles.par_drain(..));
+            *buffer = std::mem::take(&mut piece.triangles);
+            pieces.push(piece);
+        }
+    }
+    triangles.shrink_to_fit();
+    Ok((triangles, pieces))
+}
+
 /// Returns the results of all pieces, or the error for the first mistake in the file.
 fn in_order<T>(source: &Source, results: Vec<std::result::Result<T, Mistake>>) -> Result<Vec<T>> {
     results.into_iter().collect::<std::result::Result<_, _>>().map_err(|mistake| source.error(mistake))
-}
-
-/// Moves the triangles of all pieces into one list. All threads copy, since the system fills each new page of
-/// memory with zeros, which takes longer than copying. The memory of a piece is freed as soon as the piece is
-/// copied.
-fn concatenate(faces: &mut [FaceChunk]) -> Vec<Triangle> {
-    let mut all = Vec::with_capacity(faces.iter().map(|chunk| chunk.triangles.len()).sum());
-    for chunk in faces {
-        all.par_extend(std::mem::take(&mut chunk.triangles));
-    }
-    all
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 
 use super::asked::Asked;
 use super::odd::Odd;
-use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
+use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, usual_vector, words};
 use super::wishes;
 use crate::scene::files::{Placement, linear};
 use crate::scene::validate::MAX_COORDINATE;
@@ -38,11 +38,20 @@ impl Reading {
     /// Positions are unchanged. They are valid if their coordinates are within +-[`LARGEST`].
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
+    /// Returns true if positions are neither moved nor scaled, and if large coordinates are not valid.
+    fn is_unchanged(&self) -> bool {
+        !self.is_large && self.placement.is_none_or(|placement| placement == Placement::IDENTITY)
+    }
+
+    /// Reads a position that is neither moved nor scaled, if the line has its usual form.
+    fn usual_position(&self, rest: &[u8]) -> Option<Vec3> {
+        if self.is_unchanged() { usual_vector(rest).map(Vec3::from_array) } else { None }
+    }
+
     /// Reads a position, moves and scales it, and rounds it to single precision. Returns `None` if the
     /// position is not valid.
     fn position<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<Vec3> {
-        let is_unchanged = self.placement.is_none_or(|placement| placement == Placement::IDENTITY);
-        if is_unchanged && !self.is_large {
+        if self.is_unchanged() {
             return position(0, tokens).ok();
         }
         let exact = self.exact(tokens)?;
@@ -105,6 +114,10 @@ impl PointChunk {
     }
 
     fn vertex(&mut self, rest: &[u8], offset: usize, reading: &Reading) {
+        if let Some(position) = reading.usual_position(rest) {
+            self.positions.push(position);
+            return;
+        }
         let mut words = tokens(rest);
         match reading.position(&mut words) {
             Some(position) => {
@@ -127,6 +140,10 @@ impl PointChunk {
     }
 
     fn normal(&mut self, rest: &[u8], offset: usize) {
+        if let Some(normal) = usual_vector(rest) {
+            self.normals.push(Vec3::from_array(normal));
+            return;
+        }
         let normal = vector(offset, "normal", &mut tokens(rest)).unwrap_or_else(|_| {
             self.odd_normals.push(Odd { number: self.normals.len(), offset });
             Vec3::ZERO

@@ -378,6 +378,34 @@ fn many_chunks_read_as_one() {
     assert!(message(&text).contains("test.obj:160001:"));
 }
 
+#[test]
+fn pieces_that_are_read_in_groups_give_the_triangles_of_all_pieces_at_once() {
+    let faces = (0..40_000).map(|i| format!("v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nf -3 -2 -1\n"));
+    let text: String = faces.collect();
+    let source = Source { name: "test.obj", text: text.as_bytes(), quotes: true };
+    let chunks = text::chunks(source.text);
+    let points: Vec<_> = chunks.iter().map(|chunk| points::read(chunk, &Reading::USUAL)).collect();
+    let starts = faces::starts(&points, &[]);
+    let total = starts[points.len()];
+    let mut mesh = Mesh::default();
+    add_points(&mut mesh, &points, total);
+    let materials = std::collections::HashMap::new();
+    let context = FaceContext {
+        positions: &mesh.positions,
+        odd_normals: &[],
+        total,
+        materials: &materials,
+        mapped: false,
+    };
+    let triangles = |at_a_time| read_faces(&source, &context, &chunks, &starts, at_a_time).unwrap().0;
+    let all = triangles(chunks.len());
+    assert_eq!(all.len(), 40_000);
+    assert!(chunks.len() > 3, "three pieces at a time are not all pieces");
+    for at_a_time in 1..=3 {
+        assert!(triangles(at_a_time) == all, "{at_a_time} pieces at a time");
+    }
+}
+
 /// Generates OBJ files with vertices, normals and triangles. All files contain one large triangle at the
 /// origin, so that no mesh is far enough from the origin to be moved.
 fn obj_text() -> impl Strategy<Value = String> {

@@ -1,6 +1,7 @@
 //! Divides OBJ text into pieces of whole lines, lines and words, parses numbers, and locates mistakes.
 
 use crate::error::Error;
+use memchr::memchr_iter;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -13,9 +14,11 @@ const SHOWN_NAME_CHARACTERS: usize = 200;
 /// Smallest number of bytes of a piece of the text. Reading shorter pieces in parallel would save no time.
 const CHUNK_BYTES: usize = 1 << 17;
 /// Largest number of bytes of a piece, apart from the rest of its last line. With longer pieces, the other threads would
-/// wait long while one thread reads the last piece. The triangles of much shorter pieces would take less than 4 MiB, and
-/// the allocator keeps the memory of such small allocations when they are freed.
+/// wait long while one thread reads the last piece.
 const MOST_CHUNK_BYTES: usize = 8 << 20;
+
+/// Number of pieces per thread, unless the pieces would be shorter than `CHUNK_BYTES` or longer than `MOST_CHUNK_BYTES`.
+pub(super) const PIECES_PER_THREAD: usize = 4;
 
 /// A mistake at a byte offset in the text that [`normalise`] returns.
 #[derive(Debug)]
@@ -145,18 +148,20 @@ impl<'a> Chunk<'a> {
 
     /// Returns the piece's lines without surrounding blanks, each after its byte offset in the text.
     pub fn lines(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
-        let mut offset = self.start;
-        self.bytes.split(|&byte| byte == b'\n').map(move |line| {
-            let start = offset;
-            offset += line.len() + 1;
-            (start, line.trim_ascii())
+        let (first, bytes) = (self.start, self.bytes);
+        let mut start = 0;
+        memchr_iter(b'\n', bytes).chain(std::iter::once(bytes.len())).map(move |end| {
+            let line = (first + start, bytes[start..end].trim_ascii());
+            start = end + 1;
+            line
         })
     }
 }
 
 /// Divides a text at line ends into pieces: about four for each thread, but none much longer than `MOST_CHUNK_BYTES`.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
-    let target = (text.len() / (4 * rayon::current_num_threads())).clamp(CHUNK_BYTES, MOST_CHUNK_BYTES);
+    let target = (text.len() / (PIECES_PER_THREAD * rayon::current_num_threads()))
+        .clamp(CHUNK_BYTES, MOST_CHUNK_BYTES);
     let mut chunks = Vec::new();
     let mut start = 0;
     while start < text.len() {
@@ -325,29 +330,56 @@ pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
 }
 
 /// Parses a decimal number of few digits; most numbers in meshes have few digits. Returns `None` for all
-/// other text. The digits as an integer and the power of ten are exact in f32, so their quotient is the f32
-/// nearest to the number (Clinger, "How to Read Floating Point Numbers Accurately", 1990).
+/// other text.
 fn short_number(token: &[u8]) -> Option<f32> {
+    leading_number(token).and_then(|(number, rest)| rest.is_empty().then_some(number))
+}
+
+/// Splits a decimal number of few digits off the beginning of a text. The digits as an integer and the power
+/// of ten are exact in f32, so their quotient is the f32 nearest to the number (Clinger, "How to Read Floating
+/// Point Numbers Accurately", 1990).
+fn leading_number(text: &[u8]) -> Option<(f32, &[u8])> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
-    let digits = token.strip_prefix(b"-").unwrap_or(token);
+    let digits = text.strip_prefix(b"-").unwrap_or(text);
+    let (mut integer, mut point, mut length) = (0_u64, None, 0);
     // Ten digits fit into 64 bits, so no step needs a check.
-    if digits.is_empty() || digits.len() > 10 {
-        return None;
-    }
-    let (mut integer, mut point) = (0_u64, None);
-    for (index, byte) in digits.iter().enumerate() {
+    for byte in digits.iter().take(10) {
         match byte {
             b'0'..=b'9' => integer = 10 * integer + u64::from(byte - b'0'),
-            b'.' if point.is_none() && digits.len() > 1 => point = Some(index),
-            _ => return None,
+            b'.' if point.is_none() => point = Some(length),
+            _ => break,
         }
+        length += 1;
     }
-    let decimals = point.map_or(0, |index| digits.len() - 1 - index);
-    if integer > 1 << 24 {
+    let decimals = point.map_or(0, |index| length - 1 - index);
+    if length == usize::from(point.is_some()) || integer > 1 << 24 {
         return None;
     }
     let size = integer as f32 / POWERS.get(decimals)?;
-    Some(if digits.len() < token.len() { -size } else { size })
+    Some((if digits.len() < text.len() { -size } else { size }, &digits[length..]))
+}
+
+/// Reads three numbers in the most frequent form: each has few digits and follows one blank. Returns `None` for all
+/// other text, which [`tokens`] and [`number`] read.
+pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
+    let mut values = [0.0; 3];
+    let mut rest = line;
+    for value in &mut values {
+        (*value, rest) = leading_number(rest.strip_prefix(b" ")?)?;
+    }
+    rest.is_empty().then_some(values)
+}
+
+/// Splits an index (a number of one to nine digits) off the beginning of a text. Returns `None` if the text does not begin
+/// with a digit, or if the number is 0. If there are more than nine digits, the rest begins with a digit.
+pub(super) fn leading_index(text: &[u8]) -> Option<(u32, &[u8])> {
+    // Numbers of nine digits fit into 32 bits, so no step needs a check.
+    let (mut value, mut length) = (0, 0);
+    for byte in text.iter().take(9).take_while(|byte| byte.is_ascii_digit()) {
+        value = 10 * value + u32::from(byte - b'0');
+        length += 1;
+    }
+    (value > 0).then(|| (value, &text[length..]))
 }
 
 #[cfg(test)]
@@ -361,6 +393,34 @@ mod tests {
             if let Some(value) = short_number(text.as_bytes()) {
                 prop_assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()));
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn usual_vectors_are_the_numbers_of_the_words(line in "( -?[0-9]{0,8}\\.?[0-9]{0,4}){3}") {
+            if let Some(vector) = usual_vector(line.as_bytes()) {
+                let words: Vec<_> = tokens(line.as_bytes()).map(number).collect();
+                prop_assert_eq!(words, vector.map(Some));
+            }
+        }
+    }
+
+    #[test]
+    fn only_three_short_numbers_after_one_blank_each_are_a_usual_vector() {
+        assert_eq!(usual_vector(b" 1 -2.5 .25"), Some([1.0, -2.5, 0.25]));
+        for line in [
+            "",
+            " 1 2",
+            " 1 2 3 4",
+            " 1  2 3",
+            "\t1 2 3",
+            " 1 2 3 ",
+            " 1 2 3#",
+            " 1 2 3e1",
+            " 1 2 12345678901",
+        ] {
+            assert_eq!(usual_vector(line.as_bytes()), None, "{line}");
         }
     }
 
