@@ -174,13 +174,6 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
     assert_eq!(all_clean("../tests/data/near.toml", &shared, "32x1", RACES), 2);
 }
 
-/// As the test above, but with a distant light: rounding moves the ends of its shadow rays by more than the bias.
-#[test]
-fn tiles_that_work_items_share_do_not_shadow_surfaces_by_themselves() {
-    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
-    assert_eq!(all_clean("../tests/data/distant.toml", &shared, "32x1", RACES), 2);
-}
-
 /// Shadow rays of tiles are tested from the light, but a ray that runs towards the light must meet a front. Tiles that
 /// work-items share cast some of the shadow rays of this scene one by one.
 #[test]
@@ -204,6 +197,21 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
 fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
     let tile = preset("tile").expect("a preset").strategy;
     assert_eq!(all_clean_at(["16", "11"], "pyramid-lower.toml", &[tile], "1x1", RACES), 1);
+}
+
+/// The scenes of the other tests need no code for soft light, several samples, pictures of skies or textures. The sides
+/// of the first picture are multiples of the side of a block of samples, so that no block extends beyond the picture.
+#[test]
+fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
+    let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
+    for (name, scene, size, options) in [
+        ("tile", "pyramid-lower.toml", ["16", "12"], &adaptive[..]),
+        ("bvh", "../tests/data/mirrors.toml", ["9", "6"], &["--samples", "2"][..]),
+        ("tile", "../tests/data/stripes.toml", ["9", "6"], &[][..]),
+    ] {
+        let strategy = preset(name).expect("a preset").strategy;
+        assert_eq!(all_clean_with(options, size, scene, &[strategy], "1x1", RACES), 1, "{scene}");
+    }
 }
 
 /// No command of the binary casts rays from a buffer, so Oclgrind runs a test of tests/watertight.rs that casts such
