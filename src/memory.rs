@@ -34,7 +34,7 @@ impl Available {
             return Ok(());
         }
         let message = format!(
-            "{what} needs about {} of this machine's memory ({sum} = {bytes} B), but only {} are available ({} B according to {})",
+            "{what} needs about {} of memory ({sum} = {bytes} B), but only {} are available ({} B according to {})",
             readable(bytes),
             readable(self.bytes),
             self.bytes,
@@ -50,7 +50,7 @@ pub fn blames_address_space(message: &str) -> bool {
 }
 
 /// The remedy if the limit of the address space leaves too little memory.
-pub const UNLIMITED: &str = "remove the limit of the address space with `ulimit -v unlimited` (in a batch job, ask for more memory); a smaller image or scene needs less memory";
+pub const UNLIMITED: &str = "remove the limit of the address space with `ulimit -v unlimited`; in a batch job, ask for more memory instead; or choose a smaller image or scene";
 /// The remedy if there is too little memory for another reason.
 const FEWER: &str = "use fewer triangles or pixels, end other programs, or raise the memory limit";
 
@@ -240,7 +240,7 @@ mod tests {
         let message = available.hold(1010, "this", "10 B x 101").unwrap_err().to_string();
         assert_eq!(
             message,
-            "this needs about 1.0 kB of this machine's memory (10 B x 101 = 1010 B), but only 1.0 kB are available (1000 B according to a test)"
+            "this needs about 1.0 kB of memory (10 B x 101 = 1010 B), but only 1.0 kB are available (1000 B according to a test)"
         );
     }
 

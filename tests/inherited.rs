@@ -2,6 +2,7 @@
 //! number of a container's first process. Its background processes leave the files of their caller.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, finish, program, run, until};
+use crate::view::Tmux;
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{Read as _, Write as _};
@@ -31,41 +32,56 @@ fn a_caller_that_ignores_sigchld_gets_exit_code_0() {
     assert!(folder.path("a.png").exists());
 }
 
-/// A command that runs another command as the first process of a container.
-const CONTAINER: [&str; 7] =
-    ["unshare", "--user", "--map-root-user", "--pid", "--fork", "--kill-child", "--mount-proc"];
+/// A command that runs another command as the first process of a container. Only root may run it without [`AS_USER`].
+const CONTAINER: [&str; 5] = ["unshare", "--pid", "--fork", "--kill-child", "--mount-proc"];
+/// Options with which users other than root can make containers, if the system lets them.
+const AS_USER: [&str; 2] = ["--user", "--map-root-user"];
 
-/// Returns true if this machine lets `unshare` make a container. Otherwise, says that a test is left out.
-fn makes_containers() -> bool {
-    let is_allowed = Command::new(CONTAINER[0]).args(&CONTAINER[1..]).arg("true").status();
-    let is_allowed = is_allowed.is_ok_and(|status| status.success());
-    if !is_allowed {
-        eprintln!("left out: this machine does not let `unshare` make a container");
+/// Returns a command that runs another command as the first process of a container. If the system makes no containers,
+/// returns `None`, and prints that a test is left out and why.
+fn container() -> Option<Vec<&'static str>> {
+    let mut why = String::new();
+    for options in [&AS_USER[..], &[]] {
+        let starter = [&CONTAINER[..], options].concat();
+        match Command::new(starter[0]).args(&starter[1..]).arg("true").output() {
+            Ok(output) if output.status.success() => return Some(starter),
+            Ok(output) => why = String::from_utf8_lossy(&output.stderr).trim_end().to_owned(),
+            Err(error) => why = error.to_string(),
+        }
     }
-    is_allowed
+    // The line is not printed by `eprintln!`, since what a test prints in this way is hidden if the test passes.
+    let _ = writeln!(
+        std::io::stderr(),
+        "left out: a test of tests/inherited.rs, since `unshare` cannot make a container here: {why}"
+    );
+    None
+}
+
+/// Sends a signal to the first process of the container that a process of `unshare` has made.
+fn signal_in(unshare: u32, signal: Signal) {
+    let children = std::fs::read_to_string(format!("/proc/{unshare}/task/{unshare}/children"));
+    let raycl = children.expect("a list of processes").trim().parse().ok().and_then(Pid::from_raw);
+    kill_process(raycl.expect("one process"), signal).expect("the process lives");
 }
 
 /// Starts a container, waits by `wait`, sends the signal to the container's first process, and checks the exit code.
+/// Returns what raycl wrote to standard error.
 #[track_caller]
-fn ends_with(signal: Signal, code: i32, mut command: Command, wait: impl Fn()) {
+fn ends_with(signal: Signal, code: i32, mut command: Command, wait: impl Fn()) -> String {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     let child = command.spawn().expect("it starts");
     wait();
-    let children = format!("/proc/{0}/task/{0}/children", child.id());
-    let children = std::fs::read_to_string(children).expect("a list of processes");
-    let raycl = children.trim().parse().ok().and_then(Pid::from_raw).expect("one process");
-    kill_process(raycl, signal).expect("the process lives");
+    signal_in(child.id(), signal);
     let output = finish(child);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{signal:?}: {said}");
+    said.into_owned()
 }
 
 /// The system gives the first process of a container only signals for which it has a handler.
 #[test]
 fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets() {
-    if !makes_containers() {
-        return;
-    }
+    let Some(container) = container() else { return };
     let device = device();
     let render = [
         &["render", "scene.toml", "--turntable", "3000", "-o", "a.png", "--device", &device][..],
@@ -73,27 +89,66 @@ fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets(
     ];
     for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130), (Signal::HUP, 129)] {
         let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
-        let command = started_by(&CONTAINER, &render.concat(), &folder);
+        let command = started_by(&container, &render.concat(), &folder);
         ends_with(signal, code, command, || {
             until("the first frame is written", || folder.path("a-0001.png").exists());
         });
     }
 }
 
-/// The driver of this test crashes the process that runs the command. When raycl then tries the driver alone, it does
-/// not answer.
+/// The code of a driver that crashes the process that runs the command. When raycl then tries the driver alone, the
+/// driver does not answer.
+const HANGS_ALONE: &str =
+    "if (getenv(\"RAYCL_GUARDED\")) abort(); if (symlink(\"/\", \"tried\")) abort(); for (;;) pause()";
+
 #[test]
 fn as_the_first_process_of_a_container_raycl_ends_with_a_signal_while_it_tries_drivers() {
-    if !makes_containers() {
-        return;
-    }
+    let Some(container) = container() else { return };
     let folder = WorkFolder::new();
-    let body =
-        "if (getenv(\"RAYCL_GUARDED\")) abort(); if (symlink(\"/\", \"tried\")) abort(); for (;;) pause()";
-    let vendors = crate::hostile::driver(&folder, body);
-    let mut command = started_by(&CONTAINER, &["devices"], &folder);
+    let vendors = crate::hostile::driver(&folder, HANGS_ALONE);
+    let mut command = started_by(&container, &["devices"], &folder);
     command.env("OCL_ICD_VENDORS", vendors);
     ends_with(Signal::TERM, 143, command, || until("the driver is tried", || folder.path("tried").exists()));
+}
+
+/// The driver of this test crashes the first process that runs the command, works alone, and does not answer in the
+/// second process that runs the command.
+#[test]
+fn as_the_first_process_of_a_container_raycl_ends_its_second_attempt_when_it_gets_a_signal() {
+    let Some(container) = container() else { return };
+    let folder = WorkFolder::new();
+    let body = "if (!getenv(\"RAYCL_GUARDED\")) return; if (!getenv(\"RAYCL_COMPILE_AFRESH\")) abort(); \
+                if (symlink(\"/\", \"again\")) abort(); for (;;) pause()";
+    let vendors = crate::hostile::driver(&folder, body);
+    let mut command = started_by(&container, &["devices"], &folder);
+    // The command runs again only if raycl can use its cache.
+    command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", folder.path("cache"));
+    command.env("OCL_ICD_VENDORS", vendors);
+    let again = || until("the command runs again", || folder.path("again").exists());
+    let said = ends_with(Signal::TERM, 143, command, again);
+    // raycl itself goes on until the child process has ended, and tells what ended it.
+    assert!(said.contains("was ended by SIGTERM"), "{said}");
+}
+
+/// raycl has handlers of its own while it lends its terminal, and afterwards, while it tries drivers.
+#[test]
+fn as_the_first_process_of_a_container_a_view_in_a_terminal_ends_with_the_code_of_its_signal() {
+    let Some(container) = container() else { return };
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let path = |name: &str| folder.path(name).display().to_string();
+    let vendors = crate::hostile::driver(&folder, HANGS_ALONE).display().to_string();
+    let (container, raycl) = (container.join(" "), env!("CARGO_BIN_EXE_raycl"));
+    // A process in the background of a shell reads from the terminal only if it is told so.
+    let command = format!(
+        "cd '{}'; OCL_ICD_VENDORS='{vendors}' {container} '{raycl}' view scene.toml --terminal </dev/tty & \
+         echo $! >process; wait $!; echo $? >code",
+        path("")
+    );
+    let _tmux = Tmux::start(&folder, &command);
+    until("the driver is tried", || folder.path("tried").exists());
+    signal_in(folder.text("process").trim().parse().expect("the number of a process"), Signal::TERM);
+    until("it has ended", || std::fs::read_to_string(path("code")).is_ok_and(|code| code.ends_with('\n')));
+    assert_eq!(folder.text("code"), "143\n");
 }
 
 fn flags(stream: impl AsFd) -> OFlags {

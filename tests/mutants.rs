@@ -215,7 +215,7 @@ fn pictures() -> BTreeMap<(String, u32), Vec<Strategy>> {
 #[test]
 fn without_a_change_each_picture_is_right() {
     apart!();
-    let (mut count, mut wrong) = (0, Vec::new());
+    let (mut count, mut failures) = (0, Vec::new());
     for ((scene, width), strategies) in pictures() {
         let is_due = |strategy: &Strategy| {
             count += 1;
@@ -227,14 +227,16 @@ fn without_a_change_each_picture_is_right() {
         }
         let mut stand = Stand::new(common::scene(&scene), [width, SIZE[1]]);
         for strategy in due {
+            let picture = format!("{scene}, {width} pixels wide, {strategy}");
             match stand.check(&strategy, local_size(&strategy)) {
                 Ok(verdict) if verdict.ok => {}
-                other => wrong.push(format!("{scene}, {width} pixels wide, {strategy}: {other:?}")),
+                Ok(verdict) => failures.push(format!("{picture}: wrong: {verdict:?}")),
+                Err(why) => failures.push(format!("{picture}: not cast: {why}")),
             }
         }
     }
     assert!(count > 60, "{count}");
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
 /// Faults that no picture shows: rays that slip between neighbouring triangles, or are stopped beside a triangle,

@@ -199,13 +199,14 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
     assert_eq!(all_clean_at(["16", "11"], "pyramid-lower.toml", &[tile], "1x1", RACES), 1);
 }
 
-/// The scenes of the other tests need no code for soft light, several samples, pictures of skies or textures. The sides
-/// of the first picture are multiples of the side of a block of samples, so that no block extends beyond the picture.
+/// The scenes of the other tests need no code for soft light, several samples, pictures of skies or textures. Blocks of
+/// samples fit exactly into the first picture, and extend beyond the second one.
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
     for (name, scene, size, options) in [
         ("tile", "pyramid-lower.toml", ["16", "12"], &adaptive[..]),
+        ("tile", "pyramid-lower.toml", ["15", "11"], &adaptive[..]),
         ("bvh", "../tests/data/mirrors.toml", ["9", "6"], &["--samples", "2"][..]),
         ("tile", "../tests/data/stripes.toml", ["9", "6"], &[][..]),
     ] {

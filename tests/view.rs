@@ -326,10 +326,10 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
 }
 
 /// A terminal of tmux in which a command runs. It ends when the value is dropped.
-struct Tmux(String);
+pub struct Tmux(String);
 
 impl Tmux {
-    fn start(folder: &WorkFolder, command: &str) -> Self {
+    pub fn start(folder: &WorkFolder, command: &str) -> Self {
         let tmux = Self(folder.path("tmux").display().to_string());
         let size = ["new-session", "-d", "-x", "80", "-y", "24"];
         tmux.run(&[&["-f", "/dev/null"], &size[..], &[command]].concat());

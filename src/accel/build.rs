@@ -18,16 +18,13 @@ const PARALLEL_NODE: usize = 1 << 16;
 /// Number of triangles in a chunk. All cores compute the root's box chunk by chunk. In a node with more than
 /// `PARALLEL_NODE` triangles, all cores also count and move the triangles chunk by chunk.
 const CHUNK: usize = 1 << 14;
-/// A subtree with at most this many triangles is built by one task. In very large meshes, a task's subtree is larger.
+/// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
 /// If a subtree has at most this many triangles, and its parent has more, the subtree's nodes are joined into one
 /// piece as soon as the subtree is finished. Most of these pieces are large, and the allocator returns the memory of
 /// a large piece to the system when the piece is freed. The allocator would keep the memory of many small pieces, so
 /// large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
-/// If a mesh has at least this many times `JOINED` triangles per thread, each subtree of at most `JOINED` triangles is
-/// built by one task, since there are enough of them for all threads. The nodes of such a subtree need not be joined.
-const JOINED_PER_THREAD: usize = 4;
 /// To find a cut, nodes with more triangles than this are divided into `FINE` slices along each axis. All other
 /// nodes are divided into `COARSE` slices.
 const FINE_NODE: usize = 64;
@@ -70,11 +67,6 @@ impl Subtree {
 
 /// Builds a tree; see [`Bvh::build`].
 pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
-    build_in_tasks(mesh, leaf_size, task_size(mesh.triangles.len()))
-}
-
-/// Builds a tree. Each subtree with at most `task` triangles is built by one task; the tree is the same for all `task`.
-pub(super) fn build_in_tasks(mesh: &Mesh, leaf_size: usize, task: usize) -> Bvh {
     let leaf_size = leaf_size.max(1);
     let mut primitives: Vec<Primitive> = Vec::new();
     let primitive = |(i, t)| Primitive::new(mesh.corners(t), i as u32);
@@ -88,22 +80,17 @@ pub(super) fn build_in_tasks(mesh: &Mesh, leaf_size: usize, task: usize) -> Bvh 
         .map(|chunk| (Primitive::bounds(chunk), Primitive::centre_bounds(chunk)))
         .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)));
     let root = Work { primitives: &mut primitives, order: &mut order, bounds, region, depth: 0 };
-    let tree = grow(root, leaf_size, task.max(leaf_size));
+    let tree = grow(root, leaf_size);
     // For large meshes, the use of memory is highest here, so the triangles' boxes are freed before the pieces of the
     // tree are joined.
     drop(primitives);
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
 
-/// Returns the largest number of triangles of a subtree that is built by one task, for a mesh of `triangles` triangles.
-fn task_size(triangles: usize) -> usize {
-    if triangles / JOINED < JOINED_PER_THREAD * rayon::current_num_threads() { TASK } else { JOINED }
-}
-
-/// Builds a subtree: as two tasks if it has more than `task` triangles, otherwise in this task.
-fn grow(work: Work, leaf_size: usize, task: usize) -> Subtree {
+/// Builds a subtree: a large subtree as two tasks, a small one in this task.
+fn grow(work: Work, leaf_size: usize) -> Subtree {
     let count = work.primitives.len();
-    if count <= task {
+    if count <= TASK.max(leaf_size) {
         let mut nodes = Vec::with_capacity(2 * count / leaf_size + 1);
         let depth = grow_serially(work, leaf_size, &mut nodes);
         return Subtree { nodes: nodes.len(), pieces: vec![nodes], depth };
@@ -111,8 +98,8 @@ fn grow(work: Work, leaf_size: usize, task: usize) -> Subtree {
     let bounds = work.bounds;
     let [left, right] = divide(work);
     let side = |work: Work| {
-        let joins = count > JOINED && (task + 1..=JOINED).contains(&work.primitives.len());
-        let subtree = grow(work, leaf_size, task);
+        let joins = count > JOINED && work.primitives.len() <= JOINED;
+        let subtree = grow(work, leaf_size);
         if joins { subtree.joined() } else { subtree }
     };
     let (left, right) = rayon::join(|| side(left), || side(right));

@@ -184,15 +184,6 @@ fn nodes_on_all_cores_give_a_right_tree() {
 }
 
 #[test]
-fn a_tree_does_not_depend_on_the_size_of_tasks() {
-    let mesh = random_mesh(9, 100_000, 0.1, 1.0);
-    let tree = build::build_in_tasks(&mesh, 4, 1);
-    for task in [100, 4_096, 70_000, 1 << 19] {
-        assert!(build::build_in_tasks(&mesh, 4, task) == tree, "tasks of {task} triangles");
-    }
-}
-
-#[test]
 fn nodes_on_all_cores_are_cut_across_any_axis() {
     for axis in Vec3::AXES {
         // The mesh is ten times as long along this axis, so that the first cut is across the axis.

@@ -22,16 +22,13 @@ use crate::threads::cores;
 use allocator::{ALLOCATOR, allocator_settings};
 use ending::{crash, drivers_doing, exit_code, signal};
 use errors::{
-    ended_by_signal, kernels_doing, no_driver_alone, no_list, not_lent, not_started, not_together,
-    or_clear_cache, still_failing,
+    ended_by_signal, kernels_doing, no_driver_alone, no_list, not_together, or_clear_cache, still_failing,
 };
 #[cfg(unix)]
-use signals::{end_at_signals, run_to_end};
+use signals::Parent;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
-#[cfg(unix)]
-use terminal::LentTerminal;
 
 /// The number of the first process of a system or a container. Signals that end other processes by default do not end
 /// this process.
@@ -87,29 +84,18 @@ impl Guarded<'_> {
 pub fn run(command: &Guarded<'_>) -> Result<()> {
     let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
     let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
-    let terminal = match command.screen {
-        Screen::Terminal => LentTerminal::new().map_err(not_lent)?,
-        Screen::None | Screen::Window => None,
-    };
-    let status = attempt(allocator.as_slice(), terminal.as_ref())?;
+    let parent = Parent::new(command.screen)?;
+    let status = attempt(allocator.as_slice(), &parent)?;
     if drivers_doing(status).is_none() {
         return end_as(status);
     }
-    end_as(without_broken(status, command, terminal.as_ref())?)
+    end_as(without_broken(status, command, &parent)?)
 }
 
 /// Tries the drivers one by one. If some of them fail, runs the command again without them. If none fails,
 /// continues with [`with_all_drivers`]. Returns the exit status of the second attempt. `status` is the exit
 /// status of the first attempt.
-fn without_broken(
-    status: ExitStatus,
-    command: &Guarded<'_>,
-    terminal: Option<&LentTerminal>,
-) -> Result<ExitStatus> {
-    // A lent terminal has its own handlers of these signals.
-    if terminal.is_none() {
-        end_at_signals()?;
-    }
+fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
     for driver in installed() {
@@ -119,7 +105,7 @@ fn without_broken(
         }
     }
     if broken.is_empty() {
-        return with_all_drivers(status, command, terminal, &good);
+        return with_all_drivers(status, command, parent, &good);
     }
     let cause = drivers_doing(status).unwrap_or_default();
     for (driver, why) in &broken {
@@ -135,7 +121,7 @@ fn without_broken(
         ));
     }
     let folder = tempfile::tempdir().map_err(no_list)?;
-    let status = attempt(&only(&good, folder.path()).map_err(no_list)?, terminal)?;
+    let status = attempt(&only(&good, folder.path()).map_err(no_list)?, parent)?;
     let opens_window = command.opens_window();
     match drivers_doing(status) {
         None => Ok(status),
@@ -156,7 +142,7 @@ fn without_broken(
 fn with_all_drivers(
     status: ExitStatus,
     command: &Guarded<'_>,
-    terminal: Option<&LentTerminal>,
+    parent: &Parent,
     drivers: &[Driver],
 ) -> Result<ExitStatus> {
     let cause = drivers_doing(status).unwrap_or_default();
@@ -167,10 +153,10 @@ fn with_all_drivers(
     if let Some(error) = kernels_doing(status, command.cl_dir, opens_window) {
         return Err(error);
     }
-    let may_run_again = !command.reads_standard_input && !opens_window && terminal.is_none();
+    let may_run_again = !command.reads_standard_input && !opens_window && !parent.lends_terminal();
     if may_run_again
         && crash(status).is_some()
-        && let Some(status) = ended_afresh(&cause)?
+        && let Some(status) = ended_afresh(&cause, parent)?
     {
         return Ok(status);
     }
@@ -183,40 +169,25 @@ fn with_all_drivers(
 /// stored programs from raycl's cache, since one of them may have crashed the driver. Returns the exit status
 /// of the new process, or `None` if a driver ended the new process too. If raycl cannot use the cache,
 /// returns `None` without running the command. `cause` says how the first process ended.
-fn ended_afresh(cause: &str) -> Result<Option<ExitStatus>> {
+fn ended_afresh(cause: &str, parent: &Parent) -> Result<Option<ExitStatus>> {
     if !Cache::of_user().is_usable() {
         return Ok(None);
     }
     printer::tell(format!(
         "note: {cause}; a compiled program in raycl's cache may be the cause, so it is removed, and the command runs again"
     ));
-    let status = attempt(&[(AFRESH, "1".into())], None)?;
+    let status = attempt(&[(AFRESH, "1".into())], parent)?;
     Ok(drivers_doing(status).is_none().then_some(status))
 }
 
 /// Runs the command line of this process once, in a child process that also has the environment variables
-/// `variables`. Returns the exit status of the child process. If `terminal` is given (for `raycl view
+/// `variables`. Returns the exit status of the child process. If `parent` lends its terminal (for `raycl view
 /// --terminal`), the terminal is restored after the child process has ended.
-fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
+fn attempt(variables: &[(&str, OsString)], parent: &Parent) -> Result<ExitStatus> {
     let mut command = own_program()?;
     let own_number = std::process::id().to_string();
     command.args(std::env::args_os().skip(1)).env(GUARDED, own_number).envs(variables.iter().cloned());
-    match terminal {
-        Some(terminal) => terminal.wait(&mut command.spawn().map_err(|error| not_started(&error))?),
-        None => run_to_end(&mut command),
-    }
-}
-
-/// Runs a child process to its end.
-#[cfg(not(unix))]
-fn run_to_end(command: &mut std::process::Command) -> Result<ExitStatus> {
-    command.status().map_err(|error| not_started(&error))
-}
-
-/// Does nothing on systems other than Unix: their containers' first processes are ended like all others.
-#[cfg(not(unix))]
-fn end_at_signals() -> Result<()> {
-    Ok(())
+    parent.run(&mut command)
 }
 
 /// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.
@@ -226,18 +197,23 @@ fn why_broken(driver: &Driver) -> Result<Option<String>> {
     why_devices_are_not_listed(&alone)
 }
 
-/// On systems other than Unix, raycl does not restore the terminal, so this type has no values.
+/// This process, which runs the command in child processes. On systems other than Unix, it has no handlers of signals
+/// and restores no terminal.
 #[cfg(not(unix))]
-enum LentTerminal {}
+struct Parent;
 
 #[cfg(not(unix))]
-impl LentTerminal {
-    fn new() -> std::io::Result<Option<Self>> {
-        Ok(None)
+impl Parent {
+    fn new(_: Screen) -> Result<Self> {
+        Ok(Self)
     }
 
-    fn wait(&self, child: &mut std::process::Child) -> Result<ExitStatus> {
-        child.wait().map_err(errors::not_awaited)
+    fn lends_terminal(&self) -> bool {
+        false
+    }
+
+    fn run(&self, command: &mut std::process::Command) -> Result<ExitStatus> {
+        command.status().map_err(|error| errors::not_started(&error))
     }
 }
 

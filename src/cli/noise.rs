@@ -126,7 +126,7 @@ fn text(noise: &Noise, device: &str) -> String {
     if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {
         let words = [others, stolen].map(number);
         lines.push(format!(
-            "  other processes used {} of {all} processors, and other virtual machines took {}",
+            "  on average, other processes kept {} of {all} processors busy, and other virtual machines took {} of them",
             words[0], words[1]
         ));
     }
@@ -200,7 +200,8 @@ mod tests {
                 format!("smallest difference that all launches together can show {}", percent(0.02)),
                 format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
                 "1 of 4 points was not compared".to_owned(),
-                "other processes used 0.25 of 8 processors, and other virtual machines took 0.50".to_owned(),
+                "on average, other processes kept 0.25 of 8 processors busy, and other virtual machines took 0.50 of them"
+                    .to_owned(),
                 "4 samples are left out of all results, because of delays by other programs".to_owned(),
                 "in four fifths of the readings, a cache line took 20 to 90 ns from one processor to another"
                     .to_owned(),

@@ -371,9 +371,10 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns true if a bare mesh gets a ground, soft light and a sky. With `--plain`, a bare mesh never gets these. With
-/// `--devices`, a bare mesh gets these only if `--samples` is given. Without `--samples`, the pixels of such a picture
-/// have different numbers of samples, and raycl cannot divide such a picture among several devices.
+/// Returns true if a bare mesh without lights gets soft light, a sky and usually a ground. With `--plain`, a bare mesh
+/// never gets these. With `--devices`, a bare mesh gets these only if `--samples` is given. Without `--samples`, the
+/// pixels of such a picture have different numbers of samples, and raycl cannot divide such a picture among several
+/// devices.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }

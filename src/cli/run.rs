@@ -230,7 +230,7 @@ fn run_of<'a>(
     })
 }
 
-/// Returns all devices of this machine. For tests with `--asleep`, returns only a stand-in for a device.
+/// Returns all devices of this machine or, with `--asleep` (for tests), only a stand-in for a device.
 fn listed(args: &Args) -> Result<Vec<Listed>> {
     match args.asleep {
         Some(frame_ms) => Ok(vec![asleep::device(frame_ms).into()]),
@@ -263,8 +263,9 @@ pub(crate) fn measure_resumably(args: &Args, observer: &mut dyn Observer) -> Res
     Ok((out, records))
 }
 
-/// Measures the missing points. Returns the folder of results, and the records of all points or the error that ended
-/// the measurement in this folder. The error does not say how to continue, since that depends on the command.
+/// Measures the missing points. Returns the folder of results and a second result: the records of all points, or the
+/// error that ended the run in this folder. The outer result is an error if the run fails before it opens the folder,
+/// or cannot make the folder. No error says how to continue, since that depends on the command.
 pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Result<Vec<Record>>)> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;

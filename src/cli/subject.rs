@@ -66,10 +66,10 @@ impl Subject {
         [self.width, self.height]
     }
 
-    /// Loads the scene. raycl places the camera so that the whole scene is visible if an azimuth or an
-    /// elevation is set. For a bare mesh, raycl also does so if the mesh has no camera, or if `up` is set. If
-    /// `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
-    /// turntable. If `dressed` is true, a bare mesh without lights gets a ground, soft light and a sky.
+    /// Loads the scene. If an azimuth or an elevation is set, raycl places the camera so that the whole scene is
+    /// visible. For a bare mesh, raycl also places the camera in this way if the mesh has no camera, or if `up` is
+    /// set. If `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
+    /// turntable. If `dressed` is true, a bare mesh without lights gets soft light, a sky and usually a ground.
     ///
     /// # Errors
     ///

@@ -179,7 +179,7 @@ fn named(
 ) -> Result<NamedStrategy> {
     if let Some(reason) = draft.strategy.contradiction() {
         let what = [&[format!("preset={}", preset.name)], draft.named_axes.as_slice()].concat().join(" ");
-        let message = format!("this combination of axes is not allowed: {reason}");
+        let message = format!("this combination of values is not allowed: {reason}");
         let sets =
             draft.strategy.sole_remedies().into_iter().map(|(axis, value)| format!("{axis} = {value:?}"));
         let allows = match sets.collect::<Vec<_>>().join(" or ") {

@@ -282,7 +282,7 @@ fn a_contradiction_names_reason_and_combination() {
     refuses(
         &text,
         &[
-            "this combination of axes is not allowed: shading = eager with triangles = tiled",
+            "this combination of values is not allowed: shading = eager with triangles = tiled",
             "test.toml:7:1",
             "asks for preset=naive triangles=tiled",
         ],

@@ -189,7 +189,7 @@ impl Run<'_> {
 
     /// Returns the longest time, in milliseconds, that a group may need beyond `group_ms` for this many
     /// launches. In the worst case, all launches of the group are replaced, and every launch takes more
-    /// rounds and waits during its rounds. The second that each launch may wait before its first round is not
+    /// rounds and waits during its rounds. The wait of up to one second before a launch's first round is not
     /// included.
     fn most_additional_ms(&self, points: &[Known], launches: usize) -> f64 {
         let replaced = most_additional(self.launches());
@@ -229,9 +229,9 @@ impl Run<'_> {
 /// The times of groups, in milliseconds.
 #[derive(Clone, Copy, Default)]
 struct Together {
-    /// The time of all groups of casters on the host.
+    /// The sum of the times of all groups of baselines, which are measured on the host.
     host_ms: f64,
-    /// The time of all groups that are measured on devices.
+    /// The sum of the times of all groups that are measured on devices.
     devices_ms: f64,
     /// The longest time of a group that is measured on a device.
     longest_ms: f64,
@@ -248,7 +248,7 @@ impl Together {
     }
 
     /// Returns the time for all groups, in milliseconds, if `devices` devices measure at the same time, each
-    /// group on one device. Groups of casters on the host are measured while no other group is measured.
+    /// group on one device. Groups of baselines are measured while no other group is measured.
     fn ms_on(&self, devices: usize) -> f64 {
         self.host_ms + self.longest_ms.max(self.devices_ms / devices.max(1) as f64)
     }

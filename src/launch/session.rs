@@ -127,8 +127,8 @@ impl Session {
     }
 
     /// Sets how many samples each pixel gets. With several samples, lights with a radius cast soft shadows.
-    /// No light is cast at half resolution in three cases: each pixel gets one sample, the scene has no soft
-    /// light, or the sky is a picture.
+    /// All light is cast at full resolution if each pixel gets one sample, if the scene has no soft light, or if
+    /// the sky is a picture.
     #[must_use]
     pub fn with_sampling(self, sampling: Sampling) -> Self {
         let sky = self.scene.sky.as_ref();

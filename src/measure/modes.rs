@@ -63,7 +63,7 @@ impl Modes {
 
     /// Returns true if there are at least two launches, each launch has at least [`MIN_SAMPLES`] times, and
     /// no launch has times of both modes. This test can find one slow launch of four even if the launches
-    /// have too few times for a large dip. If all launches are equally fast, the five times of one launch
+    /// have too few times for a large dip. If all launches are equally fast, the five times of a given launch
     /// exceed the fifteen times of the three other launches with a probability of only 1 in 15,504.
     fn are_launches(&self, times_ms: &[f64], launches: &[u32]) -> bool {
         let mut counts: BTreeMap<u32, [usize; 2]> = BTreeMap::new();

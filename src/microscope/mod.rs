@@ -68,7 +68,7 @@ pub struct Listing {
     /// Registers per work-item; `None` if the compiler did not report them.
     pub registers: Option<u32>,
     /// True if the timed program, which has no line table, has the same operations in the same order.
-    /// Operands (registers, addresses, numbers) are not compared. `None` if this cannot be checked. `false`
+    /// Operands (registers, addresses, numbers) are not compared. `None` if this cannot be checked, but `false`
     /// if `for_any_local_size` is true.
     pub same_as_timed: Option<bool>,
     /// True if the driver is PoCL, and raycl found only PoCL's version of the kernel for any local size. A
@@ -93,8 +93,8 @@ pub struct Listing {
 pub enum RowsAre {
     /// Lines of the source, from the compiler's line table.
     Lines,
-    /// Parts of the kernel, since there is no line table. In PTX and SASS, a part extends from one label or start of a
-    /// function to the next; on a CPU, a part is a function.
+    /// Parts of the kernel, if there is no line table, or if the table has no line for this kernel. In PTX and SASS, a
+    /// part extends from one label or start of a function to the next; on a CPU, a part is a function.
     Parts,
 }
 

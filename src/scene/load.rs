@@ -47,7 +47,7 @@ pub struct Shot {
     /// True if the scene turns on a turntable. The camera is then so far away that the whole scene is visible
     /// at every angle.
     pub turns: bool,
-    /// True if a bare mesh without lights gets a ground, soft light and a sky.
+    /// True if a bare mesh without lights gets soft light, a sky and usually a ground.
     pub dressed: bool,
     /// The largest number of triangles that can be cast; `None` if this number is not known. Shapes with more
     /// triangles are refused before their triangles are made.

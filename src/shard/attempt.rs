@@ -1,6 +1,6 @@
 //! An attempt at a shard: one process, and the folder to which this process writes. No other process writes
-//! to this folder. Attempts therefore need no lock, and a first attempt that is still running cannot damage
-//! the files of a second attempt.
+//! to this folder. Attempts therefore need no locks on its files (but they take device locks). A first attempt
+//! that is still running cannot damage the files of a second attempt.
 
 use super::Shard;
 use crate::device::variables;

@@ -9,7 +9,7 @@ impl Strategy {
     /// Returns an error with the reason if this combination of values is not allowed on any device.
     pub fn check(&self) -> Result<()> {
         let Some(reason) = self.contradiction() else { return Ok(()) };
-        let error = Error::input(format!("this combination of axes is not allowed: {reason}"));
+        let error = Error::input(format!("this combination of values is not allowed: {reason}"));
         let sets = self.sole_remedies().into_iter().map(|(axis, value)| format!("`{axis}={value}`"));
         let change = match sets.collect::<Vec<_>>().join(" or ") {
             none if none.is_empty() => "change one of these axes".to_owned(),

@@ -28,13 +28,18 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns one copy of this list for each value that is not chosen in this list. In the copy, the value
-    /// is chosen. The copies are in the order in which repeated steps of `step` (1 or -1) reach the values.
-    pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
+    /// Returns copies of this list in which other values are chosen. In the first copy, the value is chosen that is
+    /// `steps` steps further in the list, or back if `steps` is negative; after the last value follows the first. The
+    /// other copies are in the order in which more steps reach the values. If the list has several values, and `steps`
+    /// lead back to the chosen value, the first copy equals this list.
+    pub fn others(&self, steps: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
-        (1..count).map(move |steps| {
-            let taken = (self.taken as isize + step * steps).rem_euclid(count) as usize;
-            Self { all: self.all.clone(), taken }
+        let leads_back = count > 1 && steps % count == 0;
+        (0..count).filter_map(move |more| {
+            let reached = self.taken as isize + steps + more * steps.signum();
+            let taken = reached.rem_euclid(count) as usize;
+            let counts = taken != self.taken || (more == 0 && leads_back);
+            counts.then(|| Self { all: self.all.clone(), taken })
         })
     }
 }
@@ -65,6 +70,7 @@ mod tests {
         assert_eq!(choices.taken(), 3);
         let met = |step| choices.others(step).map(|other| other.taken()).collect::<Vec<_>>();
         assert_eq!((met(1), met(-1)), (vec![1, 2], vec![2, 1]));
+        assert_eq!((met(2), met(-5), met(3)), (vec![2, 1], vec![1, 2], vec![3, 1, 2]));
         let second = choices.others(1).next().expect("one");
         assert_eq!(second.others(1).map(|other| other.taken()).collect::<Vec<_>>(), [2, 3]);
         assert_eq!(Choices::of(3, []).others(1).count(), 0);

@@ -1,7 +1,5 @@
 //! The keys and their actions.
 
-use std::mem::discriminant;
-
 /// A key that has an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
@@ -31,9 +29,9 @@ pub enum Action {
     Zoom(f64),
     /// Let the eye go around the scene, or stop it.
     Spin,
-    /// Take the next strategy (1) or the previous one (-1).
+    /// Take the strategy that is this number of steps further in the list, or back if the number is negative.
     Strategy(isize),
-    /// Take the next local size (1) or the previous one (-1).
+    /// Take the local size that is this number of steps further in the list, or back if the number is negative.
     LocalSize(isize),
     /// Take the next device.
     Device,
@@ -126,9 +124,10 @@ pub fn action(key: Key) -> Option<Action> {
 }
 
 /// Returns the actions of keys that arrived together, for example because a program was being compiled when they were
-/// pressed. Of several presses that change the strategy, only the last one counts; likewise for the local size and the
-/// device. Otherwise, the user would wait for the compilation of all these programs. If one of the keys ends the view,
-/// no other key counts.
+/// pressed. If one of the keys ends the view, no other key counts. Otherwise, several steps from strategy to strategy
+/// become one action, so that the user does not wait for the compilation of the programs between; likewise for the
+/// local size. Several changes of the device count as one. A new device has its own first strategy and local size, and
+/// a new strategy its own local size, so earlier steps that a later key undoes in this way do not count.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
     let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
     if all.contains(&Action::Quit) {
@@ -136,12 +135,25 @@ pub fn actions(keys: &[Key]) -> Vec<Action> {
     }
     let mut counting: Vec<Action> = Vec::new();
     for wanted in all {
-        if matches!(wanted, Action::Strategy(_) | Action::LocalSize(_) | Action::Device) {
-            counting.retain(|earlier| discriminant(earlier) != discriminant(&wanted));
-        }
-        counting.push(wanted);
+        add(&mut counting, wanted);
     }
+    counting.retain(|wanted| !matches!(wanted, Action::Strategy(0) | Action::LocalSize(0)));
     counting
+}
+
+/// Adds an action to those that wait, and removes those whose effect it contains or makes ineffective.
+fn add(waiting: &mut Vec<Action>, mut wanted: Action) {
+    waiting.retain(|earlier| match (earlier, &mut wanted) {
+        (Action::Strategy(before), Action::Strategy(steps))
+        | (Action::LocalSize(before), Action::LocalSize(steps)) => {
+            *steps += *before;
+            false
+        }
+        (Action::Strategy(_) | Action::LocalSize(_) | Action::Device, Action::Device)
+        | (Action::LocalSize(_), Action::Strategy(_)) => false,
+        _ => true,
+    });
+    waiting.push(wanted);
 }
 
 /// Returns true if a key repeats its action while it is held.
@@ -182,12 +194,16 @@ mod tests {
     }
 
     #[test]
-    fn of_keys_that_compile_a_program_the_last_counts_and_the_end_comes_first() {
+    fn keys_that_wait_become_the_steps_that_stay_in_force_and_the_end_comes_first() {
         let of = |letters: &str| actions(&letters.chars().map(Key::Char).collect::<Vec<_>>());
-        let [next, previous] = [1, -1].map(Action::Strategy);
-        assert_eq!(of("sss"), [next]);
-        assert_eq!(of("sS"), [previous]);
-        assert_eq!(of("dsw+ddWs"), [Action::Zoom(1.0), Action::Device, Action::LocalSize(-1), next]);
+        assert_eq!(of("sss"), [Action::Strategy(3)]);
+        assert_eq!(of("SsS"), [Action::Strategy(-1)]);
+        assert_eq!(of("wwW+w"), [Action::Zoom(1.0), Action::LocalSize(2)]);
+        assert!(of("sSwW").is_empty());
+        // A new strategy has its own local size, and a new device its own strategy and local size.
+        assert_eq!(of("wwsw"), [Action::Strategy(1), Action::LocalSize(1)]);
+        assert_eq!(of("ws+dd"), [Action::Zoom(1.0), Action::Device]);
+        assert_eq!(of("swdWs"), [Action::Device, Action::Strategy(1)]);
         // The other keys count as often as they are pressed; the key `x` has no action.
         assert_eq!(of("++x  "), [Action::Zoom(1.0), Action::Zoom(1.0), Action::Spin, Action::Spin]);
         assert_eq!(of("sqw"), [Action::Quit]);

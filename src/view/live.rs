@@ -29,7 +29,7 @@ pub struct Frame {
 /// A scene on a device, ready to be cast.
 pub struct Live {
     subject: Subject,
-    /// True if a bare mesh without lights gets a ground, soft light and a sky.
+    /// True if a bare mesh without lights gets soft light, a sky and usually a ground.
     dressed: bool,
     samples: u32,
     sources: Sources,
@@ -135,8 +135,8 @@ impl Live {
 
     /// Returns the strategy to which [`Self::next_strategy`] changes if the device can use it; the present strategy if
     /// there is no other.
-    pub fn strategy_after(&self, step: isize) -> Strategy {
-        self.casting.strategies.others(step).next().map_or_else(|| self.strategy(), |next| next.taken())
+    pub fn strategy_after(&self, steps: isize) -> Strategy {
+        self.casting.strategies.others(steps).next().map_or_else(|| self.strategy(), |next| next.taken())
     }
 
     /// Returns true if the user has named a folder of kernel files, which may change while the scene is
@@ -223,7 +223,8 @@ impl Live {
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Changes to the next strategy that the device can use (for `step` 1) or to the previous one (for -1).
+    /// Changes to the strategy that is `steps` steps further in the list, or back if `steps` is negative. If the device
+    /// cannot use this strategy, changes to the first usable one after it (before it, if `steps` is negative).
     /// The local size becomes the one that the user has named on the command line. If the user has named no
     /// local size, or if the device cannot use the named one with the new strategy, the local size becomes
     /// the new strategy's usual one.
@@ -232,9 +233,9 @@ impl Live {
     ///
     /// Fails if the device can use no other strategy; the message states why it cannot use the last strategy that was
     /// tried.
-    pub fn next_strategy(&mut self, step: isize) -> Result<()> {
+    pub fn next_strategy(&mut self, steps: isize) -> Result<()> {
         let (first, first_local_size) = self.first()?;
-        let selections = self.casting.strategies.others(step).flat_map(|strategies| {
+        let selections = self.casting.strategies.others(steps).flat_map(|strategies| {
             let taken = strategies.taken();
             let usual =
                 if taken == first { first_local_size } else { taken.usual_local_size(&self.device().limits) };
@@ -245,15 +246,16 @@ impl Live {
         self.take(selections.collect())
     }
 
-    /// Changes to the next local size that the device can use (for `step` 1) or to the previous one (for -1).
+    /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative. If the
+    /// device cannot use this local size, changes to the first usable one after it (before it, if `steps` is negative).
     ///
     /// # Errors
     ///
     /// Fails if the device can use no other local size; the message states why it cannot use the last local size that
     /// was tried.
-    pub fn next_local_size(&mut self, step: isize) -> Result<()> {
+    pub fn next_local_size(&mut self, steps: isize) -> Result<()> {
         let Casting { strategies, local_sizes, .. } = &self.casting;
-        let selections = local_sizes.others(step).map(|sizes| (strategies.clone(), sizes));
+        let selections = local_sizes.others(steps).map(|sizes| (strategies.clone(), sizes));
         self.take(selections.collect())
     }
 

@@ -240,13 +240,13 @@ impl<S: Screen> Viewer<S> {
         match wanted {
             Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_) | Action::Reset => self.go(wanted),
             Action::Spin => self.spins = !self.spins,
-            Action::Strategy(step) => {
-                let next = self.live.strategy_after(step);
-                self.compiled(next, |live| live.next_strategy(step));
+            Action::Strategy(steps) => {
+                let next = self.live.strategy_after(steps);
+                self.compiled(next, |live| live.next_strategy(steps));
             }
-            Action::LocalSize(step) => {
+            Action::LocalSize(steps) => {
                 let same = self.live.strategy();
-                self.compiled(same, |live| live.next_local_size(step));
+                self.compiled(same, |live| live.next_local_size(steps));
             }
             Action::Device => self.tried(Live::next_device),
             Action::Tests => self.turn_heat(),

@@ -229,14 +229,15 @@ fn a_program_that_is_compiled_is_announced_with_its_strategy() {
 }
 
 #[test]
-fn keys_that_waited_for_a_compiler_compile_nothing_that_is_passed_by() {
+fn keys_that_waited_for_a_compiler_compile_nothing_between_the_first_strategy_and_the_last() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
-    let next = title::compiling(&viewer.live.strategy_after(1));
+    let last = viewer.live.strategy_after(3);
     let input = |letters: &str| Input { keys: letters.chars().map(Key::Char).collect(), ..Input::default() };
-    assert!(!viewer.obey(&input("sss")));
+    assert!(!viewer.obey(&input("sswsSs")));
     assert!(viewer.obey(&input("sq")), "the user quits");
-    assert_eq!(screen.lines, [next]);
+    assert_eq!(viewer.live.strategy(), last);
+    assert_eq!(screen.lines, [title::compiling(&last)]);
 }
 
 #[test]

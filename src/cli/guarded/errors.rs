@@ -135,13 +135,9 @@ pub fn not_started(error: &std::io::Error) -> Error {
     )
 }
 
+#[cfg(unix)]
 pub fn not_awaited(error: impl std::fmt::Display) -> Error {
     Error::run(format!("waiting for the child process that runs the command failed: {error}"))
-}
-
-pub fn not_lent(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the terminal could not be prepared for the child process: {error}"))
-        .with_help("run the command again, or leave out --terminal to open a window")
 }
 
 pub fn no_list(error: impl std::fmt::Display) -> Error {

@@ -1,53 +1,105 @@
-//! Ends a child process if this process gets a signal that ends processes.
+//! Runs the command in child processes, and ends such a process if this process gets a signal that ends processes.
 
-use super::FIRST_PROCESS;
 use super::errors::{not_awaited, not_started};
+use super::terminal::LentTerminal;
+use super::{FIRST_PROCESS, Screen};
 use crate::error::{Error, Result};
 use rustix::process::{Pid, Signal, kill_process};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
-use signal_hook::flag::register_conditional_shutdown;
+use signal_hook::flag::{register_conditional_default, register_conditional_shutdown};
 use signal_hook::iterator::Signals;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Builder;
 
 /// The signals with which a user, a shell or the system ends processes.
-pub const ENDING: [i32; 4] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM];
+const ENDING: [i32; 4] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM];
 
-/// Runs a child process to its end. If this process is the first process of a container, a signal in [`ENDING`] ends
-/// the child process, and the returned status says that this signal ended it: without a handler, the first process of
-/// a container does not get these signals. Any other process is ended by them, and its child process ends with it.
-pub fn run_to_end(command: &mut Command) -> Result<ExitStatus> {
-    let is_first = std::process::id() == FIRST_PROCESS;
-    let signals = is_first.then(|| Signals::new(ENDING)).transpose().map_err(not_awaited)?;
-    let mut child = command.spawn().map_err(|error| not_started(&error))?;
-    match signals {
-        Some(signals) => wait_with(signals, &mut child, Builder::new()),
-        None => child.wait().map_err(not_awaited),
+/// This process, which runs the command in child processes, one after another.
+pub struct Parent {
+    /// The terminal that the child processes use, if it must be restored after each of them.
+    terminal: Option<LentTerminal>,
+    /// True while no child process runs the command. While this value is true, a signal in [`ENDING`] ends this process
+    /// at once. `None` if this process needs no handlers of these signals: they end it at any time, and its child
+    /// process ends with it.
+    is_alone: Option<Arc<AtomicBool>>,
+}
+
+impl Parent {
+    /// Prepares this process for child processes that show pictures on this screen. If it lends them its terminal, or
+    /// if it is the first process of a container, it gets handlers of the signals in [`ENDING`]: the terminal must be
+    /// restored, and without handlers, the first process of a container does not get these signals.
+    pub fn new(screen: Screen) -> Result<Self> {
+        let terminal = if screen == Screen::Terminal { LentTerminal::new() } else { None };
+        let has_handlers = terminal.is_some() || std::process::id() == FIRST_PROCESS;
+        let is_alone = has_handlers.then(handled).transpose().map_err(not_awaited)?;
+        Ok(Self { terminal, is_alone })
+    }
+
+    /// Returns true if the child processes use a terminal that must be restored after each of them.
+    pub fn lends_terminal(&self) -> bool {
+        self.terminal.is_some()
+    }
+
+    /// Runs a child process to its end, then restores the terminal. If this process has handlers of the signals in
+    /// [`ENDING`], and gets one of these signals meanwhile, it goes on, but ends the child process. The returned status
+    /// then says that this signal ended the child process.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the system refuses the handlers, the child process, or the thread that waits for the signals. In all
+    /// these cases, no child process is left.
+    pub fn run(&self, command: &mut Command) -> Result<ExitStatus> {
+        let Some(is_alone) = &self.is_alone else {
+            let mut child = command.spawn().map_err(|error| not_started(&error))?;
+            return child.wait().map_err(not_awaited);
+        };
+        // This comes before `is_alone` changes, so that no signal is lost.
+        let signals = Signals::new(ENDING).map_err(not_awaited)?;
+        is_alone.store(false, Ordering::SeqCst);
+        let is_over = || {
+            if let Some(terminal) = &self.terminal {
+                terminal.restore();
+            }
+            is_alone.store(true, Ordering::SeqCst);
+        };
+        match command.spawn() {
+            Ok(mut child) => wait_with(signals, &mut child, Builder::new(), is_over),
+            Err(error) => {
+                is_over();
+                Err(not_started(&error))
+            }
+        }
     }
 }
 
-/// If this process is the first process of a container, lets each signal in [`ENDING`] end it from now on. The exit
-/// code is then 128 plus the signal's number, and the system ends all other processes of the container. This function
-/// is for the search for drivers that fail, which starts child processes without [`run_to_end`].
-pub fn end_at_signals() -> Result<()> {
-    if std::process::id() != FIRST_PROCESS {
-        return Ok(());
-    }
-    let always = Arc::new(AtomicBool::new(true));
+/// Sets handlers of the signals in [`ENDING`]. While the returned flag is true, as it is at first, each of these
+/// signals ends this process. The first process of a container then exits with the code 128 plus the signal's number,
+/// since signals cannot end it as they end other processes. The system ends all other processes of the container.
+fn handled() -> std::io::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(true));
     for signal in ENDING {
-        register_conditional_shutdown(signal, 128 + signal, Arc::clone(&always)).map_err(not_awaited)?;
+        if std::process::id() == FIRST_PROCESS {
+            register_conditional_shutdown(signal, 128 + signal, Arc::clone(&flag))?;
+        } else {
+            register_conditional_default(signal, Arc::clone(&flag))?;
+        }
     }
-    Ok(())
+    Ok(flag)
 }
 
-/// Waits until a child process has ended. Meanwhile, the thread that `listener` starts waits for `signals`,
-/// and ends the child process after each of them. Returns the child's exit status or, if signals arrived, a
+/// Waits until a child process has ended, then calls `is_over`. Meanwhile, the thread that `listener` starts waits for
+/// `signals`, and ends the child process after each of them. Returns the child's exit status or, if signals arrived, a
 /// status that says that the first of them ended the child process. If the thread cannot be started, kills
 /// the child process and returns an error.
-pub fn wait_with(mut signals: Signals, child: &mut Child, listener: Builder) -> Result<ExitStatus> {
+fn wait_with(
+    mut signals: Signals,
+    child: &mut Child,
+    listener: Builder,
+    is_over: impl FnOnce(),
+) -> Result<ExitStatus> {
     let process = Pid::from_child(child);
     let handle = signals.handle();
     std::thread::scope(|scope| {
@@ -66,6 +118,7 @@ pub fn wait_with(mut signals: Signals, child: &mut Child, listener: Builder) -> 
             let _ = child.kill();
         }
         let ended = child.wait();
+        is_over();
         handle.close();
         let received = listener.map_err(|error| Error::no_thread(&error))?.join().ok().flatten();
         ended.map(|status| received.map_or(status, ExitStatus::from_raw)).map_err(not_awaited)
@@ -84,7 +137,7 @@ mod tests {
         let mut child = Command::new("sleep").arg("1000").spawn().expect("it starts");
         // A signal with a handler no longer ends the process of the tests, so this handler is for another signal.
         let signals = Signals::new([SIGURG]).expect("a handler");
-        let error = wait_with(signals, &mut child, refused).expect_err("there is no thread");
+        let error = wait_with(signals, &mut child, refused, || ()).expect_err("there is no thread");
         assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");
         let status = child.try_wait().expect("a status").expect("it has ended");
         assert_eq!(status.signal(), Some(9));
@@ -95,7 +148,9 @@ mod tests {
         let signals = Signals::new([SIGWINCH]).expect("a handler");
         let mut child = Command::new("sleep").arg("1000").spawn().expect("it starts");
         signal_hook::low_level::raise(SIGWINCH).expect("a signal");
-        let status = wait_with(signals, &mut child, Builder::new()).expect("a status");
+        let mut is_over = false;
+        let status = wait_with(signals, &mut child, Builder::new(), || is_over = true).expect("a status");
+        assert!(is_over);
         assert_eq!(status.signal(), Some(SIGWINCH));
         let own = child.try_wait().expect("a status").expect("it has ended");
         assert_eq!(own.signal(), Some(SIGTERM));

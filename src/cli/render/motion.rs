@@ -110,8 +110,8 @@ impl Motion {
 pub fn may_replace(args: &Args, frames: u32) -> bool {
     let count = args.motion.turntable.unwrap_or(frames);
     let wanted = args.motion.asked(count).and_then(|all| args.motion.share(all));
-    // If this process has no frame to render, it writes nothing. If the range of frames is invalid, the result is false
-    // too, and `run` reports the mistake later.
+    // If this process has no frame to render, the result is false, since nothing is written. If `--frames` or `--shard`
+    // has a mistake, the result is false as well; `run` reports the mistake later.
     wanted.is_ok_and(|wanted| wanted.is_some_and(|wanted| Sink::may_replace(args, wanted, count)))
 }
 
@@ -224,8 +224,9 @@ fn sink(args: &Args, film: &Film, wanted: Frames, transparent: bool) -> Result<S
     Ok(sink)
 }
 
-/// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, frames
-/// whose picture is still right are left out. A movie (a single file or a stream) needs all frames.
+/// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, a frame is left
+/// out if its file has the frame's key; without `--force`, a file with another key or none is an error. A movie (a
+/// single file or a stream) needs all frames.
 fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) -> Result<Vec<u32>> {
     match sink {
         Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number))),

@@ -14,8 +14,9 @@ pub fn shorten(name: &str, longest: usize) -> String {
 }
 
 /// Shortens the names of a plot to at most `longest` characters. A name that is too long loses the words that all such
-/// names share. If this is not enough, it also loses the keys of its words, and at last its middle, as by [`shorten`].
-/// Different names stay different: a label that would equal an earlier one ends with a number.
+/// names share, also their preset if a name that fits has another one. If this is not enough, it also loses the keys of
+/// its words, and at last its middle, as by [`shorten`]. Different names stay different: a label that would equal an
+/// earlier one ends with a number.
 pub fn shorten_all(names: &[&str], longest: usize) -> Vec<String> {
     let long: Vec<&str> = names.iter().copied().filter(|name| name.chars().count() > longest).collect();
     let mut labels: Vec<String> = Vec::new();
@@ -37,11 +38,19 @@ fn label(name: &str, long: &[&str], longest: usize) -> String {
         return name.to_owned();
     }
     let words = own_words(name, long);
-    let value = |word: &str| word.split_once('=').map_or(word, |(_, value)| value).to_owned();
-    let values: Vec<String> = words.iter().copied().map(value).collect();
+    let values: Vec<&str> = words.iter().copied().map(value).collect();
     let text = |joined: String| joined.replace("…+", "…").replace("+…", "…");
     let with_keys = text(words.join("+"));
     if fits(&with_keys) { with_keys } else { shorten(&text(values.join("+")), longest) }
+}
+
+/// Returns the value of a word of the form `axis=value`; of any other word, the whole word.
+fn value(word: &str) -> &str {
+    let is_axis = |text: &str| text.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'-');
+    match word.split_once('=') {
+        Some((axis, value)) if is_axis(axis) && !value.is_empty() => value,
+        _ => word,
+    }
 }
 
 /// Returns the words of a name. An ellipsis replaces adjacent words that all `long` names share, unless the name has no
@@ -52,7 +61,7 @@ fn own_words<'a>(name: &'a str, long: &[&str]) -> Vec<&'a str> {
         return name.split('+').collect();
     }
     let mut words: Vec<&str> = name.split('+').map(|word| if is_shared(word) { "…" } else { word }).collect();
-    words.dedup();
+    words.dedup_by(|word, before| *word == "…" && *before == "…");
     words
 }
 
@@ -126,6 +135,19 @@ mod tests {
         ];
         let short = shorten_all(&names, 24);
         assert_eq!(short, ["…vectors=private…", "…vectors=prepared…", "…private+back…"]);
+    }
+
+    #[test]
+    fn only_ellipses_are_joined() {
+        let names = ["tile-group+intersector=plucker+a+a", "tile-group+intersector=plucker+b"];
+        assert_eq!(shorten_all(&names, 24), ["…a+a", "…b"]);
+    }
+
+    /// A device's name may end with the label of its folder.
+    #[test]
+    fn only_an_axis_is_a_key() {
+        let names = ["NVIDIA H200 (results/width=8)", "NVIDIA H200 results=16", "axis-without-a-value="];
+        assert_eq!(shorten_all(&names, 20), names.map(|name| shorten(name, 20)));
     }
 
     #[test]

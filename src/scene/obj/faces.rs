@@ -190,21 +190,34 @@ impl FaceChunk {
     }
 }
 
+/// Reads the corners of a face into `corners`.
 fn read_corners(
     context: &FaceContext,
     seen: &Start,
     rest: &[u8],
     corners: &mut Vec<Corner>,
 ) -> Result<(), String> {
-    corners.clear();
-    if let Some(triangle) = usual_triangle(context, rest) {
-        corners.extend(triangle);
+    if read_usual_corners(context, rest, corners) {
         return Ok(());
     }
+    corners.clear();
     for token in tokens(rest) {
         corners.push(corner(context, seen, token)?);
     }
     Ok(())
+}
+
+/// Reads the corners of a face into `corners` if the line has the most frequent form: each corner follows one blank, and
+/// all its indices are positive and exist in the file. Returns false for all other text, which [`corner`] reads.
+fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corner>) -> bool {
+    corners.clear();
+    let mut rest = line;
+    while let Some(text) = rest.strip_prefix(b" ") {
+        let Some((corner, after)) = usual_corner(context, text) else { return false };
+        corners.push(corner);
+        rest = after;
+    }
+    rest.is_empty()
 }
 
 /// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a
@@ -241,17 +254,6 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
         Ok(index) if context.is_odd(index) => Ok(ODD),
         other => other,
     }
-}
-
-/// Reads the corners of a triangle in the most frequent form: each corner follows one blank, and all its indices are
-/// positive and exist in the file. Returns `None` for all other text, which [`corner`] reads.
-fn usual_triangle(context: &FaceContext, line: &[u8]) -> Option<[Corner; 3]> {
-    let mut corners = [(0, MISSING, MISSING); 3];
-    let mut rest = line;
-    for corner in &mut corners {
-        (*corner, rest) = usual_corner(context, rest.strip_prefix(b" ")?)?;
-    }
-    rest.is_empty().then_some(corners)
 }
 
 /// Splits a corner in the form `1`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None` if the corner
@@ -383,30 +385,29 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_triangle_in_the_most_frequent_form_is_read_like_any_other(
-            line in "( [0-9]{1,2}(/[0-9]?(/[0-9]?)?)?){3}",
+        fn a_face_in_the_most_frequent_form_is_read_like_any_other(
+            line in "( [0-9]{1,2}(/[0-9]?(/[0-9]?)?)?){2,5}",
             mapped: bool,
         ) {
             let materials = HashMap::new();
             let context = context(&materials, mapped);
-            if let Some(triangle) = usual_triangle(&context, line.as_bytes()) {
+            let mut usual = Vec::new();
+            if read_usual_corners(&context, line.as_bytes(), &mut usual) {
                 let corners = tokens(line.as_bytes()).map(|token| corner(&context, &Start::default(), token));
-                prop_assert_eq!(corners.collect::<Vec<_>>(), triangle.map(Ok));
+                prop_assert_eq!(corners.collect::<Result<Vec<_>, _>>(), Ok(usual));
             }
         }
     }
 
     #[test]
-    fn only_corners_that_exist_in_usual_forms_are_read_as_a_usual_triangle() {
+    fn only_corners_that_exist_in_usual_forms_are_read_in_one_pass() {
         let materials = HashMap::new();
         let context = context(&materials, true);
-        let is_usual = |line: &str| usual_triangle(&context, line.as_bytes()).is_some();
-        for line in [" 1 2 50", " 1/7 2/ 3/1", " 1//5 2/2/4 3//1", " 000000001 2 3"] {
+        let is_usual = |line: &str| read_usual_corners(&context, line.as_bytes(), &mut Vec::new());
+        for line in [" 1 2 50", " 1/7 2/ 3/1 4", " 1//5 2/2/4 3//1", " 000000001 2 3", " 1 2", ""] {
             assert!(is_usual(line), "{line}");
         }
-        for line in
-            ["", " 1 2", " 1 2 3 4", " 1 2 51", " 0 1 2", " -1 -2 -3", " 1  2 3", " 1 2 3 ", " 1 2 3#"]
-        {
+        for line in [" 1 2 51", " 0 1 2", " -1 -2 -3", " 1  2 3", "\t1 2 3", " 1 2 3 ", " 1 2 3#", " 1 2,3"] {
             assert!(!is_usual(line), "{line}");
         }
         for line in

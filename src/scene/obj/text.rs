@@ -17,7 +17,8 @@ const CHUNK_BYTES: usize = 1 << 17;
 /// wait long while one thread reads the last piece.
 const MOST_CHUNK_BYTES: usize = 8 << 20;
 
-/// Number of pieces per thread, unless the pieces would be shorter than `CHUNK_BYTES` or longer than `MOST_CHUNK_BYTES`.
+/// Number of pieces per thread, unless the pieces would be shorter than `CHUNK_BYTES` or longer than
+/// `MOST_CHUNK_BYTES`.
 pub(super) const PIECES_PER_THREAD: usize = 4;
 
 /// A mistake at a byte offset in the text that [`normalise`] returns.
@@ -158,7 +159,8 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces: about four for each thread, but none much longer than `MOST_CHUNK_BYTES`.
+/// Divides a text at line ends into pieces: about `PIECES_PER_THREAD` for each thread, unless they would be too short
+/// or too long.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     let target = (text.len() / (PIECES_PER_THREAD * rayon::current_num_threads()))
         .clamp(CHUNK_BYTES, MOST_CHUNK_BYTES);
@@ -370,8 +372,9 @@ pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
     rest.is_empty().then_some(values)
 }
 
-/// Splits an index (a number of one to nine digits) off the beginning of a text. Returns `None` if the text does not begin
-/// with a digit, or if the number is 0. If there are more than nine digits, the rest begins with a digit.
+/// Splits an index (a number of one to nine digits) off the beginning of a text. Returns `None` if the text does
+/// not begin with a digit, or if the number is 0. If there are more than nine digits, the rest begins with a
+/// digit.
 pub(super) fn leading_index(text: &[u8]) -> Option<(u32, &[u8])> {
     // Numbers of nine digits fit into 32 bits, so no step needs a check.
     let (mut value, mut length) = (0, 0);

@@ -1,6 +1,7 @@
 //! Copies the pictures of records.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shortened};
+use crate::printer;
 use crate::record::{Record, own_folder, read_inside, write_page};
 use crate::words::counted;
 use std::collections::HashSet;
@@ -19,8 +20,8 @@ pub struct Lost {
 /// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the picture is
 /// not copied again. If a different file of that name exists, a hash of the picture's bytes is added to the copy's
 /// name, also in the record. The attempt may come from a stranger, so a picture is left out if its path leads out of
-/// the attempt's folder, even if only through a link. Returns the pictures that were left out because they cannot be
-/// read. Fails if a folder into which it copies is a link.
+/// the attempt's folder, even if only through a link. A picture that cannot be read is left out, too. Returns all
+/// pictures that were left out. Fails if a folder into which it copies is a link.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>> {
     let pictures = [
         &mut record.image,
@@ -55,12 +56,13 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>
     Ok(lost)
 }
 
-/// Returns a note on the pictures that could not be copied; `None` if there are none. A picture that several records
-/// name counts once.
+/// Returns a note, a single line, on the pictures that could not be copied; `None` if there are none. A picture that
+/// several records name counts once.
 pub fn note(lost: &[Lost]) -> Option<String> {
     let Lost { path, why } = lost.first()?;
     let paths: HashSet<&str> = lost.iter().map(|one| one.path.as_str()).collect();
-    Some(format!("{} could not be copied; the first is {path}: {why}.", counted(paths.len(), "picture")))
+    let first = shortened(printer::line(path));
+    Some(format!("{} could not be copied; the first is {first}: {why}.", counted(paths.len(), "picture")))
 }
 
 /// Reads a record's picture from the folder of the record's attempt. Fails if the picture's path leads out of the
@@ -78,8 +80,8 @@ fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// Makes the folders in `out` that a file with this path in `out` needs. Fails if one of these folders is a
-/// link.
+/// Makes the folders between `out` and the file `name`, a path relative to `out`. Fails if one of these folders
+/// is a link.
 fn own_folders_of(out: &Path, name: &str) -> Result<()> {
     let mut folder = out.to_owned();
     for part in Path::new(name).parent().into_iter().flat_map(Path::components) {
@@ -247,5 +249,13 @@ mod tests {
         assert_eq!(note(&lost).unwrap(), noted.replace("1 picture", "2 pictures"));
         let outside = note(&lost[2..]).unwrap();
         assert!(outside.ends_with("parts/attempt/../a.png: it has a path that may lead out of the folder."));
+    }
+
+    #[test]
+    fn a_note_has_a_strangers_name_on_one_line_and_without_its_middle() {
+        let path = format!("parts/one/images/a\nnote: forged{}.png", "x".repeat(5000));
+        let noted = note(&[Lost { path, why: ErrorKind::NotFound.into() }]).unwrap();
+        assert!(noted.contains(r"parts/one/images/a\u000anote: forgedxx"), "{noted}");
+        assert!(noted.contains("xx.png: ") && noted.len() < 600 && !noted.contains('\n'), "{noted}");
     }
 }
