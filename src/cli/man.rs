@@ -90,8 +90,8 @@ fn page(command: Command) -> Result<Page> {
     let after = command.get_after_help().map(|text| after_help(&text.to_string()).render());
     let mut text = Vec::new();
     let page = Man::new(command.after_help(None::<&'static str>));
-    // Pages have no date. `clap_mangen` does not quote an empty date, so the date is two quotes. Without the
-    // quotes, man would show the version in the place of the date.
+    // Pages have no date. If the date were empty, man would show the version in its place, because
+    // `clap_mangen` does not quote an empty date. The date is therefore two quotes.
     let page = page.title(name.to_uppercase()).date("\"\"").manual("raycl").source(env!("RAYCL_VERSION"));
     page.render(&mut text)
         .map_err(|error| Error::fault(format!("a man page could not be generated: {error}")))?;

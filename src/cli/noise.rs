@@ -258,7 +258,7 @@ mod tests {
         assert_eq!(remedy_of(Error::run("full").with_help("make room")), "make room");
     }
 
-    /// Returns the experiment with the value `value` for `key`.
+    /// Returns the built-in experiment, with the value `value` for `key`.
     fn with(key: &str, value: &str) -> Result<Experiment> {
         let folder = tempfile::tempdir().expect("a folder");
         unpack(folder.path()).expect("it writes");

@@ -171,7 +171,12 @@ impl Wanted<'_> {
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
         let output = ended.map_err(|error| failed(&error))?;
         let peaks = output.as_ref().and_then(complete);
-        peaks.ok_or_else(|| failed(&"the reason is above"))
+        // A child process that succeeded has printed no reason.
+        let why = match output.is_some_and(|finished| finished.status.success()) {
+            true => "`raycl peak` printed no valid JSON",
+            false => "the reason is above",
+        };
+        peaks.ok_or_else(|| failed(&why))
     }
 
     /// Returns the arguments of the child process that measures the devices that match `pattern`.
@@ -183,8 +188,8 @@ impl Wanted<'_> {
     }
 }
 
-/// Returns the peak rates that a child process printed. Returns `None` if the child process failed, since it
-/// may then have printed only the rates of its first devices.
+/// Returns the peak rates that a child process printed. Returns `None` if there is no valid JSON. Also returns
+/// `None` if the child process failed, since it may then have printed only the rates of its first devices.
 fn complete(output: &Output) -> Option<Vec<Peak>> {
     let printed = output.status.success().then(|| String::from_utf8_lossy(&output.stdout))?;
     listed(&printed)

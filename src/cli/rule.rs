@@ -141,16 +141,17 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
 }
 
 /// Loads a case's scene. Returns an error if the kinds that the case states are not those that follow from its scene
-/// and image size. The kinds are: few triangles, an eye inside the scene, many triangles per pixel.
+/// and image size. Three kinds are checked: few triangles, an eye inside the scene, many triangles per pixel. The kind
+/// `watertight` is not checked, because it does not follow from the scene and the image size.
 fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
     let scene = last.of(case, path)?;
     let task = case.task(&scene);
     if case.is_of_its_kinds(&task) {
         return Ok(scene);
     }
-    let extent = if task.inside { "is inside the scene" } else { "is outside the scene" };
+    let place = if task.inside { "is inside the scene" } else { "is outside the scene" };
     let message = format!(
-        "the `kinds` of the case '{}' do not match its scene and size: the scene has {} triangles, the eye {extent}, and the picture has {} pixels",
+        "the `kinds` of the case '{}' do not match its scene and size: the scene has {} triangles, the eye {place}, and the picture has {} pixels",
         case.name, task.triangles, task.pixels
     );
     Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"))

@@ -166,7 +166,7 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let local_bytes = rig.device.info.limits.local_bytes;
     if local_bytes < item_bytes {
         return Err(failed_because(&format!(
-            "{item_bytes} B of __local memory are needed, but the device's limit is {local_bytes} B"
+            "a work-item needs {item_bytes} B of __local memory, but the device's limit is {local_bytes} B"
         )));
     }
     let group = rig.group().min((local_bytes / item_bytes) as usize);

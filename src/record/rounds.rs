@@ -96,7 +96,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
     let stolen = match worst.stolen > 0.01 {
         true => {
-            format!(", and virtual machines on the same hardware used {} more", significant(worst.stolen, 2))
+            let stolen = significant(worst.stolen, 2);
+            format!(", and other virtual machines on the same hardware used {stolen} more")
         }
         false => String::new(),
     };
@@ -306,8 +307,8 @@ mod tests {
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
             said.ends_with(
-                "kept 0.010 of 2 processors busy, and virtual machines on the same hardware used 0.40 more. This may \
-                 have made times longer: if possible, stop these programs and run the experiment again."
+                "kept 0.010 of 2 processors busy, and other virtual machines on the same hardware used 0.40 more. This \
+                 may have made times longer: if possible, stop these programs and run the experiment again."
             ),
             "{said}"
         );
@@ -318,7 +319,7 @@ mod tests {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let is_reported = |stolen: f64| {
             let said = disturbance(&[RoundLoad { stolen, ..line(0, 0.5) }], &records).unwrap();
-            said.contains("virtual machines on the same hardware used")
+            said.contains("other virtual machines on the same hardware used")
         };
         assert_eq!([is_reported(0.0), is_reported(0.01), is_reported(0.02)], [false, false, true]);
     }
@@ -333,7 +334,7 @@ mod tests {
         let said = disturbance(&launches, &both).unwrap();
         assert!(
             said.contains(
-                "kept 0.20 of 2 processors busy, and virtual machines on the same hardware used 0.40 more"
+                "kept 0.20 of 2 processors busy, and other virtual machines on the same hardware used 0.40 more"
             ),
             "{said}"
         );

@@ -10,8 +10,8 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// The limit on the bytes that all embedded pictures of a page take together, so that the page stays below 15
-/// MB. Beyond this limit, only the paths of pictures are shown.
+/// The limit on the bytes that all embedded pictures of a page take together, without the small pictures at
+/// the top, so that the page stays below 15 MB. Beyond this limit, only the paths of pictures are shown.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture of each scene at the top of a report.
 const THUMBNAIL: u32 = 120;
@@ -71,7 +71,8 @@ impl Pictures {
         self.read.entry((folder.to_owned(), path.to_owned())).or_insert_with(read).as_ref()
     }
 
-    /// Returns true if `path` is a file in the folder that can be read.
+    /// Returns true if the folder contains the file `path`, and this file can be read. Without `path`, returns
+    /// false.
     pub fn has(&mut self, folder: &Path, path: Option<&str>) -> bool {
         path.is_some_and(|path| self.file(folder, path).is_some())
     }

@@ -126,34 +126,32 @@ pub fn action(key: Key) -> Option<Action> {
 /// Returns the actions of keys that arrived together, for example because a program was being compiled when they were
 /// pressed. If one of the keys ends the view, no other key counts. Otherwise, several steps from strategy to strategy
 /// become one action, so that the user does not wait for the compilation of the programs between; likewise for the
-/// local size. Several changes of the device count as one. A new device has its own first strategy and local size, and
-/// a new strategy its own local size, so earlier steps that a later key undoes in this way do not count.
+/// local size. Several changes of the device count as one. Only steps without a change of another kind between them
+/// become one action, because a new strategy has its own local size, and a new device its own strategy.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
     let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
     if all.contains(&Action::Quit) {
         return vec![Action::Quit];
     }
-    let mut counting: Vec<Action> = Vec::new();
+    let mut waiting: Vec<Action> = Vec::new();
     for wanted in all {
-        add(&mut counting, wanted);
+        add(&mut waiting, wanted);
     }
-    counting.retain(|wanted| !matches!(wanted, Action::Strategy(0) | Action::LocalSize(0)));
-    counting
+    waiting.retain(|wanted| !matches!(wanted, Action::Strategy(0) | Action::LocalSize(0)));
+    waiting
 }
 
-/// Adds an action to those that wait, and removes those whose effect it contains or makes ineffective.
-fn add(waiting: &mut Vec<Action>, mut wanted: Action) {
-    waiting.retain(|earlier| match (earlier, &mut wanted) {
-        (Action::Strategy(before), Action::Strategy(steps))
-        | (Action::LocalSize(before), Action::LocalSize(steps)) => {
-            *steps += *before;
-            false
-        }
-        (Action::Strategy(_) | Action::LocalSize(_) | Action::Device, Action::Device)
-        | (Action::LocalSize(_), Action::Strategy(_)) => false,
-        _ => true,
-    });
-    waiting.push(wanted);
+/// Adds an action to those that wait. If it is of the same kind as the last one that changes the program, both become
+/// one action.
+fn add(waiting: &mut Vec<Action>, wanted: Action) {
+    let changes =
+        |action: &&mut Action| matches!(action, Action::Strategy(_) | Action::LocalSize(_) | Action::Device);
+    match (waiting.iter_mut().rev().find(changes), wanted) {
+        (Some(Action::Strategy(steps)), Action::Strategy(more))
+        | (Some(Action::LocalSize(steps)), Action::LocalSize(more)) => *steps += more,
+        (Some(Action::Device), Action::Device) => {}
+        _ => waiting.push(wanted),
+    }
 }
 
 /// Returns true if a key repeats its action while it is held.
@@ -194,16 +192,18 @@ mod tests {
     }
 
     #[test]
-    fn keys_that_wait_become_the_steps_that_stay_in_force_and_the_end_comes_first() {
+    fn waiting_steps_of_one_kind_become_one_action_and_the_end_comes_first() {
         let of = |letters: &str| actions(&letters.chars().map(Key::Char).collect::<Vec<_>>());
         assert_eq!(of("sss"), [Action::Strategy(3)]);
         assert_eq!(of("SsS"), [Action::Strategy(-1)]);
-        assert_eq!(of("wwW+w"), [Action::Zoom(1.0), Action::LocalSize(2)]);
+        assert_eq!(of("wwW+w"), [Action::LocalSize(2), Action::Zoom(1.0)]);
         assert!(of("sSwW").is_empty());
         // A new strategy has its own local size, and a new device its own strategy and local size.
-        assert_eq!(of("wwsw"), [Action::Strategy(1), Action::LocalSize(1)]);
-        assert_eq!(of("ws+dd"), [Action::Zoom(1.0), Action::Device]);
-        assert_eq!(of("swdWs"), [Action::Device, Action::Strategy(1)]);
+        assert_eq!(of("wwsw"), [Action::LocalSize(2), Action::Strategy(1), Action::LocalSize(1)]);
+        assert_eq!(
+            of("s+dds"),
+            [Action::Strategy(1), Action::Zoom(1.0), Action::Device, Action::Strategy(1)]
+        );
         // The other keys count as often as they are pressed; the key `x` has no action.
         assert_eq!(of("++x  "), [Action::Zoom(1.0), Action::Zoom(1.0), Action::Spin, Action::Spin]);
         assert_eq!(of("sqw"), [Action::Quit]);

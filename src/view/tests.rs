@@ -234,7 +234,7 @@ fn keys_that_waited_for_a_compiler_compile_nothing_between_the_first_strategy_an
     let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
     let last = viewer.live.strategy_after(3);
     let input = |letters: &str| Input { keys: letters.chars().map(Key::Char).collect(), ..Input::default() };
-    assert!(!viewer.obey(&input("sswsSs")));
+    assert!(!viewer.obey(&input("sssSs")));
     assert!(viewer.obey(&input("sq")), "the user quits");
     assert_eq!(viewer.live.strategy(), last);
     assert_eq!(screen.lines, [title::compiling(&last)]);

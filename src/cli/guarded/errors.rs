@@ -136,6 +136,11 @@ pub fn not_started(error: &std::io::Error) -> Error {
 }
 
 #[cfg(unix)]
+pub fn not_handled(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("the signals that end processes cannot be handled: {error}"))
+}
+
+#[cfg(unix)]
 pub fn not_awaited(error: impl std::fmt::Display) -> Error {
     Error::run(format!("waiting for the child process that runs the command failed: {error}"))
 }

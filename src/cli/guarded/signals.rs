@@ -1,10 +1,10 @@
 //! Runs the command in child processes, and ends such a process if this process gets a signal that ends processes.
 
-use super::errors::{not_awaited, not_started};
+use super::errors::{not_awaited, not_handled, not_started};
 use super::terminal::LentTerminal;
 use super::{FIRST_PROCESS, Screen};
 use crate::error::{Error, Result};
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process, waitid};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::flag::{register_conditional_default, register_conditional_shutdown};
 use signal_hook::iterator::Signals;
@@ -34,7 +34,7 @@ impl Parent {
     pub fn new(screen: Screen) -> Result<Self> {
         let terminal = if screen == Screen::Terminal { LentTerminal::new() } else { None };
         let has_handlers = terminal.is_some() || std::process::id() == FIRST_PROCESS;
-        let is_alone = has_handlers.then(handled).transpose().map_err(not_awaited)?;
+        let is_alone = has_handlers.then(handled).transpose().map_err(not_handled)?;
         Ok(Self { terminal, is_alone })
     }
 
@@ -57,7 +57,7 @@ impl Parent {
             return child.wait().map_err(not_awaited);
         };
         // This comes before `is_alone` changes, so that no signal is lost.
-        let signals = Signals::new(ENDING).map_err(not_awaited)?;
+        let signals = Signals::new(ENDING).map_err(not_handled)?;
         is_alone.store(false, Ordering::SeqCst);
         let is_over = || {
             if let Some(terminal) = &self.terminal {
@@ -93,7 +93,8 @@ fn handled() -> std::io::Result<Arc<AtomicBool>> {
 /// Waits until a child process has ended, then calls `is_over`. Meanwhile, the thread that `listener` starts waits for
 /// `signals`, and ends the child process after each of them. Returns the child's exit status or, if signals arrived, a
 /// status that says that the first of them ended the child process. If the thread cannot be started, kills
-/// the child process and returns an error.
+/// the child process and returns an error. The child process's number stays in use until the thread has ended, so the
+/// thread never ends another process.
 fn wait_with(
     mut signals: Signals,
     child: &mut Child,
@@ -117,11 +118,14 @@ fn wait_with(
             // If the child process has ended meanwhile, it does not matter that it cannot be killed.
             let _ = child.kill();
         }
-        let ended = child.wait();
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOWAIT;
+        let ended = rustix::io::retry_on_intr(|| waitid(WaitId::Pid(process), options));
         is_over();
         handle.close();
-        let received = listener.map_err(|error| Error::no_thread(&error))?.join().ok().flatten();
-        ended.map(|status| received.map_or(status, ExitStatus::from_raw)).map_err(not_awaited)
+        let received = listener.map(|listener| listener.join().ok().flatten());
+        let status = ended.map_err(std::io::Error::from).and_then(|_| child.wait());
+        let received = received.map_err(|error| Error::no_thread(&error))?;
+        status.map(|status| received.map_or(status, ExitStatus::from_raw)).map_err(not_awaited)
     })
 }
 

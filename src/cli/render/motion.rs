@@ -96,7 +96,8 @@ impl Motion {
     }
 
     /// Returns those of the frames `all` that this process renders. Returns `None` if this process has no
-    /// frame, because there are fewer frames than processes.
+    /// frame, because there are fewer frames than processes. Returns an error with `--shard auto`, if the
+    /// launcher's environment variables state no valid shard.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
         match self.shard {
             None => Ok(Some(all)),
@@ -118,7 +119,7 @@ pub fn may_replace(args: &Args, frames: u32) -> bool {
 /// Tells the user that this process has no frame to render, because there are fewer frames than processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     let text = format!(
-        "this shard renders nothing: there are fewer frames ({}..{}) than shards",
+        "this shard renders nothing: there are fewer frames to render (frames {} to {}) than shards",
         all.first, all.last
     );
     match (args.json, args.quiet) {

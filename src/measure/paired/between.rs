@@ -4,7 +4,8 @@ use super::error::Error;
 
 /// The variation of times from run to run, in addition to their variation between the launches of one run.
 /// The launches of a run are minutes apart at most, but a machine may be slower for hours, for example
-/// because of other virtual machines on the same host.
+/// because of other virtual machines on the same host. The errors and variances of this type are those of
+/// logarithms: of the logarithm of a time or, where a function says so, of a ratio of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
     /// From run to run, the times of all points on one kind of device are multiplied by a common factor. This
@@ -27,7 +28,8 @@ impl BetweenRuns {
     /// earlier runs, which were made on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
-    /// Returns the error that the differences between runs add to the mean time of `points` points.
+    /// Returns the error that the differences between runs add to a time: the mean over several points on the
+    /// same kind of device. `points` is the number of these points.
     pub(super) fn of_level(self, points: usize) -> Error {
         known(self.shared.powi(2) + self.own_variance(points))
     }

@@ -24,8 +24,8 @@ fn in_scene(scene: &str, record: Record) -> Record {
     Record { scene: scene.to_owned(), ..record }
 }
 
-/// Returns each change with its results as text: the ratio with its interval, the effect and the local size, or the
-/// reason why there is no ratio.
+/// Returns each change with its results as text: the ratio with its interval, the effect and the local size of each
+/// strategy, or the reason why there is no ratio.
 fn shown(records: impl Into<Vec<Record>>) -> Vec<(String, Vec<String>)> {
     let records = judged(records);
     let result = |result: &Compared| match result {

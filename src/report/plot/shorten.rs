@@ -46,7 +46,8 @@ fn label(name: &str, long: &[&str], longest: usize) -> String {
 
 /// Returns the value of a word of the form `axis=value`; of any other word, the whole word.
 fn value(word: &str) -> &str {
-    let is_axis = |text: &str| text.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'-');
+    let is_axis =
+        |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_');
     match word.split_once('=') {
         Some((axis, value)) if is_axis(axis) && !value.is_empty() => value,
         _ => word,

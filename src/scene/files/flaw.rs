@@ -6,7 +6,7 @@ use crate::error::Error;
 /// The remedy for a file that is wrong.
 const EXPORT: &str = "the file may be cut off or damaged; export it again, or convert it to OBJ";
 /// The remedy if the error may not quote the file.
-const OUTSIDE: &str = "the file's text is not shown, since the file is outside the folder of the file that names it; \
+const OUTSIDE: &str = "the mesh's text is not shown, since the mesh is outside the folder of the file that names it; \
      `raycl render FILE` shows the mistake";
 
 /// A mistake in a mesh file.

@@ -5,7 +5,7 @@ use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
 use super::text::{
-    Chunk, Mistake, Seen, Source, keyword, leading_index, possible_names, quoted, tokens, words,
+    Chunk, Mistake, Seen, Source, after_blanks, keyword, leading_index, possible_names, quoted, tokens, words,
 };
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
@@ -75,7 +75,8 @@ pub(super) struct FaceChunk {
     short: Seen,
 }
 
-/// Reads the faces of a piece. The result's list of triangles is `triangles`, an empty list whose memory is used again.
+/// Reads the faces of a piece. The result's list of triangles is `triangles`, an empty list whose memory is used
+/// again.
 pub(super) fn read(
     context: &FaceContext,
     chunk: &Chunk,
@@ -197,6 +198,7 @@ fn read_corners(
     rest: &[u8],
     corners: &mut Vec<Corner>,
 ) -> Result<(), String> {
+    corners.clear();
     if read_usual_corners(context, rest, corners) {
         return Ok(());
     }
@@ -207,12 +209,12 @@ fn read_corners(
     Ok(())
 }
 
-/// Reads the corners of a face into `corners` if the line has the most frequent form: each corner follows one blank, and
-/// all its indices are positive and exist in the file. Returns false for all other text, which [`corner`] reads.
+/// Appends the corners of a face to `corners` and returns true if the line has the most frequent form: blanks before
+/// each corner, and only positive indices that exist in the file. Returns false for all other lines, which [`corner`]
+/// reads; some corners may have been appended.
 fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corner>) -> bool {
-    corners.clear();
     let mut rest = line;
-    while let Some(text) = rest.strip_prefix(b" ") {
+    while let Some(text) = after_blanks(rest) {
         let Some((corner, after)) = usual_corner(context, text) else { return false };
         corners.push(corner);
         rest = after;
@@ -386,7 +388,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_face_in_the_most_frequent_form_is_read_like_any_other(
-            line in "( [0-9]{1,2}(/[0-9]?(/[0-9]?)?)?){2,5}",
+            line in "([ \t]{1,2}[0-9]{1,2}(/[0-9]?(/[0-9]?)?)?){2,5}",
             mapped: bool,
         ) {
             let materials = HashMap::new();
@@ -404,10 +406,11 @@ mod tests {
         let materials = HashMap::new();
         let context = context(&materials, true);
         let is_usual = |line: &str| read_usual_corners(&context, line.as_bytes(), &mut Vec::new());
-        for line in [" 1 2 50", " 1/7 2/ 3/1 4", " 1//5 2/2/4 3//1", " 000000001 2 3", " 1 2", ""] {
+        for line in [" 1 2 50", "\t1/7  2/ 3/1 4", " 1//5 2/2/4 3//1", " 000000001 2 3", " 1 2", ""] {
             assert!(is_usual(line), "{line}");
         }
-        for line in [" 1 2 51", " 0 1 2", " -1 -2 -3", " 1  2 3", "\t1 2 3", " 1 2 3 ", " 1 2 3#", " 1 2,3"] {
+        for line in [" 1 2 51", " 0 1 2", " -1 -2 -3", "1 2 3", " 1 2 3 ", " 1 2 3#", " 1 2,3", " 1 2 3 # 4"]
+        {
             assert!(!is_usual(line), "{line}");
         }
         for line in

@@ -271,11 +271,12 @@ fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) 
     coordinates
 }
 
-/// Reads the faces of all pieces. Returns the triangles of the whole file, and the other results of each piece. The
-/// pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the end of the list,
-/// and the next group is read into the same memory. For large files, this is faster than new memory for each piece,
-/// since the system fills new memory with zeros. For the same reason, all threads move triangles. After the last group,
-/// the memory of a piece is freed as soon as its triangles are moved.
+/// Reads the faces of all pieces. Returns the triangles of the whole file, and the other results of each piece.
+///
+/// The pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the end
+/// of the list, and the next group is read into the same memory. For large files, this is faster than new memory
+/// for each piece, since the system fills new memory with zeros. For the same reason, all threads move triangles.
+/// After the last group, the memory of a piece is freed as soon as its triangles are moved.
 fn read_faces(
     source: &Source,
     context: &FaceContext,
@@ -287,12 +288,12 @@ fn read_faces(
     let mut buffers = vec![Vec::new(); at_a_time.min(count)];
     let (mut triangles, mut pieces) = (Vec::new(), Vec::with_capacity(count));
     for (chunks, starts) in chunks.chunks(at_a_time).zip(starts.chunks(at_a_time)) {
+        let is_last = pieces.len() + chunks.len() == count;
         let group = chunks.par_iter().zip(starts).zip(&mut buffers);
         let read =
             group.map(|((chunk, start), buffer)| faces::read(context, chunk, start, std::mem::take(buffer)));
         let read = in_order(source, read.collect())?;
         triangles.reserve(read.iter().map(|piece| piece.triangles.len()).sum());
-        let is_last = pieces.len() + read.len() == count;
         for (mut piece, buffer) in read.into_iter().zip(&mut buffers) {
             let mut own = std::mem::take(&mut piece.triangles);
             triangles.par_extend(own.par_drain(..));

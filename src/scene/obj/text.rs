@@ -13,8 +13,8 @@ const SHOWN_FILE_BYTES: usize = 4 << 20;
 const SHOWN_NAME_CHARACTERS: usize = 200;
 /// Smallest number of bytes of a piece of the text. Reading shorter pieces in parallel would save no time.
 const CHUNK_BYTES: usize = 1 << 17;
-/// Largest number of bytes of a piece, apart from the rest of its last line. With longer pieces, the other threads would
-/// wait long while one thread reads the last piece.
+/// Largest number of bytes of a piece, apart from the rest of its last line. With longer pieces, the other
+/// threads would wait long while one thread reads the last piece.
 const MOST_CHUNK_BYTES: usize = 8 << 20;
 
 /// Number of pieces per thread, unless the pieces would be shorter than `CHUNK_BYTES` or longer than
@@ -361,13 +361,19 @@ fn leading_number(text: &[u8]) -> Option<(f32, &[u8])> {
     Some((if digits.len() < text.len() { -size } else { size }, &digits[length..]))
 }
 
-/// Reads three numbers in the most frequent form: each has few digits and follows one blank. Returns `None` for all
+/// Returns the text after the blanks at its beginning; `None` if it does not begin with a blank.
+pub(super) fn after_blanks(text: &[u8]) -> Option<&[u8]> {
+    let rest = text.trim_ascii_start();
+    (rest.len() < text.len()).then_some(rest)
+}
+
+/// Reads three numbers in the most frequent form: each has few digits and follows blanks. Returns `None` for all
 /// other text, which [`tokens`] and [`number`] read.
 pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
     let mut values = [0.0; 3];
     let mut rest = line;
     for value in &mut values {
-        (*value, rest) = leading_number(rest.strip_prefix(b" ")?)?;
+        (*value, rest) = leading_number(after_blanks(rest)?)?;
     }
     rest.is_empty().then_some(values)
 }
@@ -401,7 +407,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn usual_vectors_are_the_numbers_of_the_words(line in "( -?[0-9]{0,8}\\.?[0-9]{0,4}){3}") {
+        fn usual_vectors_are_the_numbers_of_the_words(line in "([ \\t]{1,2}-?[0-9]{0,8}\\.?[0-9]{0,4}){3}") {
             if let Some(vector) = usual_vector(line.as_bytes()) {
                 let words: Vec<_> = tokens(line.as_bytes()).map(number).collect();
                 prop_assert_eq!(words, vector.map(Some));
@@ -410,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn only_three_short_numbers_after_one_blank_each_are_a_usual_vector() {
+    fn only_three_short_numbers_after_blanks_are_a_usual_vector() {
         assert_eq!(usual_vector(b" 1 -2.5 .25"), Some([1.0, -2.5, 0.25]));
         for line in [
             "",

@@ -225,8 +225,8 @@ impl Typed {
 
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
-            // The receiver of keys is gone only if the window is closed. In this case, the key does not
-            // matter.
+            // `send` fails only if the receiver was dropped, together with its window. The key does not matter
+            // then.
             let _ = self.sender.send(key);
         }
     }

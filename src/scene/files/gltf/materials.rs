@@ -50,9 +50,9 @@ const BLENDED: f32 = 0.5;
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        // The material's `factor` alone makes every point of the surface less than half opaque, as in a
-        // picture of a shadow. Without holes, the surface would hide the surfaces behind it. The factor is
-        // therefore ignored, and only the texture's alpha decides which points are holes.
+        // Here, the factor is below one half, so with the factor, every point would be a hole. An example is a
+        // flat mesh that imitates a soft shadow. Without holes, the surface would hide the surfaces behind it.
+        // The factor is therefore ignored: only the texture's alpha decides which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
@@ -80,9 +80,9 @@ fn factor(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns true if all points of the surface would be in a hole, whatever the texture is: if the factor is 0
-/// or less than the cutoff. raycl draws such a surface without holes, except a blended surface whose factor
-/// is above 0 (see [`least_alpha`]).
+/// Returns true if all points of the surface would be in a hole, whatever the texture is: if the factor is 0,
+/// or is less than the cutoff. raycl draws such a surface without holes, except a blended surface whose
+/// factor is above 0 (see [`least_alpha`]).
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
