@@ -431,7 +431,7 @@ mod tests {
         let message = copy(&rig).unwrap_err().to_string();
         assert!(message.ends_with("1048576 B is needed, but the device's limit is 1024 B"), "{message}");
         let message = local(&rig).unwrap_err().to_string();
-        assert!(message.ends_with("memory are needed, but the device's limit is 7 B"), "{message}");
+        assert!(message.ends_with("of __local memory, but the device's limit is 7 B"), "{message}");
     }
 
     #[test]
