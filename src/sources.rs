@@ -6,11 +6,15 @@ mod positions;
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::reader::{self, Kind};
+use crate::threads::locked;
 use crate::words::counted;
 use include_dir::{Dir, include_dir};
 pub use lines::{SourceLine, lines};
 use positions::in_files;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
 
@@ -34,8 +38,16 @@ impl Sources {
                 return read_inside(&path, folder);
             }
         }
-        let text = EMBEDDED.get_file(name).and_then(|file| file.contents_utf8());
-        text.map(str::to_owned).ok_or_else(|| self.lacks(name))
+        built_in(name).map(str::to_owned).ok_or_else(|| self.lacks(name))
+    }
+
+    /// Returns the lines of the file `name`, whose text is `text`. The lines of a built-in file are found once per
+    /// process, since a run joins the same files for one point after another.
+    pub fn lines_of<'a>(&self, name: &str, text: &'a str) -> Result<Cow<'a, [SourceLine<'a>]>> {
+        match built_in_lines(name, text) {
+            Some(known) => Ok(Cow::Borrowed(known)),
+            None => lines(&self.path_of(name), text).map(Cow::Owned),
+        }
     }
 
     fn lacks(&self, name: &str) -> Error {
@@ -77,7 +89,8 @@ impl Sources {
             files.push(name.to_owned());
         }
         text.push_str(&format!("#line 1 \"{name}\"\n"));
-        for (number, line) in (1..).zip(lines(&self.path_of(name), own)?) {
+        let lines = self.lines_of(name, own)?;
+        for (number, line) in (1..).zip(lines.iter()) {
             match line.includes {
                 Some(inner) => {
                     let included = self.read(inner);
@@ -176,6 +189,25 @@ impl Sources {
         names.sort_unstable();
         names
     }
+}
+
+/// Returns the text of a built-in file; `None` if no built-in file has this name.
+fn built_in(name: &str) -> Option<&'static str> {
+    EMBEDDED.get_file(name)?.contents_utf8()
+}
+
+/// Returns the lines of a built-in file; `None` if the built-in file of this name has another text than `text`, if there
+/// is none, or if its lines cannot be found.
+fn built_in_lines(name: &str, text: &str) -> Option<&'static [SourceLine<'static>]> {
+    static KNOWN: Mutex<BTreeMap<&str, &[SourceLine<'_>]>> = Mutex::new(BTreeMap::new());
+    let built_in = built_in(name).filter(|own| *own == text)?;
+    let mut known = locked(&KNOWN);
+    if let Some(found) = known.get(built_in).copied() {
+        return Some(found);
+    }
+    let found: &[SourceLine<'_>] = lines(name, built_in).ok()?.leak();
+    known.insert(built_in, found);
+    Some(found)
 }
 
 const LAYOUT: &str =
@@ -312,6 +344,19 @@ fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_has_the_lines_of_its_own_text_although_a_built_in_file_has_its_name() {
+        let name = "common/samples.cl";
+        let text = Sources::Embedded.read(name).unwrap();
+        let changed = text.replacen('\n', "\n#include \"a.cl\"\n", 1);
+        for text in [&text, &changed, &text] {
+            let found = Sources::Embedded.lines_of(name, text).unwrap();
+            assert_eq!(found.into_owned(), lines(name, text).unwrap());
+        }
+        let error = Sources::Embedded.lines_of(name, "/* open").unwrap_err();
+        assert!(error.to_string().starts_with("cl/common/samples.cl, line 1: "), "{error}");
+    }
 
     #[test]
     fn messages_about_kernel_files_get_the_files_paths() {

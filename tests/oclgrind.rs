@@ -174,6 +174,13 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
     assert_eq!(all_clean("../tests/data/near.toml", &shared, "32x1", RACES), 2);
 }
 
+/// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of the wall.
+#[test]
+fn tiles_that_work_items_share_leave_dark_what_is_nearer_to_a_light_than_the_bias() {
+    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
+    assert_eq!(all_clean("../tests/data/lights.toml", &shared, "32x1", RACES), 2);
+}
+
 /// Shadow rays of tiles are tested from the light, but a ray that runs towards the light must meet a front. Tiles that
 /// work-items share cast some of the shadow rays of this scene one by one.
 #[test]
@@ -200,7 +207,9 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
 }
 
 /// The scenes of the other tests need no code for soft light, several samples, pictures of skies or textures. Blocks of
-/// samples fit exactly into the first picture, and extend beyond the second one.
+/// samples fit exactly into the first picture, and extend beyond the second one. The last scene is a bare mesh, whose
+/// soft light is cast at half resolution. A vector of 16 pixels is longer than a row of its picture, and must not store
+/// pixels in the next row.
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
@@ -209,6 +218,7 @@ fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
         ("tile", "pyramid-lower.toml", ["15", "11"], &adaptive[..]),
         ("bvh", "../tests/data/mirrors.toml", ["9", "6"], &["--samples", "2"][..]),
         ("tile", "../tests/data/stripes.toml", ["9", "6"], &[][..]),
+        ("tile", "../tests/data/meshes/cube.ply", ["9", "6"], &[][..]),
     ] {
         let strategy = preset(name).expect("a preset").strategy;
         assert_eq!(all_clean_with(options, size, scene, &[strategy], "1x1", RACES), 1, "{scene}");

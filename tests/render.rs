@@ -246,24 +246,28 @@ fn the_report_reads_well() {
 #[test]
 fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     let (folder, device) = (new_folder(), device());
-    let arguments = ["render", "scene.toml", "--strategy", "naive", "--verify", "--device", &device];
+    let sized = ["scene.toml", "--width", "77", "--height", "49"];
+    let usual = [&["render", "--device", &device][..], &sized].concat();
+    let of = |more: &[&'static str]| [&usual[..], more].concat();
+    let arguments = of(&["--strategy", "naive", "--verify"]);
     let text = folder.output(&arguments);
     has(&text, &["verified  against the reference picture: largest relative difference ", " uncertain\n"]);
-    let verified = &report(&folder, &["scene.toml", "--verify"])["verified"];
+    let verified = &report(&folder, &[&sized[..], &["--verify"]].concat())["verified"];
     assert!(verified["max_difference"].as_f64().expect("a difference") < 1e-3, "{verified}");
     assert!(verified["uncertain_pixels"].is_u64(), "{verified}");
     assert!(verified["uncertain_hits"].is_u64() && verified["hits"].as_u64() > Some(0), "{verified}");
     assert_eq!(verified["pixels"], verified["of_pixels"], "{verified}");
-    assert!(report(&folder, &["scene.toml"])["verified"].is_null());
-    let some = folder.output(&["render", "scene.toml", "--verify=100", "--device", &device]);
+    assert!(report(&folder, &sized)["verified"].is_null());
+    let some = folder.output(&of(&["--verify=100"]));
     has(&some, &["verified  100 of ", " pixels, chosen at random, against the reference picture: largest"]);
-    assert_eq!(report(&folder, &["scene.toml", "--verify=100"])["verified"]["pixels"], 100);
+    let some = report(&folder, &[&sized[..], &["--verify=100"]].concat());
+    assert_eq!(some["verified"]["pixels"], 100);
     has(&folder.mistake(&["render", "scene.toml", "--verify=0"], 2), &["0", "--verify"]);
 
     let kernels = folder.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let wrong = ["--cl-dir", &kernels, "-o", "wrong.png"];
     let quiet = [&wrong[..], &["--quiet"]].concat();
-    let sampled = ["render", "scene.toml", "--strategy", "naive", "--verify=100", "--device", &device];
+    let sampled = of(&["--strategy", "naive", "--verify=100"]);
     has(&folder.mistake(&[&sampled[..], &quiet[..]].concat(), 1), &["the picture is wrong: "]);
     let message = folder.mistake(&[&arguments[..], &quiet[..]].concat(), 1);
     has(&message, &["the picture is wrong: ", "the picture was saved for inspection: wrong.png"]);

@@ -1,7 +1,10 @@
 //! Runs that continue an earlier session, which was interrupted or whose files are incomplete.
 
-use crate::common::mock::{Act, CONFIG, Mock, POINTS, count, execute, folder, nothing_twice};
+use crate::common::mock::{
+    Act, CONFIG, Mock, POINTS, count, execute, execute_run, folder, nothing_twice, with_run,
+};
 use raycl::Error;
+use raycl::experiment::Run;
 use raycl::record::{Outcome, Sample, read_lines};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -51,7 +54,7 @@ fn torn_at_every_byte(name: &str) {
     let read = |name: &str| std::fs::read(whole.path().join(name)).expect("a journal");
     let journals = [("records.jsonl", read("records.jsonl")), ("samples.jsonl", read("samples.jsonl"))];
     let length = read(name).len();
-    for cut in 0..length {
+    let resume_after = |cut: usize, run: &Run<'_>| {
         for (file, bytes) in &journals {
             // A point's samples are written before its record. A test that cuts off records.jsonl therefore keeps all
             // of samples.jsonl. The other test cuts off only samples.jsonl.
@@ -60,7 +63,7 @@ fn torn_at_every_byte(name: &str) {
         }
         let lines = read(name)[..cut].iter().filter(|&&byte| byte == b'\n').count();
         let mut mock = Mock::new(|_| Act::Answer);
-        let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
+        let records = execute_run(run, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2, "cut at {cut}");
         let counts = mock.counts.borrow();
         // If a point's record is missing, the first frame of the point is checked again, but its samples are not
@@ -76,7 +79,9 @@ fn torn_at_every_byte(name: &str) {
                 }
             }
         }
-    }
+    };
+    // The config is read once, since no cut affects it.
+    with_run(SMALL, torn.path(), |run| (0..length).for_each(|cut| resume_after(cut, run)));
 }
 
 #[test]

@@ -9,10 +9,11 @@ use raycl::strategy::preset;
 use serde_json::Value;
 
 fn render(folder: &WorkFolder, devices: Option<&str>, strategy: [&str; 2], picture: &str) -> Value {
-    render_scene(folder, &["scenes/still-life.toml"], devices, strategy, picture)
+    let scene = ["scenes/still-life.toml", "--width", "75", "--height", "61"];
+    render_scene(folder, &scene, devices, strategy, picture)
 }
 
-/// Renders a scene of the repository. `scene` is its file, followed by more arguments.
+/// Renders a scene of the repository. `scene` is its file, followed by the picture's size and more arguments.
 fn render_scene(
     folder: &WorkFolder,
     scene: &[&str],
@@ -23,7 +24,7 @@ fn render_scene(
     let file = repository(scene[0]);
     let mut arguments = vec!["render", file.to_str().expect("UTF-8"), "--json", "-o", picture];
     arguments.extend(&scene[1..]);
-    arguments.extend(["--width", "75", "--height", "61", "--strategy", strategy, "--local-size", local]);
+    arguments.extend(["--strategy", strategy, "--local-size", local]);
     match devices {
         Some(devices) => arguments.extend(["--devices", devices, "--every-device", "--verify"]),
         None => arguments.extend(["--device", "portable computing language"]),
@@ -81,7 +82,9 @@ fn two_devices_cast_the_pixels_of_one() {
 fn two_devices_cast_the_samples_of_one() {
     apart!();
     let folder = WorkFolder::new();
-    let scene = ["scenes/table/globe.obj", "--samples", "5"];
+    // The reference takes long to cast all rays of several samples in soft light.
+    let globe = ["scenes/table/globe.obj", "--width", "47", "--height", "37"];
+    let scene = [&globe[..], &["--samples", "5"]].concat();
     for strategy in [["bvh", "4x2"], ["tile", "1x1"]] {
         let one = render_scene(&folder, &scene, None, strategy, "one.exr");
         let two = render_scene(&folder, &scene, Some("portable computing language"), strategy, "two.exr");
@@ -90,7 +93,7 @@ fn two_devices_cast_the_samples_of_one() {
         assert!(same_pixels(&folder, "one.exr", "two.exr"), "{strategy:?}: other pixels");
         same_rays(&one, &two);
     }
-    let single = ["scenes/table/globe.obj", "--plain"];
+    let single = [&globe[..], &["--plain"]].concat();
     render_scene(&folder, &single, None, ["bvh", "4x2"], "single.exr");
     assert!(!same_pixels(&folder, "one.exr", "single.exr"));
 }
@@ -169,8 +172,8 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // Every sample names the same device as its record, since `--resume` continues a group only on the device of the
-    // group's earlier launches.
+    // Every sample must name the same device as the record of its point. `--resume` reads from the samples which device
+    // measured a group's launches, and continues the group on this device.
     let of_records: std::collections::HashMap<_, _> =
         records.iter().map(|record| (record["key"].as_str(), record["measured_on"].as_str())).collect();
     for sample in folder.json_lines("out/samples.jsonl") {

@@ -8,6 +8,7 @@ use crate::common::edges::{
     rays_beside_edges,
 };
 use crate::common::{Stand, compiles_soon};
+use raycl::launch::Ray;
 use raycl::program::Sources;
 use raycl::scene::Scene;
 use raycl::strategy::{
@@ -65,52 +66,78 @@ fn traversals_of_pixels(intersector: Intersector) -> Vec<Strategy> {
     with(intersector, all)
 }
 
-/// Returns how many of [`RAYS`] rays at edges and vertices pass between triangles.
-fn leaks_of_rays(stand: &Stand, scene: &Scene, strategy: &Strategy) -> usize {
-    let built = stand.build_for_rays(strategy, LOCAL_SIZE).expect("a strategy that fits");
-    let leaks = |origin| {
-        let (rays, targets) = rays_at_edges(&scene.mesh, origin, RAYS / ORIGINS.len());
-        let hits = built.cast_rays(&rays).expect("a cast");
-        let rays = rays.iter().zip(targets).zip(hits);
-        rays.filter(|((ray, target), hit)| !is_stopped(&scene.mesh, ray, *target, *hit)).count()
-    };
-    ORIGINS.into_iter().map(leaks).sum()
+/// The closed meshes on the device and on the host, with the rays at their edges and vertices, which are the same for
+/// all strategies.
+struct Meshes {
+    stand: Stand,
+    scene: Scene,
+    /// For each of [`ORIGINS`], the rays, and the distances of the points at which they aim.
+    rays: Vec<(Vec<Ray>, Vec<f32>)>,
 }
 
-/// Returns the closed meshes on the device and on the host.
-fn meshes() -> (Stand, Scene) {
-    let scene = closed_meshes();
-    (Stand::new(scene.clone(), [64, 64]), scene)
+impl Meshes {
+    fn new() -> Self {
+        let scene = closed_meshes();
+        let rays_from = |origin| rays_at_edges(&scene.mesh, origin, RAYS / ORIGINS.len());
+        let rays = ORIGINS.into_iter().map(rays_from).collect();
+        Self { stand: Stand::new(scene.clone(), [64, 64]), scene, rays }
+    }
+
+    /// Returns how many of [`RAYS`] rays at edges and vertices pass between triangles.
+    fn leaks(&self, strategy: &Strategy) -> usize {
+        let built = self.stand.build_for_rays(strategy, LOCAL_SIZE).expect("a strategy that fits");
+        let leaks = |(rays, targets): &(Vec<Ray>, Vec<f32>)| {
+            let hits = built.cast_rays(rays).expect("a cast");
+            let rays = rays.iter().zip(targets).zip(hits);
+            rays.filter(|((ray, target), hit)| !is_stopped(&self.scene.mesh, ray, **target, *hit)).count()
+        };
+        self.rays.iter().map(leaks).sum()
+    }
+}
+
+/// Returns a scene on the device, for square images.
+fn square(kernels: &Sources, scene: Scene) -> Stand {
+    Stand::of(kernels, scene, [SIDE; 2], |builtins| builtins)
 }
 
 /// Returns two numbers of pixels of a frame: those that are lit, and those whose primary rays hit something.
-fn lit_and_hit(scene: Scene, strategy: &Strategy) -> (usize, usize) {
-    lit_and_hit_by(&Sources::Embedded, scene, strategy)
-}
-
-fn lit_and_hit_by(kernels: &Sources, scene: Scene, strategy: &Strategy) -> (usize, usize) {
-    let stand = Stand::of(kernels, scene, [SIDE; 2], |builtins| builtins);
+fn lit_and_hit(stand: &Stand, strategy: &Strategy) -> (usize, usize) {
     let (image, hits) = stand.cast_and_count(strategy, LOCAL_SIZE).expect("a strategy that fits");
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// Returns how many of [`PIXELS`] primary rays pass through the net in front of the eye. The net is crumpled
-/// or flat.
-fn leaks_to(kernels: &Sources, is_flat: bool, strategy: &Strategy) -> usize {
-    PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE, is_flat), strategy).1
+/// The nets on the device. Several strategies use them, since their trees take long to build.
+struct Nets {
+    /// The crumpled net and the flat net in front of the eye.
+    before_the_eye: [Stand; 2],
+    /// The net in front of the light.
+    before_the_light: Stand,
 }
 
-/// Returns the number of primary rays that pass through the crumpled net or the flat net.
-fn leaks_to_nets(strategy: &Strategy) -> usize {
-    [false, true].map(|is_flat| leaks_to(&Sources::Embedded, is_flat, strategy)).into_iter().sum()
+impl Nets {
+    fn new(kernels: &Sources) -> Self {
+        Self {
+            before_the_eye: [false, true].map(|is_flat| square(kernels, net_before_the_eye(SIDE, is_flat))),
+            before_the_light: square(kernels, net_before_the_light(SIDE, true)),
+        }
+    }
+
+    /// Returns the number of primary rays that pass through the crumpled net or the flat net, of [`PIXELS`] rays each.
+    fn leaks_to(&self, strategy: &Strategy) -> usize {
+        self.before_the_eye.iter().map(|net| PIXELS - lit_and_hit(net, strategy).1).sum()
+    }
+
+    /// Returns how many of [`PIXELS`] shadow rays pass through the net in front of the light.
+    fn leaks_from(&self, strategy: &Strategy) -> usize {
+        lit_and_hit(&self.before_the_light, strategy).0
+    }
 }
 
 /// Counts the faults of these kernels. Returns three numbers: of primary rays that pass through nets, of
 /// shadow rays that pass through a net, and of rays that a triangle stops although they pass beside it.
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
-    let primary = leaks_to(kernels, false, strategy) + leaks_to(kernels, true, strategy);
-    let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;
-    [primary, shadow, stopped_beside_edges(kernels, strategy)]
+    let nets = Nets::new(kernels);
+    [nets.leaks_to(strategy), nets.leaks_from(strategy), stopped_beside_edges(kernels, strategy)]
 }
 
 /// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their distance from
@@ -130,26 +157,22 @@ fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     built.cast_rays(&rays).expect("a cast").into_iter().flatten().count()
 }
 
-/// Returns how many of [`PIXELS`] shadow rays pass through the net in front of the light.
-fn leaks_from(strategy: &Strategy) -> usize {
-    lit_and_hit(net_before_the_light(SIDE, true), strategy).0
-}
-
 #[test]
 fn the_watertight_test_leaks_none_of_sixty_thousand_rays() {
     apart!();
-    let (stand, scene) = meshes();
+    let meshes = Meshes::new();
     for strategy in traversals_of_rays(Intersector::WATERTIGHT) {
-        assert_eq!(leaks_of_rays(&stand, &scene, &strategy), 0, "{strategy}");
+        assert_eq!(meshes.leaks(&strategy), 0, "{strategy}");
     }
 }
 
 #[test]
 fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
     apart!();
+    let nets = Nets::new(&Sources::Embedded);
     for strategy in traversals_of_pixels(Intersector::WATERTIGHT).into_iter().filter(compiles_soon) {
-        assert_eq!(leaks_to_nets(&strategy), 0, "primary rays: {strategy}");
-        let lit_and_hit = lit_and_hit(net_before_the_light(SIDE, true), &strategy);
+        assert_eq!(nets.leaks_to(&strategy), 0, "primary rays: {strategy}");
+        let lit_and_hit = lit_and_hit(&nets.before_the_light, &strategy);
         assert_eq!(lit_and_hit, (0, PIXELS), "shadow rays: {strategy}");
     }
 }
@@ -159,13 +182,14 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
     apart!();
-    assert_eq!(leaks_to_nets(&of("raster")), 0);
+    assert_eq!(Nets::new(&Sources::Embedded).leaks_to(&of("raster")), 0);
 }
 
 #[test]
 fn without_its_net_the_floor_is_lit() {
     apart!();
-    assert_eq!(lit_and_hit(net_before_the_light(SIDE, false), &of("tile")), (PIXELS, PIXELS));
+    let floor = square(&Sources::Embedded, net_before_the_light(SIDE, false));
+    assert_eq!(lit_and_hit(&floor, &of("tile")), (PIXELS, PIXELS));
 }
 
 #[test]
@@ -186,7 +210,7 @@ fn rays_beside_an_edge_miss() {
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();
-    let (stand, scene) = meshes();
+    let (meshes, nets) = (Meshes::new(), Nets::new(&Sources::Embedded));
     let mut many = Vec::new();
     let mut count = |(leaks, of): (usize, usize), rays: &str, strategy: &Strategy| {
         let line = format!("{leaks:6} of {of} {rays:12} {strategy}");
@@ -195,16 +219,16 @@ fn the_other_tests_leaks_are_counted() {
     };
     for intersector in [Intersector::MOLLER_TRUMBORE, Intersector::COMMON_ORIGIN, Intersector::EDGE_PLANES] {
         for strategy in traversals_of_rays(intersector) {
-            count((leaks_of_rays(&stand, &scene, &strategy), RAYS), "rays", &strategy);
+            count((meshes.leaks(&strategy), RAYS), "rays", &strategy);
         }
         for strategy in traversals_of_pixels(intersector).into_iter().filter(compiles_soon) {
-            count((leaks_to_nets(&strategy), 2 * PIXELS), "primary rays", &strategy);
-            count((leaks_from(&strategy), PIXELS), "shadow rays", &strategy);
+            count((nets.leaks_to(&strategy), 2 * PIXELS), "primary rays", &strategy);
+            count((nets.leaks_from(&strategy), PIXELS), "shadow rays", &strategy);
         }
     }
     for strategy in traversals_of_pixels(Intersector::PIXEL_LINEAR) {
-        count((leaks_to_nets(&strategy), 2 * PIXELS), "primary rays", &strategy);
-        count((leaks_from(&strategy), PIXELS), "shadow rays", &strategy);
+        count((nets.leaks_to(&strategy), 2 * PIXELS), "primary rays", &strategy);
+        count((nets.leaks_from(&strategy), PIXELS), "shadow rays", &strategy);
     }
     assert!(many.is_empty(), "too many rays leak:\n{}", many.join("\n"));
 }
@@ -213,11 +237,13 @@ fn the_other_tests_leaks_are_counted() {
 fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     apart!();
     let paper = of("private");
-    let (stand, scene) = meshes();
-    let rays = leaks_of_rays(&stand, &scene, &paper);
+    let rays = Meshes::new().leaks(&paper);
     let (traversal, width) = (Traversal::Bvh, Width::W16);
     let wide = Strategy { traversal, width, shading: Shading::DEFERRED, passes: Passes::Separate, ..paper };
-    let (primary, shadow) = (leaks_to(&Sources::Embedded, false, &wide), leaks_from(&wide));
+    let nets = [net_before_the_eye(SIDE, false), net_before_the_light(SIDE, true)];
+    let [before_the_eye, before_the_light] = nets.map(|net| square(&Sources::Embedded, net));
+    let primary = PIXELS - lit_and_hit(&before_the_eye, &wide).1;
+    let shadow = lit_and_hit(&before_the_light, &wide).0;
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
     // The numbers are those of docs/reliability.md. Devices that round differently may find between half and

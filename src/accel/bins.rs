@@ -1,12 +1,32 @@
 //! Chooses where to cut a node in two, by the binned surface-area heuristic. A node is divided into slices along each
 //! of the three axes, and a cut lies between two slices. The cost of a cut is a sum over its two sides: half the
-//! surface area of the side's box, times the number of primitives on this side. A primitive is a triangle's box and the
-//! triangle's number.
+//! surface area of the side's box, times the number of triangles on this side. A node is a list of primitives (a
+//! primitive is a triangle's box and number) or, in the upper part of a large tree, a list of cells of primitives.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
 use super::bounds::{Bounds, Primitive};
 use glam::Vec4;
+
+/// What a node is divided into: primitives or, in the upper part of a large tree, cells of primitives.
+pub(super) trait Boxed {
+    /// The box, as a primitive. The number of a cell's primitive has no meaning.
+    fn primitive(&self) -> &Primitive;
+    /// Number of triangles.
+    fn count(&self) -> u32;
+}
+
+impl Boxed for Primitive {
+    #[inline(always)]
+    fn primitive(&self) -> &Primitive {
+        self
+    }
+
+    #[inline(always)]
+    fn count(&self) -> u32 {
+        1
+    }
+}
 
 /// Maps the centre of a primitive to the number of a slice along each axis.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +83,7 @@ pub(super) struct Cut {
     pub axis: usize,
     /// The first slice of the right child.
     pub slice: usize,
-    /// Number of primitives in the left child.
+    /// Number of triangles in the left child.
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
@@ -73,7 +93,7 @@ pub(super) struct Cut {
     pub regions: [Bounds; 2],
 }
 
-/// Counts and boxes of the primitives in `N` slices (a power of two) along each axis.
+/// Numbers of triangles and boxes of the items in `N` slices (a power of two) along each axis.
 #[derive(Clone, Debug)]
 pub(super) struct Bins<const N: usize> {
     bounds: [[Bounds; N]; 3],
@@ -81,15 +101,15 @@ pub(super) struct Bins<const N: usize> {
 }
 
 impl<const N: usize> Bins<N> {
-    /// Counts the primitives of each slice, and computes the box around the primitives of each slice.
-    pub fn of(primitives: &[Primitive], slicer: &Slicer<N>) -> Self {
+    /// Counts the triangles of each slice's items, and computes the box around the items of each slice.
+    pub fn of(items: &[impl Boxed], slicer: &Slicer<N>) -> Self {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
-        for primitive in primitives {
-            let slices = slicer.slices(primitive);
+        for item in items {
+            let slices = slicer.slices(item.primitive());
             for (axis, slice) in slices.into_iter().enumerate() {
                 let bin = &mut bins.bounds[axis][slice];
-                *bin = bin.union(primitive.0);
-                bins.counts[axis][slice] += 1;
+                *bin = bin.union(item.primitive().0);
+                bins.counts[axis][slice] += item.count();
             }
         }
         bins
@@ -107,7 +127,7 @@ impl<const N: usize> Bins<N> {
         self
     }
 
-    /// Returns the number of primitives in all slices below `slice`, along one axis.
+    /// Returns the number of triangles in all slices below `slice`, along one axis.
     pub fn count_below(&self, axis: usize, slice: usize) -> usize {
         self.counts[axis][..slice].iter().sum::<u32>() as usize
     }
@@ -123,7 +143,7 @@ impl<const N: usize> Bins<N> {
     }
 
     /// Returns the better of `best` and the best cut along one axis. A cut is given by its cost, its axis and the first
-    /// slice of its right side. An empty side has an infinite area and no primitives, so the cost of its cut is NaN,
+    /// slice of its right side. An empty side has an infinite area and no triangles, so the cost of its cut is NaN,
     /// which is not less than any other cost.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {

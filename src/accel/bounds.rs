@@ -16,6 +16,11 @@ impl Bounds {
     /// The empty box: its union with another box is the other box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
+    /// Returns the box that contains a single point.
+    pub fn point(point: Vec4) -> Self {
+        Self { low: point, high: point }
+    }
+
     /// Returns the smallest box around both boxes.
     #[inline(always)]
     pub fn union(self, other: Self) -> Self {
@@ -66,8 +71,7 @@ impl Primitive {
 
     /// Returns the smallest box around the doubled centres of all primitives.
     pub fn centre_bounds(primitives: &[Self]) -> Bounds {
-        let point = |p: &Self| Bounds { low: p.centre(), high: p.centre() };
-        primitives.iter().map(point).fold(Bounds::EMPTY, Bounds::union)
+        primitives.iter().map(|p| Bounds::point(p.centre())).fold(Bounds::EMPTY, Bounds::union)
     }
 
     /// Returns the smallest box around the boxes of all primitives.

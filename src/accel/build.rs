@@ -4,9 +4,12 @@
 //! buffer, and a cut moves them within this part of the buffer. To find a cut, a node is divided into slices
 //! along each axis, and the primitives of each slice are counted. In large nodes, all cores count and move
 //! the primitives, chunk by chunk. The two sides of a cut are independent tasks, except in small subtrees.
+//!
+//! The upper part of a large tree is built over cells of primitives: see `cells.rs`.
 
-use super::bins::{Bins, Cut, Slicer};
+use super::bins::{Bins, Boxed, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
+use super::cells::{Cell, Sorted, most_cells};
 use super::partition::{partition, partition_chunks};
 use super::{Bvh, Node};
 use crate::scene::Mesh;
@@ -15,9 +18,9 @@ use rayon::prelude::*;
 /// In nodes with more triangles than this, all cores count the triangles of each slice and move them to the sides of a
 /// cut.
 const PARALLEL_NODE: usize = 1 << 16;
-/// Number of triangles in a chunk. All cores compute the root's box chunk by chunk. In a node with more than
+/// Number of triangles in a chunk. If all cores compute boxes, they do so chunk by chunk. In a node with more than
 /// `PARALLEL_NODE` triangles, all cores also count and move the triangles chunk by chunk.
-const CHUNK: usize = 1 << 14;
+pub(super) const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
 /// If a subtree has at most this many triangles, and its parent has more, the subtree's nodes are joined into one
@@ -26,13 +29,18 @@ const TASK: usize = 1 << 12;
 /// large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
 /// To find a cut, nodes with more triangles than this are divided into `FINE` slices along each axis. All other
-/// nodes are divided into `COARSE` slices.
+/// nodes are divided into `COARSE` slices. Lists of cells are always divided into `FINE` slices.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
 /// From this depth on, a node is divided into two halves whose numbers of triangles differ by at most one. The halving
 /// limits the depth of every mesh's tree.
 const HALVING_DEPTH: u32 = 64;
+/// From this depth on, a list of cells is divided into two halves. A mesh has at most 2^16 cells. After 48 cuts and 16
+/// halvings, each list has a single cell, so the subtree of every cell begins at depth 64 (`HALVING_DEPTH`) or less.
+const CELLS_HALVING_DEPTH: u32 = 48;
+/// The upper part of a tree over at least this many triangles is built over cells.
+const LARGE_MESH: usize = 1 << 19;
 
 /// A subtree to be built.
 struct Work<'a> {
@@ -65,26 +73,71 @@ impl Subtree {
     }
 }
 
-/// Builds a tree; see [`Bvh::build`].
-pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
+/// Returns the largest number of cells over which the upper part of a mesh's tree is built; `None` if the whole tree is
+/// built over triangles.
+pub(super) fn cells_for(triangles: usize) -> Option<usize> {
+    (triangles >= LARGE_MESH).then(|| most_cells(triangles))
+}
+
+/// Builds a tree; see [`Bvh::build`]. With `cells`, the upper part of the tree is built over at most this many cells.
+pub(super) fn build(mesh: &Mesh, leaf_size: usize, cells: Option<usize>) -> Bvh {
     let leaf_size = leaf_size.max(1);
+    let mut order = vec![0; mesh.triangles.len()];
+    let tree = match cells {
+        _ if order.is_empty() => Subtree::default(),
+        None => grow_from_primitives(mesh, &mut order, leaf_size),
+        Some(most) => grow_cells(&mut Sorted::of(mesh, most).cells(), &mut order, 0, leaf_size),
+    };
+    // The triangles' boxes have been freed before the pieces of the tree are joined, since joining needs memory for a
+    // second copy of the nodes.
+    Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
+}
+
+/// Builds a tree from the primitives of all triangles.
+fn grow_from_primitives(mesh: &Mesh, order: &mut [u32], leaf_size: usize) -> Subtree {
     let mut primitives: Vec<Primitive> = Vec::new();
     let primitive = |(i, t)| Primitive::new(mesh.corners(t), i as u32);
     mesh.triangles.par_iter().enumerate().map(primitive).collect_into_vec(&mut primitives);
-    if primitives.is_empty() {
-        return Bvh { nodes: Vec::new(), order: Vec::new(), depth: 0 };
-    }
-    let mut order = vec![0; primitives.len()];
-    let (bounds, region) = primitives
+    let (bounds, region) = boxes_of(&primitives);
+    grow(Work { primitives: &mut primitives, order, bounds, region, depth: 0 }, leaf_size)
+}
+
+/// Returns the box around all primitives, and the box around their doubled centres.
+pub(super) fn boxes_of(primitives: &[Primitive]) -> (Bounds, Bounds) {
+    primitives
         .par_chunks(CHUNK)
         .map(|chunk| (Primitive::bounds(chunk), Primitive::centre_bounds(chunk)))
-        .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)));
-    let root = Work { primitives: &mut primitives, order: &mut order, bounds, region, depth: 0 };
-    let tree = grow(root, leaf_size);
-    // For large meshes, the use of memory is highest here, so the triangles' boxes are freed before the pieces of the
-    // tree are joined.
-    drop(primitives);
-    Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
+        .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)))
+}
+
+/// Builds the subtree over at least one cell.
+fn grow_cells(cells: &mut [Cell], order: &mut [u32], depth: u32, leaf_size: usize) -> Subtree {
+    let bounds = cells.iter().map(|cell| cell.primitive().0).fold(Bounds::EMPTY, Bounds::union);
+    if let [cell] = cells {
+        let primitives = std::mem::take(&mut cell.primitives);
+        return grow(Work { primitives, order, bounds, region: cell.region, depth }, leaf_size);
+    }
+    let cut = if depth < CELLS_HALVING_DEPTH { cut_cells(cells) } else { None };
+    let (left, right) = cells.split_at_mut(cut.unwrap_or(cells.len() / 2));
+    let count: u32 = left.iter().map(Cell::count).sum();
+    let (left_order, right_order) = order.split_at_mut(count as usize);
+    let counts = [left_order.len(), right_order.len()];
+    grow_both(
+        bounds,
+        counts,
+        || grow_cells(left, left_order, depth + 1, leaf_size),
+        || grow_cells(right, right_order, depth + 1, leaf_size),
+    )
+}
+
+/// Finds the best cut through cells, moves the cells to its two sides, and returns the number of cells on the left
+/// side; `None` if there is no cut.
+fn cut_cells(cells: &mut [Cell]) -> Option<usize> {
+    let centres = cells.iter().map(|cell| Bounds::point(cell.primitive().centre()));
+    let region = centres.fold(Bounds::EMPTY, Bounds::union);
+    let slicer = Slicer::<FINE>::new(region);
+    let cut = Bins::of(cells, &slicer).best_cut(&slicer, region)?;
+    Some(partition(cells, &slicer, &cut))
 }
 
 /// Builds a subtree: a large subtree as two tasks, a small one in this task.
@@ -97,12 +150,24 @@ fn grow(work: Work, leaf_size: usize) -> Subtree {
     }
     let bounds = work.bounds;
     let [left, right] = divide(work);
-    let side = |work: Work| {
-        let joins = count > JOINED && work.primitives.len() <= JOINED;
-        let subtree = grow(work, leaf_size);
+    let counts = [left.primitives.len(), right.primitives.len()];
+    grow_both(bounds, counts, || grow(left, leaf_size), || grow(right, leaf_size))
+}
+
+/// Builds the two subtrees below a node as two tasks, and puts the node before them. `bounds` is the node's box, and
+/// `counts` has the subtrees' numbers of triangles.
+fn grow_both(
+    bounds: Bounds,
+    counts: [usize; 2],
+    left: impl FnOnce() -> Subtree + Send,
+    right: impl FnOnce() -> Subtree + Send,
+) -> Subtree {
+    let count = counts[0] + counts[1];
+    let side = |subtree: Subtree, triangles: usize| {
+        let joins = count > JOINED && triangles <= JOINED;
         if joins { subtree.joined() } else { subtree }
     };
-    let (left, right) = rayon::join(|| side(left), || side(right));
+    let (left, right) = rayon::join(|| side(left(), counts[0]), || side(right(), counts[1]));
     let root = Node::inner(bounds, left.nodes as u32 + 1, count);
     let mut pieces = vec![vec![root]];
     pieces.extend(left.pieces);
@@ -203,5 +268,36 @@ impl<'a> Work<'a> {
             regions: [left, right].map(Primitive::centre_bounds),
         };
         self.split(cut)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Triangle;
+    use glam::Vec3;
+
+    #[test]
+    fn only_large_meshes_have_cells() {
+        assert_eq!((cells_for(LARGE_MESH - 1), cells_for(LARGE_MESH)), (None, Some(2048)));
+    }
+
+    /// The triangles' sizes grow along a row, so that each cut separates only the few largest from the rest.
+    #[test]
+    fn cells_are_halved_from_a_depth_on() {
+        let mut mesh = Mesh::default();
+        for number in 0..60_000 {
+            let (x, size) = ((number / 256) as f32, 1.345_f32.powi(number / 256) * 1e-15);
+            let first = mesh.positions.len() as u32;
+            mesh.positions
+                .extend([[-size, -size], [size, size], [size, -size]].map(|[y, z]| Vec3::new(x, y, z)));
+            let positions = [first, first + 1, first + 2];
+            mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
+        }
+        let mut order = vec![0; 60_000];
+        let mut sorted = Sorted::of(&mesh, most_cells(60_000));
+        let tree = grow_cells(&mut sorted.cells(), &mut order, CELLS_HALVING_DEPTH, 1);
+        // The 234 cells take 8 halvings. A cell has at most 352 triangles of nearly one centre, which take 9.
+        assert!(tree.depth <= CELLS_HALVING_DEPTH + 8 + 9, "depth {}", tree.depth);
     }
 }

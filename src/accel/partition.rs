@@ -1,22 +1,22 @@
 //! Moves a node's primitives to their side of a cut, within the node's own part of the buffer. A second
 //! buffer would take 32 more bytes per triangle while a tree is built.
 
-use super::bins::{Bins, Cut, Slicer};
+use super::bins::{Bins, Boxed, Cut, Slicer};
 use super::bounds::Primitive;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Moves the primitives left of the cut before all other primitives.
-pub(super) fn partition<const N: usize>(primitives: &mut [Primitive], slicer: &Slicer<N>, cut: &Cut) {
+/// Moves the items left of the cut before all other items, and returns the number of items left of the cut.
+pub(super) fn partition<const N: usize>(items: &mut [impl Boxed], slicer: &Slicer<N>, cut: &Cut) -> usize {
     match cut.axis {
-        0 => partition_on::<N, 0>(primitives, slicer, cut.slice),
-        1 => partition_on::<N, 1>(primitives, slicer, cut.slice),
-        _ => partition_on::<N, 2>(primitives, slicer, cut.slice),
+        0 => partition_on::<N, 0>(items, slicer, cut.slice),
+        1 => partition_on::<N, 1>(items, slicer, cut.slice),
+        _ => partition_on::<N, 2>(items, slicer, cut.slice),
     }
 }
 
-/// Moves the primitives of the left side to the front. To this end, each primitive in turn is exchanged with
-/// the first primitive of the right side. If the primitive belongs to the right side itself, the exchange has
+/// Moves the items of the left side to the front, and returns their number. To this end, each item in turn is
+/// exchanged with the first item of the right side. If the item belongs to the right side itself, the exchange has
 /// no effect on the sides. The exchange is done nevertheless, because a branch would often be mispredicted.
 ///
 /// ```text
@@ -24,16 +24,17 @@ pub(super) fn partition<const N: usize>(primitives: &mut [Primitive], slicer: &S
 ///   | left side | right side | not yet seen |
 /// ```
 fn partition_on<const N: usize, const AXIS: usize>(
-    primitives: &mut [Primitive],
+    items: &mut [impl Boxed],
     slicer: &Slicer<N>,
     slice: usize,
-) {
+) -> usize {
     let mut left = 0;
-    for at in 0..primitives.len() {
-        let is_left = slicer.slice::<AXIS>(&primitives[at]) < slice;
-        primitives.swap(left, at);
+    for at in 0..items.len() {
+        let is_left = slicer.slice::<AXIS>(items[at].primitive()) < slice;
+        items.swap(left, at);
         left += usize::from(is_left);
     }
+    left
 }
 
 /// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned
@@ -53,7 +54,9 @@ pub(super) fn partition_chunks<const N: usize>(
     slicer: &Slicer<N>,
     cut: &Cut,
 ) {
-    primitives.par_chunks_mut(chunk).for_each(|primitives| partition(primitives, slicer, cut));
+    primitives.par_chunks_mut(chunk).for_each(|primitives| {
+        partition(primitives, slicer, cut);
+    });
     let (mut rights, mut lefts) = (Vec::new(), Vec::new());
     for (number, bins) in bins.iter().enumerate() {
         let start = number * chunk;

@@ -56,10 +56,16 @@ fn closest_of_all(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<f64> {
     all.filter_map(|triangle| hit_distance(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
 }
 
-/// Checks that the binary and the wide tree over a mesh are valid, and that the wide tree finds the same hits as an
-/// exhaustive search.
+/// Checks trees over a mesh: one built over triangles, and trees whose upper parts are built over few or many cells.
 fn check(mesh: &Mesh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
-    let bvh = Bvh::build(mesh, leaf_size);
+    for cells in [None, Some(1), Some(7), Some(4096)] {
+        check_tree(mesh, build::build(mesh, leaf_size, cells), leaf_size, width, scale, seed);
+    }
+}
+
+/// Checks that a binary tree and the wide tree made of it are valid, and that the wide tree finds the same hits as an
+/// exhaustive search.
+fn check_tree(mesh: &Mesh, bvh: Bvh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
     bvh.validate(mesh).unwrap();
     let wide = WideBvh::new(bvh.clone(), width, 2 * leaf_size).unwrap();
     wide.validate(mesh).unwrap();
@@ -129,9 +135,10 @@ fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
         let corner = Vec3::splat(2f32.powi(power));
         std::iter::repeat_n([corner, corner * Vec3::new(1.0, 1.25, 1.0), corner * 1.5], 40)
     }));
-    let bvh = Bvh::build(&mesh, 1);
-    bvh.validate(&mesh).unwrap();
-    assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
+    for bvh in [Bvh::build(&mesh, 1), build::build(&mesh, 1, Some(1000))] {
+        bvh.validate(&mesh).unwrap();
+        assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
+    }
 }
 
 /// The triangles are far apart along each axis in turn, so each split by cost separates only few triangles
@@ -170,6 +177,24 @@ fn the_depth_is_that_of_the_deeper_side() {
 fn coordinates_near_the_largest_float() {
     let mesh = random_mesh(6, 2000, 0.1, 1.5e38);
     Bvh::build(&mesh, 4).validate(&mesh).unwrap();
+    build::build(&mesh, 4, Some(100)).validate(&mesh).unwrap();
+}
+
+/// A fifth of the triangles lie in one cell, so that this cell has many more triangles than all others.
+#[test]
+fn a_large_tree_over_cells_is_right_and_the_same_for_any_number_of_threads() {
+    let mut mesh = random_mesh(17, 100_000, 0.01, 1.0);
+    mesh.positions[..60_000].iter_mut().for_each(|corner| *corner *= 1e-3);
+    let trees = [1, 2, 7].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| build::build(&mesh, 4, Some(400)))
+    });
+    trees[0].validate(&mesh).unwrap();
+    assert!(trees[0] == trees[1] && trees[1] == trees[2], "the tree depends on the number of threads");
+    assert!(trees[0] != Bvh::build(&mesh, 4), "the tree was built without cells");
+    let area = |tree: &Bvh| tree.nodes.iter().map(|node| f64::from(node.half_area())).sum::<f64>();
+    let ratio = area(&trees[0]) / area(&Bvh::build(&mesh, 4));
+    assert!((0.9..1.1).contains(&ratio), "the nodes' areas are {ratio} times as large");
 }
 
 #[test]
@@ -340,7 +365,11 @@ fn the_fingerprint_is_that_of_this_builder() {
     }
     // This mesh has so many triangles that its root is cut on all cores.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
-    order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
+    // The upper part of this tree is built over cells.
+    let large = build::build(&random_mesh(18, 20_000, 0.01, 1.0), 4, build::cells_for(1 << 19)).order;
+    let cells =
+        [(1 << 19) - 1, 1 << 19, 1 << 20].map(|triangles| build::cells_for(triangles).unwrap_or(0) as u32);
+    order.iter().chain(&large).chain(&cells).for_each(|number| _ = hasher.update(&number.to_le_bytes()));
     let actual = &hasher.finalize().to_hex()[..16];
     assert_eq!(
         FINGERPRINT, actual,

@@ -130,10 +130,10 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
     }
 }
 
-/// Continues after a driver ended the first attempt although each of these drivers lists its devices when it
-/// is loaded alone. After a crash, the command may run again without the compiled programs in raycl's cache
-/// ([`ended_afresh`]). Returns the exit status of this second attempt. `status` is the exit status of the
-/// first attempt.
+/// Handles the case that no driver fails alone: a driver ended the first attempt, but each driver in `drivers` lists
+/// its devices when it is loaded alone. If the first attempt crashed, this function may run the command a second time,
+/// without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the exit status of the second attempt.
+/// `status` is the exit status of the first attempt.
 ///
 /// # Errors
 ///

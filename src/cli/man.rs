@@ -183,10 +183,10 @@ mod tests {
 
     #[test]
     fn the_text_after_the_help_is_divided_into_sections() {
-        let text = "Keys:\n  a    one\n  b    two\n\nFirst\nnote.\n\nSecond.\n\nExamples:\n  .x";
+        let text = "Keys:\n  a    one\n  b    two\n\nFirst\nnote.\n\nSecond.\n\nExamples:\n  .x\n\nThird.";
         let keys = ".SH KEYS\n.nf\na    one\nb    two\n.fi\n";
         let notes = ".SH NOTES\nFirst\nnote.\n.PP\nSecond.\n";
-        let expected = format!("{keys}{notes}.SH EXAMPLES\n.nf\n\\&.x\n.fi\n");
+        let expected = format!("{keys}{notes}.SH EXAMPLES\n.nf\n\\&.x\n.fi\n.SH NOTES\nThird.\n");
         assert_eq!(after_help(text).to_roff(), expected);
     }
 }

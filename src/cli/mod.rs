@@ -587,4 +587,30 @@ mod tests {
             assert!(!text.contains(red) && !text.contains('\u{9b}'), "{text:?}");
         }
     }
+
+    /// Returns the subcommand of a command line.
+    fn command(line: &str) -> Command {
+        Cli::parse_words(&words(line)).unwrap_or_else(|error| panic!("{line}: {error}")).command
+    }
+
+    #[test]
+    fn pocl_pins_its_threads_for_commands_and_workers_that_measure() {
+        for line in ["raycl run a.toml", "raycl peak", "raycl render a.toml --repeat 2", "raycl worker"] {
+            assert!(command(line).measures(), "{line}");
+        }
+        for line in ["raycl render a.toml", "raycl view a.toml", "raycl worker --keep"] {
+            assert!(!command(line).measures(), "{line}");
+        }
+    }
+
+    #[test]
+    fn if_a_driver_crashes_the_kernel_files_of_every_command_that_has_some_may_be_blamed() {
+        for words in
+            ["render a.toml", "view a.toml", "compile a.toml --strategy naive", "kernel naive", "peak"]
+        {
+            let command = command(&format!("raycl {words} --cl-dir mine"));
+            assert_eq!(command.guarded().cl_dir, Some(Path::new("mine")), "{words}");
+        }
+        assert_eq!(command("raycl peak").guarded().cl_dir, None);
+    }
 }

@@ -77,3 +77,15 @@ pub fn table(header: &[&str], left: usize) -> Table {
     }
     table
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_left_aligned_and_numbers_right_aligned() {
+        let mut table = table(&["name", "time"], 1);
+        table.add_row(["a", "1"]);
+        assert!(table.to_string().contains("│ a    ┆    1 │"), "{table}");
+    }
+}

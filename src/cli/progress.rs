@@ -7,8 +7,8 @@ use crate::record::{Outcome, Record};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::time::{Duration, Instant};
 
-/// A bar with the number of finished steps and the total, the time left, and the current work. A step is one
-/// launch of one point.
+/// A bar with the number of finished steps and the total, the time left, and the current work. A step is the
+/// measurement of one point in one launch.
 pub struct Bar {
     bar: ProgressBar,
 }
@@ -91,7 +91,7 @@ pub struct Lines {
     done: usize,
     /// Number of points that earlier sessions have finished, as far as this is known.
     earlier: usize,
-    /// Number of steps of all points; a step is one launch of one point. `taken` is the number of finished
+    /// Number of steps of all points; a step is the measurement of one point in one launch. `taken` is the number of finished
     /// steps.
     steps: usize,
     taken: usize,

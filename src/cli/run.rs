@@ -396,7 +396,8 @@ fn choice(args: &Args) -> Choice {
     Choice::new(args.force, "--out DIR")
 }
 
-/// Returns the number of points and of steps in a run; a step is one launch of one point.
+/// Returns the number of points and of steps in a run; a step is the measurement of one point in one
+/// launch.
 pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
     let experiment = distinct_scenes(config::load(&args.config, &args.set)?)?;
     let infos = chosen(args, &experiment, devices)?;

@@ -176,4 +176,14 @@ mod tests {
         }
         assert!(may_be_usable_soon("its driver says that it is not available"));
     }
+
+    #[test]
+    fn a_device_whose_driver_lacks_a_feature_is_not_usable_soon() {
+        for reason in [NO_COMPILER, NO_TIMES, NO_GROUPS] {
+            assert!(!may_be_usable_soon(reason), "{reason}");
+        }
+        assert!(may_be_usable_soon(
+            "its driver gives no valid answer to the query Version: the answer has 0 bytes"
+        ));
+    }
 }

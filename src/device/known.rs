@@ -370,7 +370,12 @@ mod tests {
         survey.devices[0].info.unusable = Some("its driver says that it is not available".to_owned());
         store(&cache, "brief", &survey, &[]);
         assert!(time("brief").is_some_and(|time| time <= now()));
-        assert!(["lasting", "brief"].iter().all(|key| stored(&cache, key).is_some()));
+        // A driver that failed may list its devices soon.
+        survey.devices[0].info.unusable = None;
+        survey.failed_platforms = vec!["NVIDIA CUDA".to_owned()];
+        store(&cache, "failed", &survey, &[]);
+        assert!(time("failed").is_some());
+        assert!(["lasting", "brief", "failed"].iter().all(|key| stored(&cache, key).is_some()));
     }
 
     #[test]

@@ -287,7 +287,9 @@ mod tests {
         assert_eq!(hinted(&device)[0], LaneOperations::Ptx);
         let cpu = DeviceLimits { is_cpu: true, ..device.limits };
         assert!(hinted(&DeviceInfo { limits: cpu, ..device.clone() }).is_empty());
-        device.limits.work_group_size = 64;
+        device.limits.work_group_size = LANES * GROUPS;
+        assert_eq!(hinted(&device)[0], LaneOperations::Ptx);
+        device.limits.work_group_size -= 1;
         assert!(hinted(&device).is_empty());
     }
 

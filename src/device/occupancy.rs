@@ -192,6 +192,7 @@ mod tests {
         assert_eq!(of("3.5", 33, 0, 256).groups, 6); // 33 registers become 40; 51 warps fit, rounded down to 48
         assert_eq!(of("5.0", 33, 0, 96).groups, 16); // 48 warps, 3 per group; 51 warps would be 17 groups
         assert_eq!(of("3.7", 128, 0, 256).groups, 4); // 128 Ki registers for 32 warps, 8 per group
+        assert_eq!(of("6.0", 40, 0, 64).groups, 25); // 50 warps, 2 per group; in fours, 48 warps would fit
     }
 
     #[test]

@@ -85,3 +85,16 @@ fn limit() -> Duration {
     let of_test = std::env::var(LIMIT_OF_TEST).ok().and_then(|text| text.parse().ok());
     of_test.map_or(LIMIT, Duration::from_millis)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without this, the process would end at the time limit although its driver has answered.
+    #[test]
+    fn a_driver_whose_patience_is_dropped_has_answered() {
+        let answered = Arc::new(AtomicBool::new(false));
+        drop(Patience { answered: Arc::clone(&answered) });
+        assert!(answered.load(Ordering::Relaxed));
+    }
+}

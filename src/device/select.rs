@@ -91,8 +91,9 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the texts, in lower case, with which patterns are compared: a pattern may be any part of such a text. A
-/// device of PoCL also has the text "pocl", even if its common name does not contain this word.
+/// Returns the platform's name, and the device's name, vendor and common name, all in lower case. A pattern selects the
+/// device if [`has_part`] returns true for one of these texts. For a device of PoCL, the text "pocl" is added, even if
+/// no other text contains this word.
 fn names(info: &DeviceInfo) -> Vec<String> {
     let common = common_name(&info.name);
     let names = [&info.platform, &info.name, &info.vendor, &common].map(|name| name.to_lowercase());

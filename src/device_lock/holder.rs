@@ -81,6 +81,8 @@ mod tests {
         long.write(&mut file).unwrap();
         assert_eq!(Holder::read(&path), long);
         assert_eq!(long.to_string(), format!("process 7, `{}` in /home/ada", "x".repeat(200)));
+        let elsewhere = Holder { folder: "/tmp/\u{1b}[2J".into(), ..long };
+        assert!(elsewhere.to_string().ends_with(" in /tmp/?[2J"), "{elsewhere}");
         assert_eq!(Holder::read(&folder.path().join("none")).to_string(), "another process");
     }
 }

@@ -55,6 +55,22 @@ pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, Fra
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference::fixtures;
+
+    #[test]
+    fn only_the_baseline_in_double_precision_casts_another_picture() {
+        let (scene, size) = (fixtures::figure_4(), [80, 50]);
+        let picture = |baseline| cast(baseline, &scene, size).0;
+        assert_eq!(picture(Baseline::SerialF64), cast_serial_f64(&scene, size));
+        assert_ne!(picture(Baseline::SerialF64), picture(Baseline::Serial));
+        assert_eq!(picture(Baseline::Parallel), picture(Baseline::Serial));
+    }
+
+    #[test]
+    fn another_source_of_the_baselines_is_another_program() {
+        let program = Identity::of_this_process().program;
+        assert!(program.starts_with(&format!("{} | ", fingerprint())), "{program}");
+    }
 
     #[test]
     fn another_number_of_threads_is_another_state_of_the_host() {

@@ -10,6 +10,7 @@ use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
 use crate::measure::StoppingRule;
 use crate::program::Sources;
+use std::ffi::OsStr;
 use std::path::Path;
 use std::time::Duration;
 
@@ -55,7 +56,12 @@ const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 /// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
 /// whatever their core-to-core latency.
 pub fn keeps_moved_samples() -> bool {
-    std::env::var_os(MOVED_SAMPLES).is_some_and(|value| value == "keep")
+    says_keep(std::env::var_os(MOVED_SAMPLES).as_deref())
+}
+
+/// Returns true if a variable's value is `keep`; `value` is `None` if the variable is not set.
+fn says_keep(value: Option<&OsStr>) -> bool {
+    value.is_some_and(|value| value == "keep")
 }
 
 impl Run<'_> {
@@ -204,5 +210,11 @@ mod tests {
         let expected =
             StoppingRule { min_samples: 6, max_samples: 30, relative_sigma: 0.01, time_limit_ms: 450.0 };
         assert_eq!(rule, expected);
+    }
+
+    #[test]
+    fn only_the_value_keep_keeps_moved_samples() {
+        let values = [None, Some(""), Some("0"), Some("keep")];
+        assert_eq!(values.map(|value| says_keep(value.map(OsStr::new))), [false, false, false, true]);
     }
 }

@@ -210,7 +210,8 @@ fn json_is_gltf_if_it_has_one_of_the_keys_of_gltf() {
 #[test]
 fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
     let (stl, toml) = (FileType::Mesh(MeshFormat::Stl), FileType::Toml);
-    let [fbx, gif] = [&b"; FBX 7"[..], b"GIF8"].map(|head| FileType::of(head, 99));
+    let zip = b"PK\x03\x04\x14\0\0\0\x08\0mesh.obj";
+    let [fbx, gif, zip] = [&b"; FBX 7"[..], b"GIF8", zip].map(|head| FileType::of(head, 99));
     let reads = [
         "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
         "the key `mesh` of an [[object]] accepts OBJ, PLY, STL and glTF, also as .gz",
@@ -225,6 +226,12 @@ fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
         (fbx, mesh, foreign, format!("{}{export}", reads[1])),
         (fbx, experiment, foreign, reads[2].to_owned()),
         (gif, mesh, "a GIF picture, which raycl does not read", reads[1].to_owned()),
+        (
+            zip,
+            experiment,
+            "a zip archive, which raycl does not read",
+            format!("{}; unpack it first", reads[2]),
+        ),
         (stl, experiment, "an STL mesh, not an experiment", run),
         (toml, mesh, "a TOML file, not a mesh", reads[1].to_owned()),
     ] {

@@ -134,6 +134,17 @@ mod tests {
         // 4 rows.
         assert_eq!(rows(&ends, 10, &[1, 64, 1]), [[0, 0], [0, 7], [7, 10]]);
         assert_eq!(rows(&ends, 10, &[1, 1, 64]), [[0, 3], [3, 10], [10, 10]]);
+        // The nearest row at which a work-group of the third device may begin is row 8, but row 8 belongs to the
+        // first device.
+        assert_eq!(rows(&[0.09, 0.1, 1.0], 100, &[1, 3, 8]), [[0, 9], [9, 16], [16, 100]]);
+    }
+
+    /// The frame is then divided as if all its rows cost the same.
+    #[test]
+    fn costs_without_a_finite_sum_do_not_tell_where_the_time_goes() {
+        for parts in [[1.0, f64::INFINITY], [1.0, f64::NAN], [0.0, 0.0]] {
+            assert_eq!(cut(&vec![cost(8.0, &parts); 2], 100), [[0, 50], [50, 100]], "{parts:?}");
+        }
     }
 
     #[test]

@@ -104,3 +104,34 @@ pub fn allocate<T: OclPrm>(queue: &Queue, len: usize) -> ocl::Result<Buffer<T>> 
     let buffer = Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_WRITE).len(len.max(1));
     buffer.build().map_err(noted)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+    use crate::program::Sources;
+
+    /// Number of values in a row.
+    const ROW: usize = 3;
+
+    #[test]
+    fn rows_are_read_from_their_place_in_the_buffer() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let open = || Queue::open(&device).unwrap();
+        // The first queue reads the buffer in place, the second in pieces of two rows, and the third all at once.
+        let shared = Queue { shares_memory: true, ..open() };
+        let separate = [2 * ROW * size_of::<u32>(), 1 << 20].map(|bytes| open().with_separate_memory(bytes));
+        let values: Vec<u32> = (0..30).collect();
+        for queue in [shared].into_iter().chain(separate) {
+            let buffer = upload(&queue, &values).unwrap();
+            let mut read = Vec::new();
+            let take = |rows: Range<usize>, part: &[u32]| {
+                assert_eq!((part[0] as usize, part.len()), (rows.start * ROW, rows.len() * ROW));
+                read.extend_from_slice(part);
+            };
+            read_rows(&queue, &buffer, (2..9, ROW), take).unwrap();
+            assert_eq!(read, values[2 * ROW..9 * ROW]);
+        }
+    }
+}

@@ -123,9 +123,11 @@ mod tests {
     use crate::image::relative_difference;
     use crate::launch::Session;
     use crate::program::Sources;
+    use crate::reference::fixtures;
     use crate::reference::half_light::with_half_light;
-    use crate::scene::{Sampling, Shot, load_scene_for};
+    use crate::scene::{Sampling, Scene, Shot, Sky, load_scene_for};
     use crate::strategy::preset;
+    use glam::Vec3;
     use std::path::Path;
     use std::sync::Arc;
 
@@ -167,5 +169,32 @@ mod tests {
                 assert!(darker.count() * 50 > picture.pixels.len() || size == [1, 1], "{name}, {size:?}");
             }
         }
+    }
+
+    /// At the edges of surfaces, a pixel's light consists of the surface's light, which is filtered, and of the
+    /// background's, which is not.
+    #[test]
+    fn the_background_of_another_scene_takes_the_place_of_the_old_one() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None };
+        let before = Scene { sky: Some(sky), background: Vec3::ZERO, ..fixtures::single_triangle() };
+        let after = Scene { background: Vec3::new(0.3, 0.2, 0.1), ..before.clone() };
+        let [before, after] = [before, after].map(Arc::new);
+        let sampling = Sampling { half_light: 2, ..Sampling::all(4) };
+        let last_of = |scenes: [&Arc<Scene>; 2]| {
+            let session = Session::open(&device, &Sources::Embedded, Arc::clone(scenes[0])).unwrap();
+            let mut session = session.with_sampling(sampling);
+            let prepared = session.prepare(&preset("bvh").unwrap().strategy, [38, 22], [1, 1]);
+            let mut prepared = prepared.map_err(|refused| refused.reason()).unwrap();
+            let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
+            for scene in scenes {
+                assert!(prepared.show(scene, &caster).unwrap());
+                caster.cast_samples(&scene.camera, &sampling).unwrap();
+            }
+            caster.read().unwrap().0
+        };
+        let expected = last_of([&after, &after]);
+        assert!(last_of([&before, &after]) == expected, "another picture");
+        assert!(last_of([&after, &before]) != expected, "the background is not seen");
     }
 }

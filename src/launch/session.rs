@@ -487,4 +487,25 @@ mod tests {
         assert!(lists > 0 && reason.starts_with("the host's memory"), "{reason}");
         assert!(reason.contains(&format!(", in addition to {held} B ")), "{reason}");
     }
+
+    /// A strategy that does not read these lists is refused if the device has no room beside them.
+    #[test]
+    fn lists_of_the_mesh_that_other_points_read_in_place_count_as_the_devices() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/pyramid-lower.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let [tile, deferred] = ["tile", "deferred"].map(|name| preset(name).unwrap().strategy);
+        let indexed = Strategy { layout: Layout::INDEXED_32, ..tile };
+        let queue = Queue { shares_memory: true, ..Queue::open(&device).unwrap() };
+        let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene);
+        let workload = session.workload(&indexed, [8, 8], [1, 1]).map_err(|refused| refused.reason());
+        let workload = workload.unwrap();
+        let held = Requirements::tree_bytes(&indexed, &workload);
+        assert!(Requirements::mesh_list_bytes(&indexed, &workload) > 0);
+        let mut full = session.limited(DeviceLimits { global_bytes: held, ..device.info.limits });
+        let refused = full.prepare(&deferred, [8, 8], [1, 1]).err().unwrap();
+        let reason = refused.reason();
+        assert!(reason.starts_with("global memory"), "{reason}");
+        assert!(reason.contains(&format!(", in addition to {held} B ")), "{reason}");
+    }
 }

@@ -43,15 +43,9 @@ impl<'a> Setup<'a> {
         kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, work: role.work() })
     }
 
-    /// Returns the paths of the user's files whose headers state how much `__local` memory the kernels need: files of
-    /// the axes `vectors` and `triangles`.
+    /// Returns the paths of the user's files whose headers state how much `__local` memory the kernels need.
     pub fn files_that_state_local_memory(&self) -> Vec<String> {
-        let states = |path: &&String| {
-            let is_in =
-                |folder: &str| Path::new(path).parent().is_some_and(|parent| parent.ends_with(folder));
-            FOLDERS.iter().any(|(folder, axis)| matches!(*axis, "vectors" | "triangles") && is_in(folder))
-        };
-        self.own_files.iter().filter(states).cloned().collect()
+        self.own_files.iter().filter(|path| states_local_memory(path)).cloned().collect()
     }
 
     /// Returns the builder of a kernel with its arguments. The numbers of work-items are not set yet.
@@ -110,6 +104,13 @@ impl<'a> Setup<'a> {
         camera_arguments(arguments, &self.scene.camera, [width, height])
             .with("image_size", Int2::new(width as i32, height as i32))
     }
+}
+
+/// Returns true if `path` is that of a file of the axis `vectors` or `triangles`. The headers of these files state how
+/// much `__local` memory the kernels need.
+fn states_local_memory(path: &str) -> bool {
+    let is_in = |folder: &str| Path::new(path).parent().is_some_and(|parent| parent.ends_with(folder));
+    FOLDERS.iter().any(|(folder, axis)| matches!(*axis, "vectors" | "triangles") && is_in(folder))
 }
 
 /// The buffers for a frame's working vectors.
@@ -232,6 +233,18 @@ mod tests {
                     |workload: &Workload| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload));
                 assert_eq!(list(&whole), list(&whole.halved()), "{strategy}");
             }
+        }
+    }
+
+    #[test]
+    fn files_of_vectors_and_triangles_state_the_local_memory() {
+        for (file, expected) in [
+            ("mine/cast/vectors/local.cl", true),
+            ("mine/cast/triangles/local.cl", true),
+            ("mine/cast/layout/soup.cl", false),
+            ("mine/cast/entry.cl", false),
+        ] {
+            assert_eq!(states_local_memory(file), expected, "{file}");
         }
     }
 }

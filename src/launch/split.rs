@@ -223,8 +223,9 @@ impl Split<'_> {
     }
 
     /// Returns the devices that will cast, and the devices that are left out. Devices that are much slower
-    /// than the fastest are left out first ([`Self::trial`]). The slowest remaining device is then left out,
-    /// again and again, until the devices together cast a trial frame faster than the fastest device alone.
+    /// than the fastest are left out first ([`Self::trial`]). The remaining devices then cast a trial frame
+    /// together. If this is not faster than the fastest device alone, the slowest device is left out, and the others
+    /// cast a trial frame. This ends when the devices together are faster, or when one device remains.
     /// If `every_device` is true, no device is left out.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];

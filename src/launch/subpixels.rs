@@ -95,7 +95,7 @@ fn number_of_lane(bits: u32, lane: usize) -> usize {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::device::discover;
+    use crate::device::{Device, discover};
     use crate::image::Radiance;
     use crate::launch::{Caster, Session};
     use crate::program::Sources;
@@ -151,19 +151,21 @@ mod tests {
         }
     }
 
-    /// Casts a picture of the scene file `name` with `cast`, by the preset `tiles`. Returns the picture and
-    /// its number of hits.
-    fn picture(name: &str, tiles: &str, count: u32, cast: impl Fn(&Caster, &Scene)) -> (Radiance, usize) {
-        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
-        let scene = Arc::new(load_scene(&path).unwrap().scene);
-        let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+    /// Casts a picture of `scene` with `cast`, by the preset `tiles`. Returns the picture and its number of
+    /// hits.
+    fn picture(
+        device: &Device,
+        scene: &Arc<Scene>,
+        (tiles, count): (&str, u32),
+        cast: impl Fn(&Caster, &Scene),
+    ) -> (Radiance, usize) {
+        let session = Session::open(device, &Sources::Embedded, Arc::clone(scene)).unwrap();
         let strategy = preset(tiles).unwrap().strategy;
         let local_size = strategy.local_size(&device.info.limits, [1, 1]);
         let prepared = session.with_sampling(Sampling::all(count)).prepare(&strategy, SIZE, local_size);
         let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
         let caster = caster.map_err(|refused| refused.reason()).unwrap();
-        cast(&caster, &scene);
+        cast(&caster, scene);
         caster.read().unwrap()
     }
 
@@ -171,16 +173,19 @@ mod tests {
     /// another triangle.
     #[test]
     fn samples_cast_together_are_those_cast_one_by_one() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let pixels = (SIZE[0] * SIZE[1]) as usize;
         let in_vectors =
             [("tile", "scenes/still-life.toml", [3, 16, 19]), ("tile", "scenes/table.toml", [4, 12, 16])];
         let shared = ("tile-group", "scenes/still-life.toml", [3, 16, 19]);
-        for (tiles, scene, counts) in in_vectors.into_iter().chain([shared]) {
+        for (tiles, name, counts) in in_vectors.into_iter().chain([shared]) {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+            let scene = Arc::new(load_scene(&path).unwrap().scene);
             for count in counts {
-                let together = picture(scene, tiles, count, |caster, scene| {
+                let together = picture(&device, &scene, (tiles, count), |caster, scene| {
                     caster.cast_samples(&scene.camera, &Sampling::all(count)).unwrap();
                 });
-                let singly = picture(scene, tiles, count, |caster, scene| {
+                let singly = picture(&device, &scene, (tiles, count), |caster, scene| {
                     for sample in pixel_samples(count) {
                         caster.cast_sample(&scene.camera, &sample).unwrap();
                     }
@@ -194,7 +199,7 @@ mod tests {
                     together.0.pixels.iter().zip(&singly.0.pixels).filter(|pair| apart(*pair)).count();
                 assert!(
                     different * 200 < pixels,
-                    "{scene}, {count} samples: {different} of {pixels} pixels differ"
+                    "{name}, {count} samples: {different} of {pixels} pixels differ"
                 );
                 assert!(
                     together.1.abs_diff(singly.1) * 1000 < pixels,

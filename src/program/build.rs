@@ -217,6 +217,8 @@ fn prints_resources(device: Device) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cache::Cache;
+    use crate::device::discover;
 
     #[test]
     fn an_error_is_the_users_if_the_program_contains_a_file_of_the_folder() {
@@ -262,5 +264,29 @@ mod tests {
         std::fs::write(folder.path().join("cast/shade.cl"), copied).expect("a file");
         let copy = error("error: cast/scene.cl:1:1: no").located(&sources, &spec(&files));
         assert_eq!((copy.log.as_str(), copy.has_own_file), ("error: cl/cast/scene.cl:1:1: no", false));
+    }
+
+    /// Only NVIDIA's compiler prints registers. The test gives the program of any compiler the messages of NVIDIA's.
+    #[test]
+    fn a_program_whose_messages_are_missing_is_not_stored() {
+        let device = discover(&Sources::Embedded).expect("the tests need PoCL: make setup").remove(0);
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = ProgramCache::of(Cache::at(folder.path(), 1 << 28), &device.info);
+        let context = Context::builder().platform(device.platform).devices(device.device).build();
+        let spec = ProgramSpec {
+            source: "__kernel void nothing(void) {}\n".to_owned(),
+            options: String::new(),
+            files: Vec::new(),
+        };
+        let built = BuiltProgram::build(&context.expect("a context"), device.device, &spec, &programs);
+        let mut built = BuiltProgram { verbose: true, ..built.expect("a program") };
+        for (log, is_stored) in [("", false), ("Used 8 registers", true)] {
+            (built.key, built.cached_log) = (format!("key of '{log}'"), Some(log.to_owned()));
+            assert_eq!(built.store(), is_stored, "{log}");
+            assert_eq!(
+                programs.find(&built.key).map(|program| program.log),
+                is_stored.then(|| log.to_owned())
+            );
+        }
     }
 }

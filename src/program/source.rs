@@ -3,7 +3,7 @@
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};
-use crate::sources::{Chain, Sources, lines};
+use crate::sources::{Chain, Sources};
 use crate::strategy::Strategy;
 
 impl Sources {
@@ -49,7 +49,8 @@ impl Joiner<'_> {
             self.files.push(name.to_owned());
         }
         let mut branches = Branches::default();
-        for (number, line) in lines(&self.sources.path_of(name), text)?.into_iter().enumerate() {
+        let lines = self.sources.lines_of(name, text)?;
+        for (number, line) in lines.iter().enumerate() {
             branches.pass(&line.directive, self.defines);
             match line.includes {
                 Some(inner) if branches.may_be_live() => {

@@ -69,11 +69,21 @@ mod tests {
         assert!(
             own_file(&folder.path().join("new")).is_ok() && own_folder(&folder.path().join("made")).is_ok()
         );
-        assert!(ordinary(Path::new("/dev/zero")).is_err());
+        assert!(ordinary(Path::new("/dev/zero")).is_err() && ordinary(folder.path()).is_ok());
         write_page(&file, b"page").unwrap();
         assert_eq!(
             (std::fs::read(&outer).unwrap(), std::fs::read(&file).unwrap()),
             (b"untouched".into(), b"page".into())
         );
+    }
+
+    #[test]
+    fn pictures_are_read_through_a_link_to_the_folder() {
+        let parent = tempfile::tempdir().unwrap();
+        let [folder, link] = ["results", "latest"].map(|name| parent.path().join(name));
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(folder.join("a.png"), "a picture").unwrap();
+        symlink(&folder, &link).unwrap();
+        assert_eq!(read_inside(&link, "a.png").unwrap(), b"a picture");
     }
 }

@@ -343,4 +343,15 @@ mod tests {
         let devices: Vec<String> = merged(&folders).into_iter().map(|record| record.device).collect();
         assert_eq!(devices, ["nvidia-gpu", "nvidia-gpu"]);
     }
+
+    #[test]
+    fn the_folder_of_a_record_is_named_only_if_there_are_several() {
+        let label = |folders: &[Folder]| {
+            let records = merged(folders);
+            Origins::of(folders).label(&records[0]).map(str::to_owned)
+        };
+        let [one, other] = ["one", "other"].map(|label| folder(label, label, None));
+        assert_eq!(label(std::slice::from_ref(&one)), None);
+        assert_eq!(label(&[one, other]).as_deref(), Some("one"));
+    }
 }

@@ -128,4 +128,26 @@ mod tests {
             Record { strategy: "traversal=bvh vectors=private".into(), ..measured("gpu", "bvh", 8, 1.0) };
         assert!(tables_of([in_memory(measured("gpu", "naive", 8, 10.0), "heap"), more]).is_empty());
     }
+
+    #[test]
+    fn a_tip_has_the_local_size_of_each_strategy() {
+        let tables = tables_of([
+            in_memory(measured("gpu", "naive", 8, 10.0), "heap"),
+            in_memory(measured("gpu", "private", 4, 5.0), "private"),
+        ]);
+        let cell = &tables[0].rows[0].cells[0];
+        assert_eq!(cell.size, "8 x 8 → 4 x 4");
+        assert_eq!(cell.tip, "private at 4 x 4 is 2.00 (1.98 to 2.02) times as fast as naive at 8 x 8");
+    }
+
+    #[test]
+    fn a_note_counts_the_changes_that_are_left_out() {
+        let wide = |width: u32| Record {
+            strategy: format!("traversal=exhaustive width={width}"),
+            ..measured("gpu", &format!("w{width}"), 8, 1.2_f64.powf(width.into()))
+        };
+        let tables = tables_of((1..=10).map(wide).collect::<Vec<_>>());
+        let note = "5 further changes are left out: only the 40 with the largest effects are shown.";
+        assert_eq!((tables[0].rows.len(), tables[0].note.as_str()), (40, note));
+    }
 }

@@ -145,7 +145,11 @@ impl Animation {
 
     fn document_of(&self, frame: u32, table: &Table) -> Result<Document> {
         let text = toml::to_string(table).map_err(|error| {
-            Error::input(format!("{} at frame {frame}: {error}", self.document.name)).with_help(KEYS)
+            Error::input(format!(
+                "{}: the scene of frame {frame} cannot be written as TOML: {error}",
+                self.document.name
+            ))
+            .with_help(KEYS)
         })?;
         let quotes = self.document.quotes;
         let of_tracks = self.tracks.iter().map(|track| track.setting(frame, quotes)).collect();

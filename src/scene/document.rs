@@ -124,7 +124,11 @@ impl Document {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, settings)?;
         let text = toml::to_string(&table).map_err(|error| {
-            Error::input(format!("{}, with the changed values: {error}", self.name)).with_help(KEYS)
+            Error::input(format!(
+                "{}: the scene with the changed values cannot be written as TOML: {error}",
+                self.name
+            ))
+            .with_help(KEYS)
         })?;
         let original = std::mem::replace(&mut self.text, text);
         let file = self.name.clone();

@@ -235,4 +235,36 @@ mod tests {
         let part = averted_part(&mesh, &Camera::PAPER, 1.0).unwrap_or(0.0);
         assert!((part - 1.0 / 3.0).abs() < 0.01, "{part}");
     }
+
+    /// Returns a rectangle at z = -`depth` with this normal. It reaches from x = -1 to x = 1, and from y = `low` to y =
+    /// `high`.
+    fn wall(depth: f32, [low, high]: [f32; 2], normal: Vec3) -> Mesh {
+        Mesh {
+            positions: [[-1.0, low], [1.0, low], [1.0, high], [-1.0, high]]
+                .map(|[x, y]| Vec3::new(x, y, -depth))
+                .to_vec(),
+            normals: vec![normal],
+            triangles: [[0, 1, 2], [0, 2, 3]]
+                .map(|positions| Triangle { positions, normals: [0; 3], material: 0 })
+                .to_vec(),
+            ..generate(&Shape::Ground)
+        }
+    }
+
+    #[test]
+    fn what_is_nearer_than_the_near_plane_does_not_count() {
+        let mut mesh = wall(1.0, [-1.0, 1.0], Vec3::Z);
+        for (depth, averted) in [(0.05, 0.0), (0.2, 1.0)] {
+            mesh.append(wall(depth, [-1.0, 1.0], Vec3::NEG_Z));
+            assert_eq!(averted_part(&mesh, &Camera::PAPER, 1.0), Some(averted), "{depth}");
+        }
+    }
+
+    #[test]
+    fn what_is_above_a_wide_picture_does_not_count() {
+        let mut mesh = wall(1.0, [-0.5, 0.5], Vec3::Z);
+        mesh.append(wall(1.0, [0.5, 1.0], Vec3::NEG_Z));
+        let averted = [1.0, 2.0].map(|aspect| averted_part(&mesh, &Camera::PAPER, aspect));
+        assert_eq!(averted, [Some(1.0 / 3.0), Some(0.0)]);
+    }
 }

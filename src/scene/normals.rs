@@ -9,6 +9,10 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
+/// The largest number of threads that add the normals of triangles at their positions. More threads would gain little,
+/// because each reads all triangles.
+const MOST_READERS: usize = 16;
+
 /// Gives every corner a finite normal that is not zero. Generated normals are smooth, except at creases:
 /// edges whose faces' normals differ by more than `crease_degrees`. If `crease_degrees` is `None`, there are
 /// no creases.
@@ -99,21 +103,42 @@ pub(super) fn reverse(mesh: &mut Mesh) {
 /// normal. A position's normal is the mean, weighted by area, of the plane normals of these triangles at this
 /// position.
 fn generate(mesh: &mut Mesh) {
+    let sums = sums_at_positions(mesh);
+    let base = mesh.normals.len() as u32;
+    let triangles = mesh.triangles.par_iter_mut().with_min_len(PARALLEL_TRIANGLES);
+    triangles
+        .filter(|triangle| triangle.normals.contains(&MISSING))
+        .for_each(|triangle| triangle.normals = triangle.positions.map(|index| base + index));
+    mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
+}
+
+/// Returns, for each position, the sum of the plane normals of the triangles at this position that lack a
+/// normal. A plane normal's length is twice the triangle's area.
+fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
     // The sums are f64: in f32, the cross product of very short edges could round to zero.
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
-    let base = mesh.normals.len() as u32;
-    for triangle in &mut mesh.triangles {
-        if !triangle.normals.contains(&MISSING) {
-            continue;
+    // A thread sums at a part of the positions, and reads all triangles. The summands of a position are added by
+    // one thread, in the triangles' order, so the sums do not depend on the number of threads.
+    let threads = rayon::current_num_threads().min(MOST_READERS);
+    let part = mesh.positions.len().div_ceil(threads).max(PARALLEL_TRIANGLES);
+    sums.par_chunks_mut(part).enumerate().for_each(|(number, sums)| {
+        let first = number * part;
+        for triangle in mesh.triangles.iter().filter(|triangle| triangle.normals.contains(&MISSING)) {
+            // A position before this part wraps around to a large index, which lies outside `sums`.
+            let indices = triangle.positions.map(|index| (index as usize).wrapping_sub(first));
+            if indices.iter().all(|index| *index >= sums.len()) {
+                continue;
+            }
+            let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
+            let weighted = (b - a).cross(c - a);
+            for index in indices {
+                if let Some(sum) = sums.get_mut(index) {
+                    *sum += weighted;
+                }
+            }
         }
-        let [a, b, c] = triangle.positions.map(|index| mesh.positions[index as usize].as_dvec3());
-        let weighted = (b - a).cross(c - a);
-        for index in triangle.positions {
-            sums[index as usize] += weighted;
-        }
-        triangle.normals = triangle.positions.map(|index| base + index);
-    }
-    mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
+    });
+    sums
 }
 
 /// Returns the normal unchanged, unless its squared length is so small or so large that later products could
@@ -203,6 +228,28 @@ mod tests {
     fn a_normal_gets_the_length_1_if_its_squared_length_is_extreme() {
         for (length, expected) in [(1e-7_f32, 1.0_f32), (1e-5, 1e-5), (1e5, 1e5), (1e7, 1.0)] {
             assert_eq!(tame(Vec3::X * length), Vec3::X * expected, "{length:e}");
+        }
+    }
+
+    #[test]
+    fn sums_at_positions_are_those_of_one_thread() {
+        use rand::{RngExt as _, SeedableRng as _};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let mut mesh = Mesh::default();
+        mesh.positions.resize_with(50_000, || Vec3::from_array(rng.random()));
+        mesh.triangles.resize_with(100_000, || Triangle {
+            positions: [(); 3].map(|()| rng.random_range(0..50_000)),
+            normals: if rng.random_range(0..4) == 0 { [0; 3] } else { [MISSING; 3] },
+            material: 0,
+        });
+        let mut expected = vec![DVec3::ZERO; 50_000];
+        for triangle in mesh.triangles.iter().filter(|triangle| triangle.normals == [MISSING; 3]) {
+            let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+            triangle.positions.iter().for_each(|&at| expected[at as usize] += (b - a).cross(c - a));
+        }
+        for threads in [1, 2, 3, 40] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            assert!(pool.install(|| sums_at_positions(&mesh)) == expected, "{threads} threads");
         }
     }
 

@@ -246,8 +246,9 @@ impl Start {
     }
 }
 
-/// Returns the words with which a shell sets a variable for one command; `None` if a repeated command does not need the
-/// variable. The file that contains the setting may come from a stranger, so no other variables may be set.
+/// Returns the shell's assignment `NAME=VALUE` of a variable, with the value quoted; `None` if `setting` has no `=`, or
+/// if the variable is not one that [`is_to_be_repeated`] accepts. The user runs the command in a shell, and a stranger
+/// may have written the file from which `setting` comes. Therefore, the command sets no other variables.
 fn assignment(setting: &str) -> Option<String> {
     let (name, value) = setting.split_once('=')?;
     is_to_be_repeated(name).then(|| format!("{name}={}", quote(value)))

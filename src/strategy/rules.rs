@@ -382,4 +382,14 @@ mod tests {
         }
         assert!(count >= 2, "{count}");
     }
+
+    #[test]
+    fn the_rasteriser_reads_triangles_from_global_or_constant_memory() {
+        let reason = |triangles: &str| with("raster", &[("triangles", triangles)]).contradiction();
+        assert_eq!(["global", "constant"].map(reason), [None, None]);
+        for triangles in ["local", "tiled"] {
+            let reason = reason(triangles).unwrap_or_default();
+            assert!(reason.contains("reads each triangle once"), "{triangles}: {reason}");
+        }
+    }
 }

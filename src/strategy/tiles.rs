@@ -42,9 +42,10 @@ impl Strategy {
         (u32::BITS as usize - 1) / rays.max(1)
     }
 
-    /// Returns the local size of the strategy. If 32 work-items share a tile, this is the usual local size
-    /// for shared tiles on a device with these limits. Otherwise, it is `other`, or as much of `other` as the
-    /// device allows.
+    /// Returns a local size for the strategy on a device with these limits. If 32 work-items share a tile, the local
+    /// size is 32 across and, down, the number of tiles per work-group with which kernels are fastest
+    /// ([`LaneOperations::usual_groups`]). Otherwise, it is `other` or, if the device does not allow `other`, a smaller
+    /// one ([`DeviceLimits::fitting`]).
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
         let groups = limits.lane_operations.usual_groups();
         if self.shares_tiles() { [GROUP_LANES, groups] } else { limits.fitting(other) }

@@ -62,3 +62,36 @@ pub trait Screen {
     /// Returns the user's input since the last call.
     fn input(&mut self) -> Result<Input>;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A screen that has only what every screen must have. It stores the lines that it shows.
+    #[derive(Default)]
+    struct Plain(Vec<String>);
+
+    impl Screen for Plain {
+        fn show(&mut self, _: &RgbImage) -> Result<()> {
+            Ok(())
+        }
+
+        fn tell(&mut self, line: &str) -> Result<()> {
+            self.0.push(line.to_owned());
+            Ok(())
+        }
+
+        fn input(&mut self) -> Result<Input> {
+            Ok(Input::default())
+        }
+    }
+
+    #[test]
+    fn a_plain_screen_shows_lines_beside_the_picture_and_none_over_it() {
+        let mut screen = Plain::default();
+        screen.tell("teapot").unwrap();
+        screen.tell_at_once("compiling").unwrap();
+        assert!(!screen.write_over(&["q quit".to_owned()]).unwrap());
+        assert_eq!(screen.0, ["teapot", "compiling"]);
+    }
+}

@@ -159,12 +159,20 @@ pub fn execute(
     spawner: &mut impl Spawner,
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
+    with_run(text, folder, |run| execute_run(run, folder, spawner, interrupted))
+}
+
+/// Like `execute`, but runs an experiment that was read before.
+pub fn execute_run(
+    run: &Run<'_>,
+    folder: &Path,
+    spawner: &mut impl Spawner,
+    interrupted: &AtomicBool,
+) -> raycl::Result<Vec<Record>> {
     let mut results = Results::resume(folder, &Environment::default())?;
     // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
     // Tests keep these samples, so that the number of samples does not depend on the machine.
-    with_run(text, folder, |run| {
-        Run { keeps_moved_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
-    })
+    Run { keeps_moved_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
 }
 
 pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) -> T {

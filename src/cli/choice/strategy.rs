@@ -279,4 +279,14 @@ mod tests {
         let words = "raycl chose tile for this device, and no preset allows these values of --set: change";
         assert!(error.exit_code() == 2 && error.remedy().starts_with(words), "{}", error.remedy());
     }
+
+    #[test]
+    fn a_chosen_strategy_that_set_changes_has_the_usual_local_size() {
+        let limits = crate::device::EXAMPLE_LIMITS;
+        let chosen = |set: &[(String, String)]| chosen_strategy(None, set, &limits, Task::default()).unwrap();
+        let (best, best_local) = chosen(&[]);
+        let (changed, local) = chosen(&[("culling".to_owned(), "back".to_owned())]);
+        assert_eq!(changed, Strategy { culling: crate::strategy::Culling::Back, ..best });
+        assert_eq!([best_local, local], [[16, 8], [8, 8]]);
+    }
 }

@@ -222,6 +222,20 @@ mod tests {
         let other = otherwise(address_space_limit());
         assert_eq!(advice("libpocl.so.2"), format!("the disk is full; or {other}"));
         assert_eq!(advice("libnvidia-opencl.so.1"), other);
+        let both = ["libnvidia-opencl.so.1", "libpocl.so.2"].map(|name| Driver::Library(name.into()));
+        let advice_for_both = advice_for(&both, Some("the disk is full".into()));
+        assert_eq!(advice_for_both, format!("the disk is full; or {other}"));
+    }
+
+    #[test]
+    fn if_a_limit_prevents_the_child_process_the_remedy_names_this_limit() {
+        use rustix::io::Errno;
+        let remedy = |errno: Errno| {
+            let error = std::io::Error::from_raw_os_error(errno.raw_os_error());
+            not_started(&error).remedy().to_owned()
+        };
+        assert!(remedy(Errno::MFILE).contains("`ulimit -n 1024`"), "{}", remedy(Errno::MFILE));
+        assert!(remedy(Errno::AGAIN).contains("`ulimit -u` allows more"), "{}", remedy(Errno::AGAIN));
     }
 
     #[test]

@@ -85,6 +85,7 @@ fn one_branch_at_most_is_live() {
     let source = "#if A == 1\none\n#elif A == 2\n#ifdef B\nboth\n#else\ntwo\n#endif\n#elif A < 9\nfew\n#else\nmany\n#endif\n";
     for (options, expected) in [
         ("-D A=1", "one\n"),
+        ("-D A", "one\n"),
         ("-D A=2", "two\n"),
         ("-DA=2 -D B", "both\n"),
         ("-D A=3 -cl-std=CL1.2", "few\n"),
@@ -198,6 +199,8 @@ fn constants_keep_their_names() {
         text("#define WIDTH 4\n#define STRIDE (2 * WIDTH)\na[STRIDE];\n"),
         "a[(2 * 4) /* STRIDE */];\n"
     );
+    // A macro can become a constant when another macro is defined again.
+    assert_eq!(text("#define A b\n#define C A\nC\n#define A 4\nC\n"), "b\n4 /* C */\n");
 }
 
 #[test]

@@ -150,6 +150,9 @@ mod tests {
         // An axis within one power of ten has ticks too.
         assert_eq!(Scale::between(Kind::Log, [2.0, 9.0], [0.0, 1.0]).ticks(), [2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
         assert_eq!(Scale::between(Kind::Log, [30.0, 600.0], [0.0, 1.0]).ticks(), [50.0, 100.0, 200.0, 500.0]);
+        // On a long axis, only every second power of ten is a tick.
+        let long = Scale::between(Kind::Log, [1.0, 1e12], [0.0, 1.0]).ticks();
+        assert_eq!(long, [1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12]);
         assert_eq!([0.01, 1500.0, 150_000.0].map(label), ["0.01", "1500", "150k"]);
     }
 

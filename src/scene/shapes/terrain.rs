@@ -63,3 +63,31 @@ fn hash(x: i32, z: i32, seed: u32) -> f64 {
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
     f64::from(h ^ (h >> 16)) / f64::from(u32::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slopes_are_those_of_the_height() {
+        let (seed, step) = (7, 1e-6);
+        let rise =
+            |from: (f64, f64), to: (f64, f64)| fractal(to.0, to.1, seed).0 - fractal(from.0, from.1, seed).0;
+        for (x, z) in [(0.3, -0.2), (-0.75, 0.5), (0.9, 0.8)] {
+            let (_, slope_x, slope_z) = fractal(x, z, seed);
+            let along_x = rise((x - step, z), (x + step, z)) / (2.0 * step);
+            let along_z = rise((x, z - step), (x, z + step)) / (2.0 * step);
+            assert!((slope_x - along_x).abs() < 1e-5, "{x}, {z}: {slope_x} {along_x}");
+            assert!((slope_z - along_z).abs() < 1e-5, "{x}, {z}: {slope_z} {along_z}");
+        }
+    }
+
+    /// Times of a terrain can be compared with stored records only if the terrain stays the same.
+    #[test]
+    fn a_terrain_is_the_same_in_every_version() {
+        for (x, z, expected) in [(0.3, -0.2, 0.152_599_691_183), (-0.75, 0.5, 0.333_235_183_409)] {
+            let height = fractal(x, z, 7).0;
+            assert!((height - expected).abs() < 1e-9, "{x}, {z}: {height}");
+        }
+    }
+}

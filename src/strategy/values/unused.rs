@@ -190,6 +190,16 @@ mod tests {
             let message = with(file).unwrap_err().to_string();
             assert!(message.contains(&format!("{file} is neither a file of raycl nor a value")), "{message}");
         }
+        // In the paths of files, names of values have underscores instead of dashes.
+        let files = [("cast/vectors/my_own.cl", text.as_str()), ("my/a_my_own.cl", "int a;\n")];
+        assert!(checked(&files).is_ok());
+    }
+
+    /// The built-in file cast/parts.cl includes "cast/vectors/{vectors}.cl", which is the path of no file.
+    #[test]
+    fn an_include_with_an_axis_is_no_wrong_path() {
+        let error = refused_of(&[("my/vectors.cl", "int a;\n")]);
+        assert!(!error.remedy().contains("which does not exist"), "{}", error.remedy());
     }
 
     #[test]
