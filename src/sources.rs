@@ -43,6 +43,10 @@ impl Sources {
 
     /// Returns the lines of the file `name`, whose text is `text`. The lines of a built-in file are found once per
     /// process, since a run joins the same files for one point after another.
+    ///
+    /// # Errors
+    ///
+    /// Fails as [`lines`] does.
     pub fn lines_of<'a>(&self, name: &str, text: &'a str) -> Result<Cow<'a, [SourceLine<'a>]>> {
         match built_in_lines(name, text) {
             Some(known) => Ok(Cow::Borrowed(known)),
@@ -196,8 +200,8 @@ fn built_in(name: &str) -> Option<&'static str> {
     EMBEDDED.get_file(name)?.contents_utf8()
 }
 
-/// Returns the lines of a built-in file; `None` if the built-in file of this name has another text than `text`, if there
-/// is none, or if its lines cannot be found.
+/// Returns the lines of a built-in file, which stay in memory until the process ends; `None` if the built-in file of
+/// this name has another text than `text`, if there is none, or if its lines cannot be found.
 fn built_in_lines(name: &str, text: &str) -> Option<&'static [SourceLine<'static>]> {
     static KNOWN: Mutex<BTreeMap<&str, &[SourceLine<'_>]>> = Mutex::new(BTreeMap::new());
     let built_in = built_in(name).filter(|own| *own == text)?;

@@ -202,8 +202,8 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
     ] {
         let options = ["--strategy", strategy, "--local-size", local_size];
         let folder = WorkFolder::new();
-        // The instructions are counted before `raycl compile` adds files to the folder of compiled kernels. The
-        // program that is timed is not compiled again, but its counterpart with a line table is.
+        // The instructions are counted before `raycl compile` adds files to the folder of compiled kernels. PoCL need
+        // not compile the timed program again, since `raycl render` has stored it in this folder.
         let ran = rendered(&folder, kernel, local_size, &options).map(|file| instructions(&file, kernel));
         let listing = listing_of(&folder, kernel, &options);
         // LLVM 18 compiles `tile-group` to other instructions if it writes a line table. raycl says so.

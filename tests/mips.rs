@@ -85,12 +85,9 @@ fn samples_have_narrower_cones_in_soft_light_too() {
     let folder = floor();
     let soft = ("8e4]", "8e4]\nradius = 20\n[sky]\nzenith = 0.02");
     change(&folder, "scene.toml", "scene.toml", &[soft]);
-    // The reference takes long to cast all rays of several samples.
-    let size = ["49", "31"];
     for strategy in ["deferred", "bvh-packet", "tile", "tile-group"] {
-        let own = ["--verify", "--strategy", strategy];
-        folder.picture_of_size(size, &[&own[..], &["--samples", "4"]].concat());
-        folder.picture_of_size(size, &[&own[..], &["--samples", "8", "--adaptive"]].concat());
+        folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
+        folder.picture(&["--verify", "--samples", "8", "--adaptive", "--strategy", strategy]);
     }
 }
 

@@ -263,7 +263,7 @@ fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
 fn a_distant_light_makes_no_speckles() {
     apart!();
     let strategy = |name| preset(name).expect("a preset").strategy;
-    // All strategies of this test show backs.
+    // No strategy of this test culls backs.
     let expected = reference(&lit_from(1e5), SIZE, Culling::None).radiance;
     let stand = Stand::new(lit_from(1e5), SIZE);
     for name in ["bvh", "tile", "tile-watertight", "tile-group", "wide-common-origin"] {

@@ -175,10 +175,11 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
 }
 
 /// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of the wall.
+/// One pixel of this picture is nearer to the light than half the bias, so the reference is certain that it is dark.
 #[test]
 fn tiles_that_work_items_share_leave_dark_what_is_nearer_to_a_light_than_the_bias() {
     let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
-    assert_eq!(all_clean("../tests/data/lights.toml", &shared, "32x1", RACES), 2);
+    assert_eq!(all_clean_at(["19", "10"], "../tests/data/lights.toml", &shared, "32x1", RACES), 2);
 }
 
 /// Shadow rays of tiles are tested from the light, but a ray that runs towards the light must meet a front. Tiles that

@@ -1,6 +1,7 @@
 //! The scenes of the repository, and the messages about mistakes in scene files.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use crate::common::is_long;
 use glam::Vec3;
 use raycl::Error;
 use raycl::scene::{Camera, Loaded, MaterialKind, load_scene, load_scene_with};
@@ -75,9 +76,13 @@ fn the_single_triangle_is_the_papers_to_the_last_bit() {
     assert_eq!(material.to_floats(), [2.5, 2.0, 0.0, 0.2, 0.2, 0.2, 100.0, 1.0]);
 }
 
-/// Returns overrides that replace millions of triangles in a scene file by fewer, since generating millions takes a
-/// test's build half a minute. The replaced numbers must be ones that raycl accepts.
-fn coarse(path: &Path) -> Vec<(String, Value)> {
+/// Returns overrides that replace millions of triangles in a scene file by fewer, since generating millions takes half
+/// a minute if raycl is not optimised. `make test-long` replaces none. The replaced numbers must be ones that raycl
+/// accepts.
+fn with_fewer_triangles(path: &Path) -> Vec<(String, Value)> {
+    if is_long() {
+        return Vec::new();
+    }
     let document: toml::Table = std::fs::read_to_string(path).unwrap().parse().unwrap();
     let objects = document.get("object").and_then(Value::as_array).into_iter().flatten().enumerate();
     let triangles = |(index, object): (usize, &Value)| Some((index, object.get("triangles")?.as_integer()?));
@@ -95,7 +100,7 @@ fn every_shipped_scene_loads() {
     let scenes: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
     assert!(scenes.len() >= 11);
     for path in scenes {
-        let loaded = load_scene_with(&path, &coarse(&path)).unwrap();
+        let loaded = load_scene_with(&path, &with_fewer_triangles(&path)).unwrap();
         assert!(!loaded.scene.mesh.triangles.is_empty() && loaded.notes.is_empty(), "{path:?}");
     }
 }

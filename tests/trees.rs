@@ -165,8 +165,8 @@ fn the_scene_of_ten_million_is_what_it_says_and_made_anew_each_time() {
     assert!(text.contains("triangles = 10_000_000"), "{text}");
     let [one, other] = [(); 2].map(|()| coarse("terrain-10m.toml", 50_000));
     assert_eq!(one.mesh, other.mesh);
-    // Loading the scene with all its triangles takes seconds in a test's build; loading the smaller hills of
-    // terrain.toml runs the same code.
+    // Loading the scene with all its triangles takes half a minute if raycl is not optimised; loading the smaller hills
+    // of terrain.toml runs the same code.
     let hills = load_scene(&path.with_file_name("terrain.toml")).expect("the hills").scene;
     assert!(hills.mesh.positions.iter().all(|point: &Vec3| point.is_finite()));
 }

@@ -1,5 +1,5 @@
-//! Divides the triangles of a large mesh among the cells of a regular grid. The upper part of the mesh's tree is then
-//! built over the cells. Without cells, each of the upper levels would read and move the boxes of all triangles, which
+//! Divides the triangles of a large mesh among the cells of a regular grid. If the mesh's tree is for one frame, its
+//! upper part is then built over the cells. Without cells, each of the upper levels would read and move the boxes of all triangles, which
 //! do not fit into the processor's caches.
 
 use super::bins::Boxed;

@@ -1,6 +1,7 @@
 //! Trees in the form that devices read: each node has up to 32 children, whose boxes are stored as rows of
 //! floats.
 
+use super::TreeUse;
 use super::{Bvh, Node};
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
@@ -116,8 +117,17 @@ impl WideBvh {
     ///
     /// Fails like [`Self::new`].
     pub fn of_mesh(mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
+        Self::of_mesh_for(TreeUse::ManyFrames, mesh, width, leaf_size)
+    }
+
+    /// Does the same as [`Self::of_mesh`], but possibly sooner: see [`TreeUse`].
+    ///
+    /// # Errors
+    ///
+    /// Fails like [`Self::new`].
+    pub fn of_mesh_for(tree_use: TreeUse, mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
         let own = if width < 32 { Bvh::LEAF_SIZE } else { leaf_size };
-        Self::new(Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
+        Self::new(Bvh::build_for(tree_use, mesh, leaf_size.min(own)), width, leaf_size)
     }
 
     /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's

@@ -112,11 +112,16 @@ pub fn run(args: Args) -> Result<()> {
             false => super::print(text_of(text, &made))?,
         }
     }
-    let is_written = !args.json && failed.len() < strategies.len();
-    if let Some(out) = args.out.as_ref().filter(|_| is_written) {
-        super::print(format!("Written to {}", out.display()))?;
+    if let Some(line) = written(args.out.as_deref(), args.json, strategies.len() - failed.len()) {
+        super::print(line)?;
     }
     refuse_not_compiled(&failed, strategies.len())
+}
+
+/// Returns the line that names the folder of `--out`; `None` without such a folder, with `--json`, or if none of the
+/// programs could be compiled. `made` is the number of programs that were compiled.
+fn written(out: Option<&Path>, as_json: bool, made: usize) -> Option<String> {
+    out.filter(|_| !as_json && made > 0).map(|out| format!("Written to {}", out.display()))
 }
 
 /// Returns an error if `failed` is not empty. For each program that could not be compiled, `failed` has the
@@ -340,5 +345,15 @@ mod tests {
         let names = [true, false].map(binary_name);
         assert_eq!(names, ["binary.ptx", "binary.bin"]);
         assert!(names.iter().all(|name| FILES.contains(name)));
+    }
+
+    #[test]
+    fn the_folder_is_named_only_if_a_program_was_written_and_no_json_is_printed() {
+        let out = Some(Path::new("made"));
+        assert_eq!(written(out, false, 1).as_deref(), Some("Written to made"));
+        assert_eq!(
+            [written(out, false, 0), written(out, true, 1), written(None, false, 1)],
+            [None, None, None]
+        );
     }
 }

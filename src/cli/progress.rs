@@ -91,8 +91,8 @@ pub struct Lines {
     done: usize,
     /// Number of points that earlier sessions have finished, as far as this is known.
     earlier: usize,
-    /// Number of steps of all points; a step is the measurement of one point in one launch. `taken` is the number of finished
-    /// steps.
+    /// Number of steps of all points; a step is the measurement of one point in one launch. `taken` is the number of
+    /// finished steps.
     steps: usize,
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then; `None` if no point has begun.

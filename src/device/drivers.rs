@@ -128,8 +128,17 @@ mod tests {
         // The loader ocl-icd, too, first searches its own folder for a name that has no slash.
         assert_eq!(drivers_at(Some(Path::new("a.icd")), folder.path()), icd(&a));
         assert_eq!(drivers_at(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
+        std::fs::create_dir(folder.path().join("within")).expect("a folder");
+        std::fs::write(folder.path().join("within/a.icd"), "lib.so\n").expect("a file");
+        let within = Path::new("within/a.icd");
+        assert_eq!(drivers_at(Some(within), folder.path()), icd(within), "the name has a slash");
         let library = Driver::Library("libone.so.1".into());
         assert_eq!(drivers_at(Some(Path::new("libone.so.1")), folder.path()), [library]);
+    }
+
+    #[test]
+    fn the_only_driver_must_be_corrected_and_one_of_several_can_be_left_out() {
+        assert_eq!([0, 1, 2].map(crash_advice), [CORRECT_DRIVER, USE_OTHERS, USE_OTHERS]);
     }
 
     #[test]

@@ -172,8 +172,14 @@ fn named() -> Option<PathBuf> {
 /// `XDG_CACHE_HOME` is not set or empty: PoCL then uses the folder /tmp/pocl/kcache, which all users share.
 fn default_folder() -> Option<PathBuf> {
     let path_in = |name: &str| std::env::var_os(name).map(PathBuf::from);
-    let caches = path_in("XDG_CACHE_HOME").filter(|path| !path.as_os_str().is_empty());
-    let caches = caches.or_else(|| Some(path_in("HOME")?.join(".cache")))?;
+    default_in(path_in("XDG_CACHE_HOME"), path_in("HOME"))
+}
+
+/// Returns the folder that PoCL uses by default if `XDG_CACHE_HOME` has the value `caches`, and `HOME` the value
+/// `home`; `None` stands for a variable that is not set.
+fn default_in(caches: Option<PathBuf>, home: Option<PathBuf>) -> Option<PathBuf> {
+    let caches = caches.filter(|path| !path.as_os_str().is_empty());
+    let caches = caches.or_else(|| Some(home?.join(".cache")))?;
     Some(caches.join("pocl/kcache"))
 }
 
@@ -201,6 +207,19 @@ mod tests {
         let room_there = room(folder.path()).expect("a disk");
         assert!(room_there.bytes > 0 && room_there.files != Some(0), "{room_there:?}");
         assert_eq!(room(&folder.path().join("missing")), None);
+    }
+
+    #[test]
+    fn the_default_folder_is_in_the_users_caches_and_an_empty_variable_counts_as_not_set() {
+        let default = |caches: Option<&str>, home: Option<&str>| {
+            default_in(caches.map(PathBuf::from), home.map(PathBuf::from))
+        };
+        let folder = |path: &str| Some(PathBuf::from(path));
+        assert_eq!(default(Some("/caches"), Some("/home/ada")), folder("/caches/pocl/kcache"));
+        for caches in [Some(""), None] {
+            assert_eq!(default(caches, Some("/home/ada")), folder("/home/ada/.cache/pocl/kcache"));
+            assert_eq!(default(caches, None), None);
+        }
     }
 
     /// Whether a file system is mounted with noexec depends on the machine, so this test asks the system for its

@@ -115,6 +115,7 @@ fn nothing(record: &Record) -> Figure {
 mod tests {
     use super::*;
     use crate::program::CompiledKernel;
+    use crate::program::compiled::InstructionCounts;
     use crate::record::Outcome;
     use crate::record::fixtures::{infeasible, measured};
 
@@ -215,5 +216,20 @@ mod tests {
             figure(&Record { outcome: Outcome::TimedOut, ..refused }, "bounded-by"),
             nothing("timed-out")
         );
+    }
+
+    #[test]
+    fn an_instruction_that_a_kernel_does_not_have_is_0_if_its_instructions_were_counted() {
+        let with = |instruction_counts| {
+            let name = "cast_frame".to_owned();
+            let kernel = CompiledKernel { name, instruction_counts, ..CompiledKernel::default() };
+            Record { kernels: vec![kernel], ..measured("gpu", "naive", 8, 20.0) }
+        };
+        let mut counts = InstructionCounts::default();
+        counts.instructions.insert("ld.global".to_owned(), 3);
+        let [counted, uncounted] = [Some(counts), None].map(with);
+        let figures = ["ld.global", "st.shared"].map(|name| figure(&counted, name));
+        assert_eq!(figures, [3.0, 0.0].map(|count| Figure::Number(count, Form::Count)));
+        assert_eq!(figure(&uncounted, "st.shared"), Figure::Nothing("not reported".into()));
     }
 }

@@ -272,6 +272,25 @@ mod tests {
         assert!(outcome.is_ok() && other.image_hash == record.image_hash);
     }
 
+    /// A caster on the host counts no shadow rays. The scene has two lights, so each hit has two shadow rays.
+    #[test]
+    fn the_shadow_rays_of_a_caster_on_the_host_follow_from_the_hits() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let experiment = fixtures::experiment_of(
+            "baselines = ['serial']\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'\n\
+             set = { light = [[{ position = [1, 3, 1], power = 10 }, { position = [-1, 3, 1], power = 5 }]] }",
+        );
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let at = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
+        let point = Plan::new(&experiment, 0).points[0];
+        let mut record = drafter.draft(&point, None, &at).unwrap();
+        let mut checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
+        assert!(checker.check(&point, &at.scene, None, &mut record).unwrap().is_ok());
+        assert!(record.hits > Some(0));
+        assert_eq!(record.shadow_rays, record.hits.map(|hits| 2 * hits));
+    }
+
     #[test]
     fn a_point_is_held_to_the_limits_of_the_device_that_is_imitated() {
         let folder = tempfile::tempdir().unwrap();

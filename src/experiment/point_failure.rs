@@ -54,6 +54,9 @@ impl PointFailure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
+    use crate::program::BuildError;
+    use crate::strategy::Infeasible;
 
     #[test]
     fn a_failure_replaces_the_outcome_and_keeps_the_rest() {
@@ -62,5 +65,27 @@ mod tests {
         let expected = Record { outcome: Outcome::TimedOut, reason: Some("why".into()), ..draft };
         assert_eq!(failed, expected);
         assert_eq!(PointFailure::wrong_image("w".into()).outcome, Outcome::WrongImage);
+    }
+
+    #[test]
+    fn only_a_point_that_is_too_large_for_its_device_or_the_host_is_infeasible() {
+        let beyond = || Infeasible::beyond("memory: 2 B > 1 B".to_owned());
+        let launch = |error: LaunchError| Refused::Launch { step: "the launch", error };
+        let too_many = LaunchError::WorkGroup { kernel: "cast_frame".into(), most: 64, items: 81 };
+        let build = BuildError { log: "error: no".into(), has_own_file: false, may_pass: false };
+        for (refused, outcome, reason) in [
+            (Refused::Device(beyond()), Outcome::Infeasible, "memory: 2 B > 1 B"),
+            (Refused::Host(beyond()), Outcome::Infeasible, "memory: 2 B > 1 B"),
+            (
+                launch(too_many),
+                Outcome::Infeasible,
+                "the local size has 81 work-items; the compiled kernel cast_frame supports at most 64",
+            ),
+            (launch(LaunchError::OpenCl("lost".into())), Outcome::LaunchFailed, "lost"),
+            (Refused::Build(build), Outcome::BuildFailed, "error: no"),
+            (Refused::Mistake(Error::input("a mistake")), Outcome::LaunchFailed, "a mistake"),
+        ] {
+            assert_eq!(PointFailure::of(&refused, None), PointFailure::new(outcome, reason));
+        }
     }
 }

@@ -198,5 +198,7 @@ mod tests {
         for unknown in [device(0, None, None), device(0, Some("a"), None)] {
             assert_eq!(index(&both[0], &[unknown]), Some(0));
         }
+        // When the run began, the driver reported neither a UUID nor a PCI address.
+        assert_eq!(index(&device(0, None, None), &both), Some(0));
     }
 }

@@ -376,4 +376,19 @@ mod tests {
             assert!(caster.kernels().all(|kernel| group_items(kernel).is_some()));
         }
     }
+
+    #[test]
+    fn each_size_of_a_kernel_is_the_one_that_the_driver_reports_under_its_name() {
+        use KernelWorkGroupInfoResult::{LocalMemSize, PrivateMemSize};
+        let local = preset("local-vectors").unwrap().strategy;
+        let (prepared, caster) = prepare(&Arc::new(scene("triangle.toml")), &local);
+        for (kernel, made) in caster.kernels().zip(prepared.made(&caster, "", "")) {
+            let bytes = |query| match kernel.wg_info(prepared.queue.device, query) {
+                Ok(LocalMemSize(bytes) | PrivateMemSize(bytes)) => Some(bytes),
+                _ => None,
+            };
+            let queries = [KernelWorkGroupInfo::LocalMemSize, KernelWorkGroupInfo::PrivateMemSize];
+            assert_eq!([made.local_bytes, made.private_bytes], queries.map(bytes), "{}", made.name);
+        }
+    }
 }

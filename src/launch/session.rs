@@ -5,6 +5,7 @@ use super::prepared::Prepared;
 use super::refused::Refused;
 use super::shared_scene::SharedScene;
 use super::{HostTree, Queue};
+use crate::accel::TreeUse;
 use crate::cache::Cache;
 use crate::device::{Builtins, Device, DeviceInfo, DeviceLimits};
 use crate::error::Result;
@@ -29,6 +30,7 @@ pub struct Session {
     programs: ProgramCache,
     early: Option<(ProgramSpec, BuiltProgram)>,
     early_tree: Option<(Strategy, HostTree)>,
+    tree_use: TreeUse,
     rounds_stacks: bool,
     shared: SharedScene,
     frames: Frames,
@@ -59,6 +61,7 @@ impl Session {
             programs: ProgramCache::of(Cache::of_user(), info),
             early: None,
             early_tree: None,
+            tree_use: TreeUse::ManyFrames,
             rounds_stacks: false,
             shared: SharedScene::default(),
             frames: Frames::default(),
@@ -112,6 +115,12 @@ impl Session {
     #[must_use]
     pub fn rounding_stacks(self) -> Self {
         Self { rounds_stacks: true, ..self }
+    }
+
+    /// Sets for how many frames trees are built. Without this call, they are built for many frames.
+    #[must_use]
+    pub fn with_tree_use(self, tree_use: TreeUse) -> Self {
+        Self { tree_use, ..self }
     }
 
     /// Sets whether images are verified, which takes additional memory on the host.
@@ -227,7 +236,8 @@ impl Session {
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
-            let built = self.shared.build_tree(&self.queue, &self.scene, strategy, &workload, early);
+            let built =
+                self.shared.build_tree(&self.queue, &self.scene, strategy, &workload, (self.tree_use, early));
             built.map_err(Refused::at("preparing the tree"))?;
         }
         let stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);

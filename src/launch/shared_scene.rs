@@ -2,6 +2,7 @@
 //! tree is made when a strategy first needs it.
 
 use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
+use crate::accel::TreeUse;
 use crate::scene::Scene;
 use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload};
 use std::collections::HashMap;
@@ -71,18 +72,18 @@ impl SharedScene {
     }
 
     /// Uploads the tree of a strategy, if the strategy uses a tree. Builds the tree first, unless `early` contains a
-    /// tree that was built before.
+    /// tree that was built before. `tree_use` says for how many frames the tree is built.
     pub fn build_tree(
         &mut self,
         queue: &Queue,
         scene: &Scene,
         strategy: &Strategy,
         workload: &Workload,
-        early: Option<HostTree>,
+        (tree_use, early): (TreeUse, Option<HostTree>),
     ) -> Result<(), LaunchError> {
         let built = match early {
             Some(tree) => Some(tree),
-            None => HostTree::build(&scene.mesh, strategy)?,
+            None => HostTree::build(&scene.mesh, strategy, tree_use)?,
         };
         if let (Some(kind), Some(tree)) = (Kind::of(strategy).tree, built) {
             let tree = DeviceTree::upload(queue, &scene.mesh, strategy, tree)?;
@@ -152,7 +153,7 @@ mod tests {
         assert_eq!(beside(&shared, &without), 0);
         let layout = beside(&shared, &other);
         assert_eq!(layout, Requirements::scene_bytes(&without, &workload));
-        shared.build_tree(&queue, &scene, &with, &workload, None).unwrap();
+        shared.build_tree(&queue, &scene, &with, &workload, (TreeUse::ManyFrames, None)).unwrap();
         let both = beside(&shared, &other);
         assert_eq!(both - layout, Requirements::tree_bytes(&with, &workload));
         shared.layout(&queue, &scene, &with, &workload).unwrap();
@@ -172,7 +173,7 @@ mod tests {
         let [first, second, third] = [LeafSize::L4, LeafSize::L8, LeafSize::L16].map(indexed);
         let mut shared = SharedScene::default();
         for strategy in [&first, &second] {
-            shared.build_tree(&queue, &scene, strategy, &workload, None).unwrap();
+            shared.build_tree(&queue, &scene, strategy, &workload, (TreeUse::ManyFrames, None)).unwrap();
         }
         let once = Requirements::mesh_list_bytes(&first, &workload);
         let all = [&first, &second].map(|strategy| Requirements::tree_bytes(strategy, &workload));

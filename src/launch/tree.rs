@@ -5,7 +5,7 @@ use super::buffers::{upload, upload_rows};
 use super::lent::Lent;
 use super::{LaunchError, Queue, Refused};
 use crate::accel::{
-    NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_normal_rows, write_triangle_rows,
+    NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, TreeUse, WideBvh, write_normal_rows, write_triangle_rows,
 };
 use crate::clock::ms_since;
 use crate::device::DeviceLimits;
@@ -41,12 +41,16 @@ pub struct HostTree {
 
 impl HostTree {
     /// Builds a mesh's tree for `strategy`; `None` if the strategy uses none.
-    pub(super) fn build(mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
+    pub(super) fn build(
+        mesh: &Mesh,
+        strategy: &Strategy,
+        tree_use: TreeUse,
+    ) -> Result<Option<Self>, LaunchError> {
         if !strategy.needs_tree() {
             return Ok(None);
         }
         let start = Instant::now();
-        let wide = tree_of(mesh, strategy)?;
+        let wide = tree_of(mesh, strategy, tree_use)?;
         Ok(Some(Self { wide, build_ms: ms_since(start) }))
     }
 
@@ -58,11 +62,12 @@ impl HostTree {
         strategy: &Strategy,
         workload: &Workload,
         limits: &DeviceLimits,
+        tree_use: TreeUse,
     ) -> Option<Self> {
         let needs = HostNeeds::of(strategy, workload, limits.is_cpu, Afterwards::default());
         needs.check_now(0).ok()?;
         Requirements::check(strategy, workload, limits).ok()?;
-        Self::build(mesh, strategy).ok()?
+        Self::build(mesh, strategy, tree_use).ok()?
     }
 }
 
@@ -121,8 +126,8 @@ impl Surfaces {
 }
 
 /// Builds a mesh's tree for `strategy`.
-fn tree_of(mesh: &Mesh, strategy: &Strategy) -> Result<WideBvh, LaunchError> {
-    WideBvh::of_mesh(mesh, strategy.node_width.children(), strategy.leaf_size.triangles())
+fn tree_of(mesh: &Mesh, strategy: &Strategy, tree_use: TreeUse) -> Result<WideBvh, LaunchError> {
+    WideBvh::of_mesh_for(tree_use, mesh, strategy.node_width.children(), strategy.leaf_size.triangles())
         .map_err(|error| LaunchError::Tree(error.to_string()))
 }
 
@@ -137,7 +142,9 @@ pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
     if !strategy.needs_tree() {
         return Ok(0);
     }
-    tree_of(mesh, strategy).map(|tree| stack_size_of(&tree)).map_err(Refused::at("building the tree"))
+    tree_of(mesh, strategy, TreeUse::ManyFrames)
+        .map(|tree| stack_size_of(&tree))
+        .map_err(Refused::at("building the tree"))
 }
 
 impl DeviceTree {

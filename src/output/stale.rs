@@ -75,4 +75,16 @@ mod tests {
         let left: Vec<_> = files.into_iter().filter(|name| results.path().join(name).exists()).collect();
         assert_eq!(left, ["plots/scenes.svg", "plots/mine.svg", "plots/scenes.txt", "exports/notes.json"]);
     }
+
+    /// A user may have put a link to another report's plot in the place of a plot.
+    #[cfg(unix)]
+    #[test]
+    fn links_stay() {
+        let results = tempfile::tempdir().unwrap();
+        std::fs::create_dir(results.path().join("plots")).unwrap();
+        let link = results.path().join("plots/scenes.svg");
+        std::os::unix::fs::symlink("/nowhere/scenes.svg", &link).unwrap();
+        remove(results.path(), |_| false);
+        assert!(link.is_symlink());
+    }
 }

@@ -300,6 +300,9 @@ mod tests {
         assert_eq!(Traffic::of(&naive), Traffic::by_headers(&naive));
         let moved = Record { triangle_bytes_per_test: Some(5.0), ..naive };
         assert_eq!(Traffic::of(&moved).map(|traffic| traffic.bytes()), Some(29.0));
+        let local = described("local-vectors");
+        let memories = [&local.triangle_memory, &local.ray_memory].map(Option::as_deref);
+        assert_eq!(memories, [Some("global"), Some("__local")]);
         let bvh = described("bvh");
         assert!(bvh.operations_per_test.is_some() && bvh.triangle_bytes_per_test.is_none());
     }

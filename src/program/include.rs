@@ -77,4 +77,13 @@ mod tests {
         assert!(live("#if WATERTIGHT\n#endif/**/") && !live("#if WATERTIGHT\n#if(TREE)\n#endif"));
         assert!(live("/*\n#if WATERTIGHT\n*/") && !live("#if WATERTIGHT\n/*\n#endif\n*/"));
     }
+
+    #[test]
+    fn every_value_but_0_is_true() {
+        for (line, expected) in [("#if LANES", true), ("#if !LANES", false)] {
+            let mut branches = Branches::default();
+            branches.pass(line, &[("LANES", 32)]);
+            assert_eq!(branches.may_be_live(), expected, "{line}");
+        }
+    }
 }

@@ -181,4 +181,21 @@ mod tests {
         strategy.math = Math::Fast;
         assert_eq!(of(&strategy), "-D A=1 -D B=22 -cl-std=CL1.2 -cl-kernel-arg-info -cl-fast-relaxed-math");
     }
+
+    #[test]
+    fn a_users_file_that_copies_only_normals_agrees_with_its_header() {
+        let (folder, file) = (tempfile::tempdir().unwrap(), "cast/triangles/split_normals.cl");
+        std::fs::create_dir_all(folder.path().join("cast/triangles")).unwrap();
+        let text = Sources::Embedded.read(file).unwrap().replace("meaning: ", "meaning: mine: ");
+        std::fs::write(folder.path().join(file), text).unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let strategy = preset("split-normals").unwrap().strategy;
+        let spec = sources
+            .values()
+            .unwrap()
+            .during(|| ProgramSpec::new(&sources, &strategy, &Workload::CUBE, Builtins::default()).unwrap());
+        assert!(spec.source.contains("#if STAGE_NORMALS != 1\n"), "the file is checked");
+        let error = preprocess(&spec.source, &spec.options, &BTreeMap::new()).err();
+        assert_eq!(error.map(|error| error.to_string()), None);
+    }
 }

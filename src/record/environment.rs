@@ -293,7 +293,8 @@ mod tests {
                 pci_bus: Some("0000:1b:00.0".into()),
                 uuid: Some("0123".into()),
             },
-            settings: vec!["A=1".into()],
+            // The user has not set this value of the variable that raycl sets.
+            settings: vec!["A=1".into(), "POCL_AFFINITY=of a test".into()],
             cores: Some(3),
             threads: Some(5),
             label: "a label".into(),
@@ -303,7 +304,8 @@ mod tests {
             "device": "a label", "platform": "a platform", "platform_version": "its version", "version": "OpenCL 3.0",
             "vendor": "a vendor", "driver": "a driver", "kind": "accelerator", "compute_units": 7, "threads": 5,
             "compute_capability": "9.0", "max_clock_mhz": 1980, "timer_resolution_ns": 1000, "cores": 3,
-            "uuid": "0123", "pci_bus": "0000:1b:00.0", "settings": ["A=1"], "set_by_raycl": [],
+            "uuid": "0123", "pci_bus": "0000:1b:00.0", "settings": ["A=1", "POCL_AFFINITY=of a test"],
+            "set_by_raycl": ["POCL_AFFINITY=of a test"],
         });
         assert_eq!(serde_json::to_value(DeviceEnvironment::of(&info)).unwrap(), expected);
     }

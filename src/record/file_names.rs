@@ -55,6 +55,8 @@ mod tests {
         assert_eq!(file_name(&longest), longest);
         let names = ["a", "b"].map(|end| file_name(&format!("{}{end}", "é".repeat(300))));
         assert!(names[0] != names[1] && names.iter().all(|name| name.len() == LONGEST_NAME), "{names:?}");
+        let long = "s".repeat(300);
+        assert_ne!(file_name(&format!("{long}/a")), file_name(&format!("{long}-a")));
     }
 
     #[test]

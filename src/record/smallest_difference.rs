@@ -227,6 +227,19 @@ mod tests {
     }
 
     #[test]
+    fn a_difference_between_noisy_points_is_a_factor_and_not_only_its_part_above_one() {
+        let points = judged(two_points("room", [64, 40], "gpu", 0, 0.2));
+        let [part, _] = resolution(&points).unwrap();
+        assert!(part > NOISY && 1.0 + part < LARGEST_FACTOR, "{part}");
+        let said = how_sure(&points).remove(0);
+        let factor = significant(1.0 + part, 2);
+        assert!(
+            said.starts_with(&format!("Differences below a factor of {factor} between")),
+            "{said} {part}"
+        );
+    }
+
+    #[test]
     fn only_what_the_smallest_difference_depends_on_is_named() {
         let depends = |points: &[[Record; 2]]| {
             let said = how_sure(&judged(points.concat())).remove(0);

@@ -155,17 +155,35 @@ mod tests {
         for inner in [IMAGES, "kinds"] {
             std::fs::create_dir(folder.path().join(inner)).unwrap();
         }
-        let files = [".raycl-old", "images/.raycl-old", "kinds/.raycl-old", ".raycl-new", "records.jsonl"];
-        let old = now - 2 * hour;
-        for (name, changed) in files.into_iter().zip([old, old, old, now, old]) {
+        let files = [
+            ".raycl-old",
+            "images/.raycl-old",
+            "kinds/.raycl-old",
+            ".raycl-new",
+            ".raycl-future",
+            "records.jsonl",
+        ];
+        let (old, future) = (now - 2 * hour, now + 2 * hour);
+        for (name, changed) in files.into_iter().zip([old, old, old, now, future, old]) {
             let file = std::fs::File::create(folder.path().join(name)).unwrap();
             file.set_modified(changed).unwrap();
         }
         let left = || files.map(|name| folder.path().join(name).exists());
         remove_leftovers(folder.path(), hour);
-        assert_eq!(left(), [false, false, false, true, true]);
+        assert_eq!(left(), [false, false, false, true, true, true]);
         remove_leftovers(folder.path(), Duration::ZERO);
-        assert_eq!(left(), [false, false, false, false, true]);
+        assert_eq!(left(), [false, false, false, false, false, true]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn no_file_is_removed_through_a_link_to_another_folder() {
+        let [folder, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let file = other.path().join(".raycl-old");
+        std::fs::write(&file, "").unwrap();
+        std::os::unix::fs::symlink(other.path(), folder.path().join(IMAGES)).unwrap();
+        remove_leftovers(folder.path(), Duration::ZERO);
+        assert!(file.exists());
     }
 
     #[test]

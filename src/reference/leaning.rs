@@ -395,4 +395,17 @@ mod tests {
         };
         assert_eq!([rivals(0.01, 1e-5, 25.1), rivals(1.0, 1e-3, 45.0)], [1, 0]);
     }
+
+    #[test]
+    fn a_certain_hit_hides_only_what_rounding_cannot_move_before_it() {
+        let hit = |x: f64| {
+            let (origin, direction) = (dvec3(x, 0.3, 2.0), DVec3::NEG_Z);
+            let ray = Ray { origin, direction, near: 0.1, far: 9.0, to_light: false };
+            larger_hit(&ray, 0, [DVec3::ZERO, DVec3::X, DVec3::Y], Culling::None).unwrap()
+        };
+        let (inside, beside) = (hit(0.3), hit(-1e-7));
+        let limit = inside.limit(9.0);
+        assert!(limit > inside.hit.t && limit < inside.hit.t + 1e-4, "{inside:?}");
+        assert_eq!((inside.limit(1.0), beside.limit(9.0)), (1.0, 9.0));
+    }
 }

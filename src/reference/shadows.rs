@@ -88,8 +88,9 @@ impl<'a> Shadows<'a> {
 mod tests {
     use super::super::fixtures;
     use super::*;
-    use crate::scene::Sample;
+    use crate::scene::{Sample, Scene, Sky};
     use crate::strategy::Culling;
+    use glam::Vec3;
 
     #[test]
     fn nothing_is_sure_of_a_light_that_is_near_beside_the_spread_of_points() {
@@ -136,5 +137,29 @@ mod tests {
             }
         }
         assert_eq!(results.len(), 3, "open, in shadow and at its border: {results:?}");
+    }
+
+    #[test]
+    fn something_is_unsure_under_a_sky_and_after_a_search_without_a_result() {
+        let mut scene = fixtures::figure_4();
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        // Returns whether something is unsure before and after the search.
+        let unsure = |scene: &Scene, part: f64| {
+            let seen = Seen::of(scene, Sample::CENTRE, [0, 0]);
+            let centre = DVec3::new(3.0, -1.0, 1.0);
+            let spread = part * centre.distance(scene.lights[0].position.as_dvec3());
+            let triangle = scene.mesh.triangles.len() as u32 - 1;
+            let points = Points { triangle, centre, normal: DVec3::Y, spread };
+            let shadows = Shadows::new(&seen, &tree, points, 1e-3);
+            let before = shadows.some_are_unsure();
+            assert_eq!(shadows.reaches(0), (part < 0.01).then_some(true));
+            assert_eq!(shadows.reaches(scene.lights.len()), None, "the sky");
+            [before, shadows.some_are_unsure()]
+        };
+        assert_eq!(unsure(&scene, 1e-6), [false; 2]);
+        assert_eq!(unsure(&scene, 0.02), [false, true]);
+        let (zenith, horizon, up) = (Vec3::ONE, Vec3::ZERO, Vec3::Y);
+        scene.sky = Some(Sky { zenith, horizon, up, reach: f32::MAX, picture: None });
+        assert_eq!(unsure(&scene, 1e-6), [true; 2]);
     }
 }

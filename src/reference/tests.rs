@@ -5,7 +5,8 @@ use super::ray::Ray;
 use super::traverse::Finder;
 use super::*;
 use crate::scene::{
-    Camera, LEAST_ALPHA_UNIT, Light, Mapped, Material, MaterialKind, Mesh, Texture, Textures, Triangle, Wrap,
+    Camera, LEAST_ALPHA_UNIT, Light, Mapped, Material, MaterialKind, Mesh, Sky, SkyPicture, Texture,
+    Textures, Triangle, Wrap,
 };
 use crate::verify::verify;
 use glam::{DVec3, Vec3, vec3};
@@ -335,6 +336,23 @@ fn the_middle_of_a_very_wide_picture_is_uncertain() {
     assert!(expected.certain[far_pixel] && expected.radiance.pixels[far_pixel] != [0.0; 3]);
     image.pixels[far_pixel] = image.pixels[far_pixel].map(|channel| 1.01 * channel);
     assert!(!verify(&image, None, &expected, scene.display).ok);
+}
+
+/// The normal points away from the eye, so some half vectors do too. The directions that they mirror may be above the
+/// surface all the same.
+#[test]
+fn nothing_is_mirrored_at_a_half_vector_that_points_away_from_the_eye() {
+    let mut scene = fixtures::single_triangle();
+    scene.lights.clear();
+    let mesh = scene.mesh_mut();
+    mesh.normals.fill(vec3(0.96, 0.0, -0.28));
+    mesh.materials[0] = Material::blinn_phong(Vec3::ZERO, Vec3::ONE, 2.0);
+    let picture = SkyPicture { size: [4, 2], texels: [[1.0; 3]; 8].into(), ahead: Vec3::X, is_seen: false };
+    let (up, picture) = (Vec3::Y, Some(picture.into()));
+    scene.sky = Some(Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, up, reach: f32::MAX, picture });
+    let pixels = reference(&scene, [40, 25], Culling::None).radiance.pixels;
+    assert!(pixels.iter().flatten().all(|channel| *channel >= 0.0), "a negative radiance");
+    assert!(pixels.iter().any(|pixel| pixel[0] > 0.1), "other half vectors mirror the sky");
 }
 
 #[test]

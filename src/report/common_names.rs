@@ -83,4 +83,11 @@ mod tests {
         let (folders, drivers) = with_common_names(&[folder, other]);
         assert_eq!((folders[0].records[0].device.as_str(), drivers.len()), (driver, 0));
     }
+
+    #[test]
+    fn control_points_get_the_common_name_too() {
+        let control = Record { device: "pthread-znver4-AMD EPYC 9B45".into(), ..Record::default() };
+        let (folders, _) = with_common_names(&[Folder { controls: vec![control], ..Folder::default() }]);
+        assert_eq!(folders[0].controls[0].device, "AMD EPYC 9B45, PoCL");
+    }
 }

@@ -315,4 +315,16 @@ mod tests {
         assert!(plots[3].caption.contains("There are no fitted lines"), "{}", plots[3].caption);
         assert!(plots[3].svg.contains("class=\"line\""), "without a fit, marks are joined");
     }
+
+    /// A fitted line ends at the first and the last mark, so the marks must be in the order of x.
+    #[test]
+    fn the_order_in_which_scenes_were_measured_changes_no_plot() {
+        let records = [1_000, 10_000, 100_000].map(|count| record(count, [800, 500], "naive", count as f64));
+        let records = judged(records);
+        let groups = groups(&records);
+        let looks = Looks::of(&groups);
+        let svg = |groups: &[Group<'_>]| growth(groups, &looks).remove(0).svg;
+        let turned = [&groups[1..], &groups[..1]].concat();
+        assert!(svg(&turned) == svg(&groups), "{}", svg(&turned));
+    }
 }

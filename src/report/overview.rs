@@ -303,4 +303,22 @@ mod tests {
             plots[0].1
         );
     }
+
+    #[test]
+    fn the_baselines_of_the_host_are_in_the_plot_of_each_device() {
+        let on = |device: &str, name: &str, scene: &str| Record {
+            scene: scene.into(),
+            key: format!("{device} {scene}"),
+            ..measured(device, name, 8, 1.0)
+        };
+        let records = judged([
+            on("gpu", "naive", "teapot"),
+            on("gpu", "naive", "room"),
+            on(HOST, "serial-f32", "room"),
+        ]);
+        let groups = groups(&records);
+        let plots = scenes(&groups, &Looks::of(&groups));
+        assert_eq!(plots.len(), 1, "the host has no plot of its own");
+        assert!(plots[0].svg.contains("serial-f32 (host)"), "{}", plots[0].svg);
+    }
 }

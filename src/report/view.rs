@@ -213,7 +213,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     }
     let shown = if all.len() > rows.len() {
         format!(
-            " Only {} of {} points are shown: the fastest come first, and points without a rank come last.",
+            " Only {} of {} points are shown: the fastest and, if there is room, points without a rank.",
             rows.len(),
             all.len()
         )
@@ -376,7 +376,7 @@ mod tests {
         let some = shown(16);
         assert!(
             some.caption.ends_with(
-                " Only 14 of 16 points are shown: the fastest come first, and points without a rank come last."
+                " Only 14 of 16 points are shown: the fastest and, if there is room, points without a rank."
             ),
             "{}",
             some.caption

@@ -224,4 +224,23 @@ mod tests {
         let tall = Camera { fov_is_vertical: true, ..Camera::PAPER }.pixel_frame(4, 2);
         assert_eq!(tall.corner, DVec3::new(-2.0, 1.0, -1.0));
     }
+
+    /// The hash of a scene depends on the bits of the camera's axes.
+    #[test]
+    fn no_axis_of_a_camera_has_a_negative_zero() {
+        for (ahead, up) in [
+            (Vec3::NEG_Z, Vec3::Y),
+            (Vec3::Z, Vec3::Y),
+            (Vec3::X, Vec3::Y),
+            (Vec3::NEG_X, Vec3::Z),
+            (Vec3::Y, Vec3::Z),
+            (Vec3::NEG_Y, Vec3::X),
+        ] {
+            let camera = Camera::looking_at(Vec3::ONE, Vec3::ONE + ahead, up, 90.0, false).unwrap();
+            for axis in [camera.right, camera.up, camera.forward] {
+                let is_negative_zero = |part: &f32| *part == 0.0 && part.is_sign_negative();
+                assert!(!axis.to_array().iter().any(is_negative_zero), "{ahead} {up}: {axis:?}");
+            }
+        }
+    }
 }

@@ -63,4 +63,18 @@ mod tests {
         assert!(!INPUTS.contains(&path("part/other.png")));
         assert!(INPUTS.folders().is_superset(&BTreeSet::from([path(""), path("part")])));
     }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_is_added_with_the_file_to_which_it_leads() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().canonicalize().unwrap().join(name);
+        ["own", "other"].iter().for_each(|name| std::fs::create_dir(path(name)).unwrap());
+        std::fs::write(path("other/a.obj"), "").unwrap();
+        std::os::unix::fs::symlink("../other/a.obj", path("own/link.obj")).unwrap();
+        let inputs = Inputs::new();
+        inputs.add(&path("own/../own/link.obj"));
+        assert!(inputs.contains(&path("own/link.obj")) && inputs.contains(&path("other/a.obj")));
+        assert_eq!(inputs.folders(), BTreeSet::from([path("other"), path("own")]));
+    }
 }

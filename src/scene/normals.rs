@@ -324,4 +324,29 @@ mod tests {
         assert_eq!(normals, [Vec3::X, Vec3::new(0.6, 0.8, 0.0), Vec3::X]);
         assert!(!mesh.normals.contains(&Vec3::ZERO));
     }
+
+    /// The centre of the box around a roof is below the roof, wherever the roof lies.
+    #[test]
+    fn a_roof_is_turned_upwards_at_any_height() {
+        let left = [[-1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 1.0, 1.0]];
+        let right = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+        let upwards = [Vec3::new(-0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, 0.8)];
+        let triangles = [0, 1].map(|side| {
+            let first = 3 * side;
+            Triangle { positions: [first, first + 1, first + 2], normals: [side; 3], material: 0 }
+        });
+        for height in [-10.0_f32, 0.0, 10.0] {
+            for sign in [1.0_f32, -1.0] {
+                let lifted = |corner: [f32; 3]| Vec3::from_array(corner) + Vec3::Z * height;
+                let mut mesh = Mesh {
+                    positions: [left, right].concat().into_iter().map(lifted).collect(),
+                    normals: upwards.map(|normal| normal * sign).to_vec(),
+                    triangles: triangles.to_vec(),
+                    ..Mesh::default()
+                };
+                turn_outwards(&mut mesh);
+                assert_eq!(mesh.normals, upwards, "{height}, {sign}");
+            }
+        }
+    }
 }

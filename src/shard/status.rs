@@ -149,6 +149,19 @@ mod tests {
     }
 
     #[test]
+    fn an_attempt_whose_description_cannot_be_read_has_no_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let about = About { shard: 1, of: 2, hang_limit_s: 600.0, ..About::default() };
+        let attempt = Attempt::begin(folder.path(), &about).unwrap();
+        std::fs::write(attempt.folder.join("attempt.json"), "torn").unwrap();
+        assert_eq!(attempt.about().unwrap(), None);
+        let count = |line: &str| std::fs::write(attempt.folder.join("pulse"), line).unwrap();
+        count("700 690 1\n");
+        let statuses = read_twice(folder.path(), || count("702 692 1\n")).unwrap();
+        assert_eq!(statuses[0].state, State::Going);
+    }
+
+    #[test]
     fn a_step_that_takes_just_its_limit_is_no_hang() {
         let beat = |beats, quiet| Some(Beat { beats, quiet, steps: 1 });
         assert_eq!(state(None, [beat(1, 598), beat(3, 600)], 600.0), State::Going);

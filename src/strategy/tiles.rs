@@ -43,7 +43,7 @@ impl Strategy {
     }
 
     /// Returns a local size for the strategy on a device with these limits. If 32 work-items share a tile, the local
-    /// size is 32 across and, down, the number of tiles per work-group with which kernels are fastest
+    /// size is 32 x N, where N is the number of tiles per work-group with which kernels are fastest
     /// ([`LaneOperations::usual_groups`]). Otherwise, it is `other` or, if the device does not allow `other`, a smaller
     /// one ([`DeviceLimits::fitting`]).
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {

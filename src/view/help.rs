@@ -59,6 +59,7 @@ mod tests {
         let mut picture = RgbImage::new(5, 3);
         assert!(lay(&panel, &mut picture));
         assert_eq!((picture.get_pixel(3, 1).0, picture.get_pixel(4, 2).0), ([9; 3], [0; 3]));
+        assert!(lay(&panel, &mut RgbImage::new(4, 2)), "a picture of the panel's size has room");
         assert!(!lay(&panel, &mut RgbImage::new(3, 3)) && !lay(&panel, &mut RgbImage::new(5, 1)));
     }
 }

@@ -196,13 +196,8 @@ impl WorkFolder {
 
     /// Renders `scene.toml` at 72 x 45 pixels, and returns the picture and the standard output.
     pub fn picture(&self, options: &[&str]) -> (RgbImage, String) {
-        self.picture_of_size(["72", "45"], options)
-    }
-
-    /// Like `picture`, but at another size.
-    pub fn picture_of_size(&self, [width, height]: [&str; 2], options: &[&str]) -> (RgbImage, String) {
         let device = device();
-        let usual = ["render", "scene.toml", "--width", width, "--height", height, "--device", &device];
+        let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
         let said = self.output(&[&usual, &["-o", "out.png", "--force"][..], options].concat());
         (image::open(self.path("out.png")).expect("a picture").to_rgb8(), said)
     }

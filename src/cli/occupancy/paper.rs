@@ -157,4 +157,17 @@ mod tests {
         assert_eq!([bare, with_vectors], held);
         assert!(with_vectors < bare, "{row}");
     }
+
+    /// At 16x16, the three numbers of threads differ.
+    #[test]
+    fn each_number_of_threads_is_in_its_own_column_and_under_its_own_key() {
+        let all = rows(&[[16, 16]]).unwrap();
+        assert_eq!(json(&all)["rows"][0]["threads"], 512);
+        let [bare, with_vectors] = [&all[0].held, &all[0].held_with_vectors].map(threads);
+        assert!(bare.starts_with("512 (") && with_vectors.starts_with("256 ("), "{bare}, {with_vectors}");
+        let text = text(&all);
+        let row = text.lines().find(|line| line.contains(" 16x16 ")).unwrap();
+        let places = ["1536", bare.as_str(), with_vectors.as_str(), "differ"].map(|cell| row.find(cell));
+        assert!(!places.contains(&None) && places.is_sorted(), "{row}");
+    }
 }

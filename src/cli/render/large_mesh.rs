@@ -1,7 +1,8 @@
-//! Chooses the strategy of a picture. A single picture of a large mesh on a CPU gets the strategy that needs the least
+//! Chooses the strategy of a picture, and for how many frames its tree is built. A single picture of a large mesh on a CPU gets the strategy that needs the least
 //! memory and preparation, since preparing the mesh takes longer than casting one frame.
 
 use super::Args;
+use crate::accel::TreeUse;
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::strategy::{Candidate, Layout, Strategy, Task};
@@ -42,7 +43,12 @@ pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strateg
 fn may_be_indexed(args: &Args) -> bool {
     let subject = &args.subject;
     let are_open = subject.strategy.is_none() && subject.set.iter().all(|(key, _)| key != "layout");
-    are_open && args.repeat == 1 && !args.motion.moves()
+    are_open && tree_use(args) == TreeUse::OneFrame
+}
+
+/// Returns for how many frames the tree of the scene is built.
+pub fn tree_use(args: &Args) -> TreeUse {
+    if args.repeat == 1 && !args.motion.moves() { TreeUse::OneFrame } else { TreeUse::ManyFrames }
 }
 
 /// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels of these tiles can
@@ -101,6 +107,14 @@ mod tests {
             of(&["--set", "node_width=8"], LARGE_TRIANGLES),
         ];
         assert!(packets.iter().all(|strategy| strategy.traversal == Traversal::Bvh), "{packets:?}");
+    }
+
+    #[test]
+    fn a_tree_is_built_for_one_frame_if_one_is_cast() {
+        let of =
+            |more: &[&str]| tree_use(&Command::parse_from([&["render", "a.obj"][..], more].concat()).args);
+        assert_eq!(of(&["--samples", "4"]), TreeUse::OneFrame);
+        assert_eq!([&["--repeat", "2"][..], &["--turntable", "2"]].map(of), [TreeUse::ManyFrames; 2]);
     }
 
     #[test]

@@ -106,7 +106,10 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
     let task = args.subject.task(scene, sampling(args, loaded.dressed).most);
     let (strategy, local_size) = large_mesh::strategy(args, device, task).ok()?;
     let workload = Workload::of(scene, args.subject.size(), local_size);
-    Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
+    Some((
+        strategy,
+        HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits, large_mesh::tree_use(args))?,
+    ))
 }
 
 /// Builds the guessed program. If the build fails, nothing is reported here: raycl later builds the program that the

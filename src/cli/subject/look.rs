@@ -95,4 +95,27 @@ mod tests {
             assert_eq!((set.path.as_str(), &set.value, &set.origin), ("camera.up", &up, &origin));
         }
     }
+
+    #[test]
+    fn each_option_sets_a_value_of_its_own_and_is_named_as_its_origin() {
+        let look = Look {
+            azimuth: Some(1.0),
+            elevation: Some(2.5),
+            background: Some("white".to_owned()),
+            crease: Some(3.0),
+            two_sided: true,
+            ..Look::default()
+        };
+        let set: Vec<_> = look.values().into_iter().map(|set| (set.path, set.value, set.origin)).collect();
+        let expected = [
+            ("camera.azimuth_degrees", Value::Float(1.0), "--azimuth 1"),
+            ("camera.elevation_degrees", Value::Float(2.5), "--elevation 2.5"),
+            ("background", Value::from("white"), "--background white"),
+            ("crease", Value::Float(3.0), "--crease 3"),
+            ("two_sided", Value::Boolean(true), "--two-sided"),
+        ];
+        let expected = expected.map(|(path, value, origin)| (path.to_owned(), value, origin.to_owned()));
+        assert_eq!(set, expected);
+        assert!(Look::default().values().is_empty());
+    }
 }

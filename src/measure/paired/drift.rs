@@ -82,4 +82,20 @@ mod tests {
         let samples: Vec<_> = (0..30).map(sample).collect();
         assert_eq!(without_drift(&samples, 40), without_drift(&samples, 2));
     }
+
+    /// Around each sample of two points, only two samples on either side are neighbours.
+    #[test]
+    fn a_short_slow_regime_of_two_points_is_taken_away() {
+        // Two points take 1 and 2 ms, and in five samples twice as long.
+        let sample = |index: usize| {
+            let (point, slow) = (index % 2, if (12..17).contains(&index) { 2.0 } else { 1.0 });
+            PairedSample { point, launch: 0, ms: f64::from(1 << point) * slow }
+        };
+        let samples: Vec<_> = (0..30).map(sample).collect();
+        let left = without_drift(&samples, 2);
+        for (sample, value) in samples.iter().zip(&left) {
+            let expected = f64::from(1 << sample.point).ln();
+            assert!((value - left[0] - expected).abs() < 1e-9, "{sample:?}: {value}");
+        }
+    }
 }

@@ -211,6 +211,14 @@ fn a_table_of_one_launch_neither_lends_nor_borrows() {
 }
 
 #[test]
+fn tables_of_different_numbers_of_launches_borrow_nothing_from_each_other() {
+    let mut tables = [3, 5].map(|launches| Paired::of(&steady(2, launches, 5), 2));
+    let before = tables.clone();
+    Paired::borrow_from_each_other(&mut tables);
+    assert_eq!(tables, before);
+}
+
+#[test]
 fn the_factors_of_a_reference_are_kept_apart_from_those_of_the_ratios_points() {
     let (one, other) = (BetweenRuns { shared: 0.3, own: 0.1 }, BetweenRuns { shared: 0.4, own: 0.2 });
     let paired = with_launches([1.0; 3]).over_runs(vec![one, one, other]);

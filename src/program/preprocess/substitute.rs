@@ -44,11 +44,15 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// Returns an argument as spelled, without comments. For an empty argument, returns a placeholder token,
-/// which the operator `##` replaces by its other operand.
+/// Returns an argument as spelled, without comments and without blanks at either end. For an empty argument,
+/// returns a placeholder token, which the operator `##` replaces by its other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
-    let mut spelled: Vec<Token> =
-        argument.iter().filter(|token| token.kind != Kind::Comment).cloned().collect();
+    let mut spelled: Vec<Token> = argument
+        .iter()
+        .filter(|token| token.kind != Kind::Comment)
+        .skip_while(|token| token.kind == Kind::Space)
+        .cloned()
+        .collect();
     while spelled.last().is_some_and(|last| last.kind == Kind::Space) {
         spelled.pop();
     }
@@ -77,10 +81,19 @@ fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     Ok(())
 }
 
-/// Returns an argument as a C string literal, for the operator `#`.
+/// Returns an argument as a C string literal, for the operator `#`. Blanks and comments between two tokens
+/// become one blank.
 fn spelled(argument: &[Token]) -> String {
-    let mut text = String::new();
-    for token in argument.iter().filter(|token| token.kind != Kind::Comment) {
+    let (mut text, mut is_apart) = (String::new(), false);
+    for token in argument.iter().filter(|token| token.kind != Kind::Nothing) {
+        if !token.is_code() {
+            is_apart = true;
+            continue;
+        }
+        if is_apart && !text.is_empty() {
+            text.push(' ');
+        }
+        is_apart = false;
         let literal = token.kind == Kind::Literal;
         text +=
             &if literal { token.text.replace('\\', "\\\\").replace('"', "\\\"") } else { token.text.clone() };

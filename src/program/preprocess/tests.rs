@@ -398,3 +398,27 @@ fn conditions_nested_too_deeply_are_refused_with_their_line() {
         assert!(said.contains(expected), "{said}");
     }
 }
+
+/// The bracket of a call ends at column 80 if the name has 79 characters.
+#[test]
+fn a_long_call_is_aligned_with_its_bracket_up_to_column_80() {
+    let arguments = (0..8).map(|i| format!("argument_{i}")).collect::<Vec<_>>().join(", ");
+    let indent = |name_length: usize| {
+        let call = format!("#define ALL {arguments}\n{}(ALL);\n", "f".repeat(name_length));
+        text(&call).lines().nth(1).map(|line| line.len() - line.trim_start().len())
+    };
+    assert_eq!([79, 80].map(indent), [Some(80), Some(4)]);
+}
+
+#[test]
+fn a_comment_in_an_argument_is_a_blank_in_a_string_and_does_not_prevent_joining() {
+    let macros = "#define S(x) #x\n#define T(x) S(x)\n#define J(a, b) a##b\n#define W 4\n";
+    for (call, expected) in [
+        ("S(/* why */ a /* so */ + /* b */)", "\"a +\""),
+        ("S(a/**/b)", "\"a b\""),
+        ("T(W)", "\"4\""),
+        ("J(/* why */ x, /* so */ y)", "xy"),
+    ] {
+        assert_eq!(text(&format!("{macros}{call}\n")), format!("{expected}\n"), "{call}");
+    }
+}

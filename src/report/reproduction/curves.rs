@@ -162,7 +162,8 @@ fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{fixtures::judged, fixtures::measured, groups};
+    use crate::record::fixtures::{few, judged, measured};
+    use crate::record::groups;
 
     #[test]
     fn only_square_groups_are_points_of_the_papers_curves() {
@@ -199,5 +200,24 @@ mod tests {
         let rows = rows(&curve);
         assert_eq!(rows[1], ["naive", "8 x 8", "100.0", "2.000", "50.0×"]);
         assert_eq!(rows[2][3..], ["-", "-"]);
+    }
+
+    #[test]
+    fn a_point_with_too_few_samples_has_no_place_in_a_shape_even_if_it_is_the_fastest() {
+        let records = judged([
+            few("gpu", "naive", 4, 1.0, 3),
+            measured("gpu", "naive", 8, 2.0),
+            measured("gpu", "naive", 16, 4.0),
+        ]);
+        let ours = records.iter().collect();
+        let curve = Curve { name: "naive", number: 1, published: vec![(4, 300.0)], ours };
+        let marks = |as_shapes| {
+            let first = drawn(std::slice::from_ref(&curve), 6, "gpu", as_shapes).series.remove(0);
+            let marks: Vec<_> = first.marks.iter().map(|mark| (mark.x, mark.y.round())).collect();
+            (first.name, marks)
+        };
+        let name = "naive, ours".to_owned();
+        assert_eq!(marks(false), (name.clone(), vec![(0.0, 1.0), (1.0, 2.0), (2.0, 4.0)]));
+        assert_eq!(marks(true), (name, vec![(1.0, 1.0), (2.0, 2.0)]));
     }
 }

@@ -123,4 +123,19 @@ mod tests {
         assert_eq!(shown([record("naive", [8, 5]), record("bvh", [16, 10])]), "bvh-16.png");
         assert_eq!(shown([record("naive", [16, 10]), record("bvh", [16, 10])]), "naive-16.png");
     }
+
+    #[test]
+    fn a_command_is_named_only_for_a_figure_without_pictures_and_without_plots() {
+        let records = vec![measured("gpu", "naive", 8, 1.0)];
+        let folder = Folder { path: "out/figure-6".into(), records, ..Folder::default() };
+        let runs = Run::of(&folder, groups(&folder.records));
+        let shown = |number: u32| {
+            let figures = described().expect("it reads");
+            let about = figures.into_iter().find(|figure| figure.number == number).expect("a figure");
+            let figure = figure(about, &runs, "gpu", "", &mut Pictures::default());
+            (figure.plots.len(), figure.missing)
+        };
+        assert_eq!(shown(1), (0, "raycl reproduce --out out --resume".to_owned()));
+        assert_eq!([shown(5), shown(6)], [(1, String::new()), (2, String::new())]);
+    }
 }

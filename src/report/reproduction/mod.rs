@@ -300,4 +300,16 @@ mod tests {
         let titles = plots.filter(|plot| plot.svg.contains("gpu, 200 x 125 (the paper: 800 x 500)"));
         assert_eq!(titles.count(), 2, "the two plots of Figure 6");
     }
+
+    #[test]
+    fn each_command_is_listed_once_and_a_folder_without_a_command_has_none() {
+        let with = |words: &[&str]| Folder {
+            environment: serde_json::json!({ "command_line": words }),
+            ..Folder::default()
+        };
+        let [first, second] =
+            [["raycl", "run", "a.toml"], ["raycl", "run", "b.toml"]].map(|words| with(&words));
+        let folders = [first.clone(), Folder::default(), second, first];
+        assert_eq!(commands(&folders), ["raycl run a.toml", "raycl run b.toml"]);
+    }
 }

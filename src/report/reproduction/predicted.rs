@@ -101,4 +101,22 @@ mod tests {
         };
         assert_eq!([telling, silent].map(predicts), [true, false]);
     }
+
+    #[test]
+    fn a_mark_has_the_threads_of_all_groups_of_a_naive_kernel() {
+        let on = |name: &str, side: u32| {
+            let mut kernel = CompiledKernel {
+                name: "cast_frame".to_owned(),
+                resident_groups: Some(3),
+                occupancy_limited_by: Some("registers".to_owned()),
+                ..CompiledKernel::default()
+            };
+            kernel.resources.registers = Some(67);
+            Record { kernels: vec![kernel], ..measured("gpu", name, side, 1.0) }
+        };
+        let (folder, records) = (Folder::default(), [on("private", 4), on("naive", 8)]);
+        let marks = of_device(&Run::of(&folder, groups(&records)), "gpu");
+        let marks: Vec<_> = marks.iter().map(|mark| (mark.x, mark.y, mark.tip.as_str())).collect();
+        assert_eq!(marks, [(3.0, 192.0, "8 x 8: 192 threads\n67 registers, limited by registers")]);
+    }
 }

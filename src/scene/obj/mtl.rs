@@ -548,4 +548,11 @@ mod tests {
         let (notes, _) = read("a.mtl b.MTL", &[], true);
         assert!(notes[0].contains(" `a.mtl` ") && notes[1].contains(" `b.MTL` "), "{notes:?}");
     }
+
+    #[test]
+    fn of_several_files_that_differ_in_upper_and_lower_case_the_first_in_alphabetical_order_is_named() {
+        let files = ["case.mtl", "CASE.mtl", "cASE.mtl"].map(|name| (name, "newmtl other\n"));
+        let (notes, _) = read("Case.mtl", &files, true);
+        assert!(notes[0].contains(", but there is a file `CASE.mtl`: "), "{notes:?}");
+    }
 }

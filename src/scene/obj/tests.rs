@@ -276,6 +276,28 @@ fn what_a_material_asks_for_is_noted_by_name_and_count() {
 }
 
 #[test]
+fn each_keyword_that_asks_for_something_is_noted_unless_it_says_off() {
+    let of_materials = [
+        (&["illum 3", "illum 5", "illum 8"][..], "mirror reflections"),
+        (&["illum 4", "illum 6", "illum 7", "illum 9"], "refraction"),
+        (&["Pr 1", "Pm 1", "Ps 1", "Pc 1", "Pcr 1", "aniso 1", "anisor 1"], "physically based shading"),
+        (&["bump a", "disp a", "decal a", "norm a", "refl a", "map_Ke a"], "textures"),
+    ];
+    for (lines, expected) in of_materials {
+        for line in lines {
+            let notes = notes_of("usemtl a", &format!("newmtl a\n{line}\n"));
+            let expected = format!("1 material asks for {expected} (");
+            assert!(notes.len() == 1 && notes[0].starts_with(&expected), "{line}: {notes:?}");
+        }
+    }
+    assert_eq!(notes_of("usemtl a", "newmtl a\nmap_aat on\n"), [""; 0]);
+    for keyword in ["bevel", "c_interp", "d_interp", "lod", "usemap"] {
+        let notes = ["", " off", " 0", " 1"].map(|value| notes_of(&format!("{keyword}{value}"), "").len());
+        assert_eq!(notes, [0, 0, 0, 1], "{keyword}");
+    }
+}
+
+#[test]
 fn what_a_material_has_and_needs_not_be_done_is_not_noted() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Ks\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";

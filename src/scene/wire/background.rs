@@ -63,7 +63,8 @@ fn displayed(text: &str) -> Option<[u8; 3]> {
         "white" => return Some([255; 3]),
         _ => {}
     }
-    let digits = text.strip_prefix('#').filter(|digits| digits.is_ascii())?;
+    let is_number = |digits: &&str| digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let digits = text.strip_prefix('#').filter(is_number)?;
     let channel = |part: &str| u8::from_str_radix(part, 16).ok();
     match digits.len() {
         6 => Some([channel(&digits[..2])?, channel(&digits[2..4])?, channel(&digits[4..])?]),
@@ -90,6 +91,14 @@ mod tests {
             ("", None),
         ] {
             assert_eq!(displayed(text), colour, "{text}");
+        }
+    }
+
+    /// A letter with an accent takes two bytes. A digit may not have a sign.
+    #[test]
+    fn a_colour_has_nothing_but_digits() {
+        for text in ["#aé", "#éa", "#é", "#éééé", "#aé34", "#2030é", "#+2+3+4", "#-2-3-4", "#+23"] {
+            assert_eq!(displayed(text), None, "{text}");
         }
     }
 }
