@@ -175,7 +175,8 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
 }
 
 /// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of the wall.
-/// One pixel of this picture is nearer to the light than half the bias, so the reference is certain that it is dark.
+/// The point that one pixel of this picture shows is nearer to the light than half the bias, so the reference is certain
+/// that this pixel is dark.
 #[test]
 fn tiles_that_work_items_share_leave_dark_what_is_nearer_to_a_light_than_the_bias() {
     let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();

@@ -71,7 +71,7 @@ fn torn_at_every_byte(name: &str) {
         let checks = if name == "records.jsonl" { 2 - lines } else { 0 };
         assert_eq!((counts.checks.len(), counts.casts.len()), (checks, 0), "cut at {cut}");
         nothing_twice(torn.path());
-        if cut % 64 == 0 {
+        if cut.is_multiple_of(64) {
             // A resumed folder has an environment file for every session.
             for entry in std::fs::read_dir(torn.path()).expect("a folder").flatten() {
                 if entry.file_name().to_string_lossy().starts_with("environment") {

@@ -1,6 +1,6 @@
 //! Divides the triangles of a large mesh among the cells of a regular grid. If the mesh's tree is for one frame, its
-//! upper part is then built over the cells. Without cells, each of the upper levels would read and move the boxes of all triangles, which
-//! do not fit into the processor's caches.
+//! upper part is then built over the cells. Without cells, each of the upper levels would read and move the boxes of
+//! all triangles, which do not fit into the processor's caches.
 
 use super::bins::Boxed;
 use super::bounds::{Bounds, Primitive};
@@ -8,6 +8,7 @@ use super::build::{CHUNK, boxes_of};
 use crate::scene::Mesh;
 use glam::{DVec3, Vec4};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The grid has at most one cell per this many triangles of the mesh. Most cells of a surface's grid are empty, so the
 /// others have several times as many triangles on average.
@@ -96,32 +97,47 @@ fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     let mut order = vec![0; cells.len()];
     // A thread writes the triangles of neighbouring cells, and reads the cells of all triangles. The triangles of a cell
     // are written by one thread, in the mesh's order, so the result does not depend on the number of threads.
-    let share = cells.len().div_ceil(rayon::current_num_threads().min(MOST_READERS));
-    let mut shares = Vec::new();
-    let (mut rest, mut first) = (order.as_mut_slice(), 0);
+    let most = cells.len().div_ceil(rayon::current_num_threads().min(MOST_READERS));
+    let shares = shares_of(&mut order, counts, most);
+    shares.into_par_iter().for_each(|(own, part)| write_share(part, own.start, &counts[own], cells));
+    order
+}
+
+/// Divides `order` into shares of neighbouring cells. Each share has at most `most` triangles, or a single cell. Returns
+/// the cells of each share, and its part of `order`.
+fn shares_of<'a>(
+    mut order: &'a mut [u32],
+    counts: &[usize],
+    most: usize,
+) -> Vec<(Range<usize>, &'a mut [u32])> {
+    let (mut shares, mut first) = (Vec::new(), 0);
     while first < counts.len() {
-        let (mut end, mut triangles) = (first, 0);
-        while end < counts.len() && (triangles == 0 || triangles + counts[end] <= share) {
+        let (mut end, mut triangles) = (first + 1, counts[first]);
+        while end < counts.len() && triangles + counts[end] <= most {
             triangles += counts[end];
             end += 1;
         }
-        let (part, after) = rest.split_at_mut(triangles);
+        let (part, rest) = order.split_at_mut(triangles);
         shares.push((first..end, part));
-        (rest, first) = (after, end);
+        (order, first) = (rest, end);
     }
-    shares.into_par_iter().for_each(|(range, part)| {
-        let starts =
-            counts[range.clone()].iter().scan(0, |next, count| Some(std::mem::replace(next, *next + count)));
-        let mut next: Vec<usize> = starts.collect();
-        for (triangle, cell) in (0..).zip(cells) {
-            // A cell before this share wraps around to a large number, which lies outside `next`.
-            if let Some(next) = next.get_mut(usize::from(*cell).wrapping_sub(range.start)) {
-                part[*next] = triangle;
-                *next += 1;
-            }
+    shares
+}
+
+/// Writes the numbers of the triangles in a share's cells to `part`, ordered by cell. The share begins with the cell
+/// `first`; `counts` has the number of triangles in each cell of the share, and `cells` the cell of each triangle.
+fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) {
+    // The places at which the next triangle of each cell is written. At first, these are the places at which the
+    // cells' triangles begin.
+    let begin = |next: &mut usize, count: &usize| Some(std::mem::replace(next, *next + count));
+    let mut next: Vec<usize> = counts.iter().scan(0, begin).collect();
+    for (triangle, cell) in (0..).zip(cells) {
+        // A cell before this share wraps around to a large number, which lies outside `next`.
+        if let Some(next) = next.get_mut(usize::from(*cell).wrapping_sub(first)) {
+            part[*next] = triangle;
+            *next += 1;
         }
-    });
-    order
+    }
 }
 
 /// A regular grid of cells. The cells are nearly cubes, unless the grid is thinner than a cell.

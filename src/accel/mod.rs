@@ -32,10 +32,10 @@ pub const FINGERPRINT: &str = "9bed1dff56cfc58f";
 /// For how many frames a tree is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeUse {
-    /// Rays visit as few nodes as possible.
+    /// The whole tree is built over triangles.
     ManyFrames,
-    /// The tree of a mesh with more than half a million triangles is finished in three quarters of the time. Rays
-    /// visit a few per cent more nodes.
+    /// The upper part of a large mesh's tree is built over the cells of a grid. Over ten million triangles, such a tree
+    /// is finished in three quarters of the time, but casting takes a few per cent longer.
     OneFrame,
 }
 
@@ -105,7 +105,7 @@ impl Bvh {
         Self::build_for(TreeUse::ManyFrames, mesh, leaf_size)
     }
 
-    /// Does the same as [`Self::build`], but possibly sooner: see [`TreeUse`].
+    /// Builds a tree like [`Self::build`], for this use. Trees for different uses may differ.
     pub fn build_for(tree_use: TreeUse, mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size, build::cells_for(tree_use, mesh.triangles.len()))
     }

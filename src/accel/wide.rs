@@ -1,8 +1,7 @@
 //! Trees in the form that devices read: each node has up to 32 children, whose boxes are stored as rows of
 //! floats.
 
-use super::TreeUse;
-use super::{Bvh, Node};
+use super::{Bvh, Node, TreeUse};
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
 use rayon::prelude::*;
@@ -120,7 +119,7 @@ impl WideBvh {
         Self::of_mesh_for(TreeUse::ManyFrames, mesh, width, leaf_size)
     }
 
-    /// Does the same as [`Self::of_mesh`], but possibly sooner: see [`TreeUse`].
+    /// Builds a tree like [`Self::of_mesh`], for this use. Trees for different uses may differ.
     ///
     /// # Errors
     ///

@@ -183,7 +183,7 @@ fn render(args: &Args) -> Result<()> {
     let tree_was_built = tree.is_some();
     let session = session.verifying(args.verify.is_some()).with_layers(args.layers.is_some());
     let mut session = session.with_program(early).with_tree(tree).rounding_stacks();
-    session = session.with_tree_use(large_mesh::tree_use(args));
+    session = session.with_tree_use(large_mesh::tree_use(args, &scene, sampling.most));
     let ((strategy, local_size), later) = hurry::choose(args, &device.info, &scene, &mut session, fastest);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;

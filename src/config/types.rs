@@ -37,7 +37,7 @@ pub struct Experiment {
     pub baselines: Vec<Baseline>,
     /// Limits of a smaller device to imitate.
     pub emulate: Emulate,
-    /// The number of samples of each point, and the time for them.
+    /// How often and how long each point is measured: limits on samples and time.
     pub timing: Timing,
     /// The config's text.
     pub source: String,
@@ -250,7 +250,7 @@ impl fmt::Display for Emulate {
     }
 }
 
-/// The number of samples of each point, and the time for them.
+/// How often and how long each point is measured: limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Number of frames that each point casts in a launch before the point's first sample. The number is

@@ -65,7 +65,7 @@ pub struct Experiment {
     /// Limits of a smaller device to imitate.
     #[serde(default)]
     pub emulate: Emulate,
-    /// The number of samples of each point, and the time for them.
+    /// How often and how long each point is measured: limits on samples and time.
     #[serde(default)]
     pub timing: Timing,
 }
@@ -103,7 +103,7 @@ pub struct Emulate {
     pub constant_bytes: Option<Spanned<i64>>,
 }
 
-/// The number of samples of each point, and the time for them.
+/// How often and how long each point is measured: limits on samples and time.
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {

@@ -47,7 +47,7 @@ pub struct RequestHandler<'a> {
 }
 
 impl<'a> RequestHandler<'a> {
-    /// Makes a handler that has no work yet.
+    /// Makes a handler that has served no request yet.
     pub fn new(
         drafter: Drafter<'a>,
         plan: Plan,

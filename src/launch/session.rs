@@ -236,9 +236,13 @@ impl Session {
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
-            let built =
-                self.shared.build_tree(&self.queue, &self.scene, strategy, &workload, (self.tree_use, early));
-            built.map_err(Refused::at("preparing the tree"))?;
+            let tree = match early {
+                Some(tree) => Ok(Some(tree)),
+                None => HostTree::build(&self.scene.mesh, strategy, self.tree_use),
+            };
+            let (queue, scene) = (&self.queue, &self.scene);
+            let upload = |tree| self.shared.upload_tree(queue, scene, strategy, &workload, tree);
+            tree.and_then(upload).map_err(Refused::at("preparing the tree"))?;
         }
         let stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);
         let step = if self.rounds_stacks && !strategy.shares_tiles() { ROUNDED_STACK } else { 1 };
@@ -390,6 +394,15 @@ mod tests {
         let prepared = session.prepare(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
         let prepared = prepared.unwrap();
         assert!(prepared.most_work_items().is_some_and(|most| most >= 1));
+    }
+
+    #[test]
+    fn a_session_builds_trees_for_many_frames_unless_it_is_told_otherwise() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let scene = Arc::new(fixtures::single_triangle());
+        let session = Session::open(&device, &Sources::Embedded, scene).unwrap();
+        assert_eq!(session.tree_use, TreeUse::ManyFrames);
+        assert_eq!(session.with_tree_use(TreeUse::OneFrame).tree_use, TreeUse::OneFrame);
     }
 
     #[test]

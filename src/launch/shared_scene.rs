@@ -2,7 +2,6 @@
 //! tree is made when a strategy first needs it.
 
 use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
-use crate::accel::TreeUse;
 use crate::scene::Scene;
 use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload};
 use std::collections::HashMap;
@@ -71,21 +70,16 @@ impl SharedScene {
         PartBytes { buffers: of_layouts + of_trees, mesh_lists }
     }
 
-    /// Uploads the tree of a strategy, if the strategy uses a tree. Builds the tree first, unless `early` contains a
-    /// tree that was built before. `tree_use` says for how many frames the tree is built.
-    pub fn build_tree(
+    /// Uploads the tree of a strategy. Does nothing without a tree, which is the case if the strategy uses none.
+    pub fn upload_tree(
         &mut self,
         queue: &Queue,
         scene: &Scene,
         strategy: &Strategy,
         workload: &Workload,
-        (tree_use, early): (TreeUse, Option<HostTree>),
+        tree: Option<HostTree>,
     ) -> Result<(), LaunchError> {
-        let built = match early {
-            Some(tree) => Some(tree),
-            None => HostTree::build(&scene.mesh, strategy, tree_use)?,
-        };
-        if let (Some(kind), Some(tree)) = (Kind::of(strategy).tree, built) {
+        if let (Some(kind), Some(tree)) = (Kind::of(strategy).tree, tree) {
             let tree = DeviceTree::upload(queue, &scene.mesh, strategy, tree)?;
             let mesh_lists = Requirements::mesh_list_bytes(strategy, workload);
             let buffers = Requirements::tree_bytes(strategy, workload) - mesh_lists;
@@ -119,6 +113,7 @@ impl SharedScene {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::accel::TreeUse;
     use crate::device::discover;
     use crate::program::Sources;
     use crate::scene::load_scene;
@@ -148,12 +143,13 @@ mod tests {
             assert_eq!(mesh_lists, 0);
             buffers
         };
+        let tree = |strategy| HostTree::build(&scene.mesh, strategy, TreeUse::ManyFrames).unwrap();
         let mut shared = SharedScene::default();
         shared.layout(&queue, &scene, &without, &workload).unwrap();
         assert_eq!(beside(&shared, &without), 0);
         let layout = beside(&shared, &other);
         assert_eq!(layout, Requirements::scene_bytes(&without, &workload));
-        shared.build_tree(&queue, &scene, &with, &workload, (TreeUse::ManyFrames, None)).unwrap();
+        shared.upload_tree(&queue, &scene, &with, &workload, tree(&with)).unwrap();
         let both = beside(&shared, &other);
         assert_eq!(both - layout, Requirements::tree_bytes(&with, &workload));
         shared.layout(&queue, &scene, &with, &workload).unwrap();
@@ -171,9 +167,10 @@ mod tests {
         let [rows, other] = ["tile", "deferred"].map(|name| preset(name).unwrap().strategy);
         let indexed = |leaf_size| Strategy { layout: Layout::INDEXED_32, leaf_size, ..rows };
         let [first, second, third] = [LeafSize::L4, LeafSize::L8, LeafSize::L16].map(indexed);
+        let tree = |strategy| HostTree::build(&scene.mesh, strategy, TreeUse::ManyFrames).unwrap();
         let mut shared = SharedScene::default();
         for strategy in [&first, &second] {
-            shared.build_tree(&queue, &scene, strategy, &workload, (TreeUse::ManyFrames, None)).unwrap();
+            shared.upload_tree(&queue, &scene, strategy, &workload, tree(strategy)).unwrap();
         }
         let once = Requirements::mesh_list_bytes(&first, &workload);
         let all = [&first, &second].map(|strategy| Requirements::tree_bytes(strategy, &workload));

@@ -214,6 +214,7 @@ impl Split<'_> {
     fn ready(&self, casting: &Casting) -> Result<Ready> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
+        // The devices cast trial frames before the frame, so the tree is one for many frames.
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
         let session = session.among_twins(device.info.program_twin()).with_sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);

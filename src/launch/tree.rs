@@ -40,7 +40,8 @@ pub struct HostTree {
 }
 
 impl HostTree {
-    /// Builds a mesh's tree for `strategy`; `None` if the strategy uses none.
+    /// Builds a mesh's tree for `strategy`; `None` if the strategy uses none. `tree_use` says for how many frames
+    /// the tree is built.
     pub(super) fn build(
         mesh: &Mesh,
         strategy: &Strategy,
@@ -137,7 +138,7 @@ fn stack_size_of(tree: &WideBvh) -> usize {
 }
 
 /// Returns the number of stack entries for a strategy's tree over a mesh; 0 if the strategy uses no tree.
-/// Needs no device.
+/// The tree is one for many frames. Needs no device.
 pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
     if !strategy.needs_tree() {
         return Ok(0);

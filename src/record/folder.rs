@@ -203,11 +203,12 @@ impl Shown {
             }
             None => latest(all, |record| format!("{:?} {}", record.scene_hash, point(record))),
         };
-        notes.extend(counted(
-            count - records.len(),
-            "record of an earlier plan is stored but not shown.",
-            "records of earlier plans are stored but not shown.",
-        ));
+        let [one, several] = match plan.is_some() {
+            true => ["record of an earlier plan is stored", "records of earlier plans are stored"],
+            false => ["earlier record of a point is stored", "earlier records of points are stored"],
+        };
+        let but = |words: &str| format!("{words} but not shown.");
+        notes.extend(counted(count - records.len(), &but(one), &but(several)));
         tell_scenes_apart(&mut records);
         Self { records, notes }
     }
@@ -319,7 +320,7 @@ mod tests {
             folder(&[record("a", "bvh", 1.0), record("b", "deferred", 2.0), record("c", "bvh", 3.0)]);
         let (records, notes) = shown(&folder);
         assert_eq!(records, [("bvh".to_owned(), Some(3.0)), ("deferred".to_owned(), Some(2.0))]);
-        assert!(notes[0].starts_with("1 record of an earlier plan"), "{notes:?}");
+        assert!(notes[0].starts_with("1 earlier record of a point is stored but"), "{notes:?}");
         std::fs::write(folder.path().join("plan.json"), "{").unwrap();
         assert_eq!(Folder::read(folder.path()).unwrap_err().exit_code(), 2);
     }

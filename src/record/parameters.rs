@@ -5,8 +5,8 @@ use serde_json::{Map, Value};
 use super::axes::axes;
 use super::types::Record;
 
-/// Returns the names and values of the parameters: the local size, every axis and, if the run compares two kernel
-/// folders, the folder's label. Commas are replaced by dots, since commas separate the values in the keys of Kernel
+/// Returns the names and values of a record's parameters: its local size, its value on every axis and, if the run
+/// compares two kernel folders, the label of the folder from which the record's kernels come. Commas are replaced by dots, since commas separate the values in the keys of Kernel
 /// Tuner's cache files.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();

@@ -213,7 +213,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     }
     let shown = if all.len() > rows.len() {
         format!(
-            " Only {} of {} points are shown: the fastest and, if there is room, points without a rank.",
+            " Only {} of {} points are shown. Points without a rank come after the fastest.",
             rows.len(),
             all.len()
         )
@@ -375,9 +375,8 @@ mod tests {
         assert!(!all.caption.contains("are shown") && all.svg.contains("naive 14x14"), "{}", all.caption);
         let some = shown(16);
         assert!(
-            some.caption.ends_with(
-                " Only 14 of 16 points are shown: the fastest and, if there is room, points without a rank."
-            ),
+            some.caption
+                .ends_with(" Only 14 of 16 points are shown. Points without a rank come after the fastest."),
             "{}",
             some.caption
         );

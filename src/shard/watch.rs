@@ -160,7 +160,7 @@ mod tests {
             process(7, "slurmstepd", 1, "2"),
             process(20, "bash", 19, "5"),
             process(19, "sshd", 1, "4"),
-            // In a container, the first process may be a launcher.
+            // In a container, the first process may be a launcher. The container ends with it, so it is not watched.
             process(1, "mpirun", 0, "1"),
         ];
         let read = |id: u32| table.iter().find(|process| process.id == id).cloned();

@@ -22,7 +22,7 @@ pub struct Heat {
     steps: usize,
 }
 
-/// A map, and the largest number of tests of a pixel in it.
+/// A map, and the largest number of ray-triangle tests for the rays of one of its pixels.
 pub struct Map {
     pub picture: RgbImage,
     pub most: u32,

@@ -55,9 +55,9 @@ pub struct Viewer<S: Screen> {
     pose: Pose,
     spins: bool,
     rate: Rate,
-    /// The heat map of tests, if it is shown instead of the picture.
+    /// The heat map of ray-triangle tests, if it is shown instead of the picture.
     heat: Option<Heat>,
-    /// The largest number of tests of a pixel in the heat map.
+    /// The largest number of ray-triangle tests for the rays of one pixel, in the last heat map; 0 before the first one.
     most_tests: u32,
     /// The drawing of the list of keys; `None` if the list is hidden.
     help: Option<RgbImage>,

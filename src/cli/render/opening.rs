@@ -103,12 +103,19 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
         return None;
     }
     let scene = &loaded.scene;
-    let task = args.subject.task(scene, sampling(args, loaded.dressed).most);
+    let samples = sampling(args, loaded.dressed).most;
+    let task = args.subject.task(scene, samples);
     let (strategy, local_size) = large_mesh::strategy(args, device, task).ok()?;
     let workload = Workload::of(scene, args.subject.size(), local_size);
     Some((
         strategy,
-        HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits, large_mesh::tree_use(args))?,
+        HostTree::ahead(
+            &scene.mesh,
+            &strategy,
+            &workload,
+            &device.limits,
+            large_mesh::tree_use(args, scene, samples),
+        )?,
     ))
 }
 

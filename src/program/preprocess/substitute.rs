@@ -44,7 +44,8 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// Returns an argument as spelled, without comments and without blanks at either end. For an empty argument,
+/// Returns an argument as spelled, without comments and without blanks at either end. A removed comment leaves no blank;
+/// tokens that would merge are separated later. For an empty argument,
 /// returns a placeholder token, which the operator `##` replaces by its other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
     let mut spelled: Vec<Token> = argument

@@ -65,16 +65,16 @@ pub fn note(lost: &[Lost]) -> Option<String> {
     Some(format!("{} could not be copied; the first is {first}: {why}.", counted(paths.len(), "picture")))
 }
 
-/// Reads a record's picture from the folder of the record's attempt. Fails if the picture's path leads out of the
-/// folder.
+/// Reads a record's picture from the folder of the record's attempt. Fails if the picture's path might lead out of
+/// the folder.
 fn read(attempt: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     if !stays_inside(name) {
-        return Err(IoError::new(ErrorKind::InvalidInput, "it has a path that may lead out of the folder"));
+        return Err(IoError::new(ErrorKind::InvalidInput, "its path may lead out of the attempt's folder"));
     }
     read_inside(attempt, name)
 }
 
-/// Returns true if a path in a record is relative and has no `..`. A path of this form can lead out of the
+/// Returns true if a path in a record is relative, has no `..` and does not begin with `./`. A path of this form can lead out of the
 /// record's folder only through a link.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
@@ -248,7 +248,7 @@ mod tests {
         lost.extend(copy(&out, &attempt, &mut record).unwrap());
         assert_eq!(note(&lost).unwrap(), noted.replace("1 picture", "2 pictures"));
         let outside = note(&lost[2..]).unwrap();
-        assert!(outside.ends_with("parts/attempt/../a.png: it has a path that may lead out of the folder."));
+        assert!(outside.ends_with("parts/attempt/../a.png: its path may lead out of the attempt's folder."));
     }
 
     #[test]
