@@ -40,8 +40,8 @@ const HALVING_DEPTH: u32 = 64;
 /// halvings, each list has a single cell, so the subtree of every cell begins at depth 64 (`HALVING_DEPTH`) or less.
 const CELLS_HALVING_DEPTH: u32 = 48;
 /// If a tree is for one frame, and the mesh has at least this many triangles, the upper part of the tree is built over
-/// cells. The cuts between cells are not those of least cost, so casting takes longer: by 3.5% for ten million triangles
-/// on an H200 (docs/log.md, 2026-11-28). With 200,000 triangles, building took only 7 ms less.
+/// cells. The cuts between cells are not those of least cost, so casting takes longer: by 3.5% for ten million
+/// triangles on an H200 (docs/log.md, 2026-11-28). With 200,000 triangles, building took only 7 ms less.
 const LARGE_MESH: usize = 1 << 19;
 
 /// A subtree to be built.

@@ -95,16 +95,16 @@ impl Sorted {
 /// triangles in each cell.
 fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     let mut order = vec![0; cells.len()];
-    // A thread writes the triangles of neighbouring cells, and reads the cells of all triangles. The triangles of a cell
-    // are written by one thread, in the mesh's order, so the result does not depend on the number of threads.
+    // A thread writes the triangles of neighbouring cells, and reads the cells of all triangles. The triangles of a
+    // cell are written by one thread, in the mesh's order, so the result does not depend on the number of threads.
     let most = cells.len().div_ceil(rayon::current_num_threads().min(MOST_READERS));
     let shares = shares_of(&mut order, counts, most);
     shares.into_par_iter().for_each(|(own, part)| write_share(part, own.start, &counts[own], cells));
     order
 }
 
-/// Divides `order` into shares of neighbouring cells. Each share has at most `most` triangles, or a single cell. Returns
-/// the cells of each share, and its part of `order`.
+/// Divides `order` into shares of neighbouring cells. Each share has at most `most` triangles, or a single cell.
+/// Returns the cells of each share, and its part of `order`.
 fn shares_of<'a>(
     mut order: &'a mut [u32],
     counts: &[usize],

@@ -197,16 +197,7 @@ mod tests {
 
     #[test]
     fn surfaces_count_by_their_part_of_the_picture() {
-        let rectangle = |[left, right]: [f32; 2], normal: Vec3| Mesh {
-            positions: [[left, -1.0], [right, -1.0], [right, 1.0], [left, 1.0]]
-                .map(|[x, y]| Vec3::new(x, y, -1.0))
-                .to_vec(),
-            normals: vec![normal],
-            triangles: [[0, 1, 2], [0, 2, 3]]
-                .map(|positions| Triangle { positions, normals: [0; 3], material: 0 })
-                .to_vec(),
-            ..generate(&Shape::Ground)
-        };
+        let rectangle = |across, normal| rectangle(1.0, across, [-1.0, 1.0], normal);
         // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range show the
         // rectangle that faces the camera.
         let mut mesh = rectangle([-1.0, 0.5], Vec3::Z);
@@ -236,11 +227,10 @@ mod tests {
         assert!((part - 1.0 / 3.0).abs() < 0.01, "{part}");
     }
 
-    /// Returns a rectangle at z = -`depth` with this normal. It reaches from x = -1 to x = 1, and from y = `low` to y =
-    /// `high`.
-    fn wall(depth: f32, [low, high]: [f32; 2], normal: Vec3) -> Mesh {
+    /// Returns a rectangle at z = -`depth` with this normal, from x = `left` to `right` and from y = `low` to `high`.
+    fn rectangle(depth: f32, [left, right]: [f32; 2], [low, high]: [f32; 2], normal: Vec3) -> Mesh {
         Mesh {
-            positions: [[-1.0, low], [1.0, low], [1.0, high], [-1.0, high]]
+            positions: [[left, low], [right, low], [right, high], [left, high]]
                 .map(|[x, y]| Vec3::new(x, y, -depth))
                 .to_vec(),
             normals: vec![normal],
@@ -249,6 +239,11 @@ mod tests {
                 .to_vec(),
             ..generate(&Shape::Ground)
         }
+    }
+
+    /// Returns a rectangle from x = -1 to 1, with `height` from the lowest to the highest y.
+    fn wall(depth: f32, height: [f32; 2], normal: Vec3) -> Mesh {
+        rectangle(depth, [-1.0, 1.0], height, normal)
     }
 
     #[test]
