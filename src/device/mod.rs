@@ -248,11 +248,15 @@ impl DeviceInfo {
     /// Returns which built-in functions kernels may use with the device's compiler. For reductions, the
     /// kernel also asks the compiler itself (`__has_builtin`).
     pub fn builtins(&self) -> Builtins {
-        // Oclgrind's compiler aborts on reductions and on prefetches, and NVIDIA's refuses a prefetch of global memory.
-        let simulated = self.platform.to_lowercase().contains("oclgrind");
+        let platform = self.platform.to_lowercase();
+        // Oclgrind's compiler aborts on reductions.
+        let simulated = platform.contains("oclgrind");
+        // A compiler that does not know prefetches may end the process (Oclgrind's and Mesa's do), so raycl cannot ask
+        // it. The compilers of PoCL and Intel know prefetches on CPUs.
+        let prefetches = is_pocl(&platform) || platform.starts_with("intel");
         Builtins {
             reduce: !simulated,
-            prefetch: !simulated && self.kind == DeviceKind::Cpu,
+            prefetch: prefetches && self.kind == DeviceKind::Cpu,
             lanes: self.limits.lane_operations,
             opencl_3: self.speaks_opencl_3(),
         }
@@ -373,8 +377,11 @@ pub(crate) mod tests {
             let builtins = example(platform, "a device", kind, 2).builtins();
             (builtins.reduce, builtins.prefetch)
         };
-        assert_eq!(of("PoCL", DeviceKind::Cpu), (true, true));
+        assert_eq!(of("Portable Computing Language", DeviceKind::Cpu), (true, true));
+        assert_eq!(of("Portable Computing Language", DeviceKind::Gpu), (true, false));
+        assert_eq!(of("Intel(R) OpenCL", DeviceKind::Cpu), (true, true));
         assert_eq!(of("NVIDIA CUDA", DeviceKind::Gpu), (true, false));
+        assert_eq!(of("rusticl", DeviceKind::Cpu), (true, false));
         assert_eq!(of("Oclgrind", DeviceKind::Cpu), (false, false));
     }
 }

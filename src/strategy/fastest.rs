@@ -82,7 +82,8 @@ pub enum Class {
     TilesInNarrowVectors,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
-    /// A GPU whose work-items cannot share tiles.
+    /// A GPU whose work-items cannot share tiles, or a CPU without vectors for kernels. Mesa's driver for CPUs reports
+    /// such a CPU: like a GPU, it executes several work-items in the lanes of a vector.
     SingleRays,
 }
 
@@ -174,11 +175,12 @@ impl Constants {
 impl Class {
     /// Returns the class of a device.
     pub fn of(limits: &DeviceLimits) -> Self {
-        match limits.is_cpu {
-            true if widest(limits.native_width) == Width::W16 => Self::TilesInVectors,
-            true => Self::TilesInNarrowVectors,
-            false if limits.lane_operations >= LaneOperations::PtxShuffles => Self::SharedTiles,
-            false => Self::SingleRays,
+        match (limits.is_cpu, widest(limits.native_width)) {
+            (true, Width::W16) => Self::TilesInVectors,
+            (true, Width::W1) => Self::SingleRays,
+            (true, _) => Self::TilesInNarrowVectors,
+            (false, _) if limits.lane_operations >= LaneOperations::PtxShuffles => Self::SharedTiles,
+            (false, _) => Self::SingleRays,
         }
     }
 
@@ -246,7 +248,8 @@ impl Candidate {
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
         // If work-items share a tile, the local size in this pair has no effect: `Strategy::local_size`
         // returns another local size.
-        let (mut strategy, local_size) = match (limits.is_cpu, self) {
+        let in_vectors = matches!(Class::of(limits), Class::TilesInVectors | Class::TilesInNarrowVectors);
+        let (mut strategy, local_size) = match (in_vectors, self) {
             (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
             (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
             (true, Self::Single) => (Strategy { width, ..of("bvh-packet")? }, [4, 4]),
@@ -279,8 +282,8 @@ impl Candidate {
 /// In larger scenes, tiles of rays traverse a tree together. On a CPU, the rays of a tile are in vectors. On
 /// a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU without these
 /// operations casts single rays, because tiles have not been measured on it. On a GPU without these
-/// operations, scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. In soft light, every
-/// GPU casts single rays. If triangles are much smaller than pixels, single rays are faster, since the rays
+/// operations, scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. A CPU that reports no
+/// vectors casts as such a GPU does. In soft light, every GPU casts single rays. If triangles are much smaller than pixels, single rays are faster, since the rays
 /// of a tile take different paths. On a GPU, single rays are also faster in small pictures, which have too
 /// few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
@@ -499,15 +502,25 @@ mod tests {
 
     /// Tiles have vectors of 16 rays, which compilers split for narrower hardware.
     #[test]
-    fn cpus_cast_tiles_whatever_the_width_of_their_vectors() {
+    fn cpus_with_vectors_cast_tiles_whatever_the_vectors_width() {
         let task = Task::covering(10_000, PIXELS);
-        for width in [1, 4, 8, 16] {
+        for width in [2, 4, 8, 16] {
             let (strategy, local_size) = choice(&limits(true, width, LaneOperations::Barriers), &task);
             assert_eq!((strategy, local_size), (preset("tile").unwrap().strategy, [1, 1]), "{width}");
         }
         let (packets, _) =
             Candidate::Single.strategy(&limits(true, 8, LaneOperations::Barriers), false).unwrap();
         assert_eq!((packets.traversal, packets.width), (Traversal::Bvh, Width::W8));
+    }
+
+    #[test]
+    fn a_cpu_without_vectors_casts_single_rays_as_a_gpu_does() {
+        let [cpu, gpu] = [true, false].map(|is_cpu| limits(is_cpu, 1, LaneOperations::Barriers));
+        for triangles in [2, 10_000] {
+            let task = Task::covering(triangles, PIXELS);
+            assert_eq!(choice(&cpu, &task), choice(&gpu, &task), "{triangles}");
+        }
+        assert_eq!(choice(&cpu, &Task::covering(10_000, PIXELS)).0, preset("bvh").unwrap().strategy);
     }
 
     #[test]
@@ -543,7 +556,8 @@ mod tests {
         use LaneOperations::{Barriers, Ptx, PtxShuffles};
         let of = |is_cpu, width, lanes| Class::of(&limits(is_cpu, width, lanes));
         assert_eq!([16, 32].map(|width| of(true, width, Barriers)), [Class::TilesInVectors; 2]);
-        assert_eq!([1, 4, 8].map(|width| of(true, width, Barriers)), [Class::TilesInNarrowVectors; 3]);
+        assert_eq!([2, 4, 8].map(|width| of(true, width, Barriers)), [Class::TilesInNarrowVectors; 3]);
+        assert_eq!(of(true, 1, Barriers), Class::SingleRays);
         assert_eq!([PtxShuffles, Ptx].map(|lanes| of(false, 1, lanes)), [Class::SharedTiles; 2]);
         assert_eq!(of(false, 1, Barriers), Class::SingleRays);
     }

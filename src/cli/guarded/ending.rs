@@ -8,8 +8,18 @@ pub fn drivers_doing(status: ExitStatus) -> Option<String> {
     if status.code() == Some(HUNG) {
         return Some("a driver did not answer".to_owned());
     }
+    if let Some(code) = status.code().filter(|code| !is_own(*code)) {
+        return Some(format!("raycl's child process ended with the exit code {code}, probably in a driver"));
+    }
     let (signal, name) = crash(status)?;
     Some(format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
+}
+
+/// Returns true if raycl itself can end a process with this exit code: 0, 1 and 2, 101 after a panic, and 128 or more
+/// after a signal. With any other code, a library has ended the process. (Mesa's compiler of SPIR-V ends the process
+/// with 8 if it does not know an instruction.)
+fn is_own(code: i32) -> bool {
+    matches!(code, 0..=2 | 101 | 128..)
 }
 
 /// Returns the number and the name of the signal with which a process crashed; `None` if the process did not crash.
@@ -44,6 +54,20 @@ pub fn exit_code(status: ExitStatus) -> i32 {
 mod tests {
     use super::*;
     use std::os::unix::process::ExitStatusExt as _;
+
+    #[test]
+    fn an_exit_code_that_raycl_never_has_is_a_drivers_doing() {
+        let doing = |code: i32| drivers_doing(ExitStatus::from_raw(code << 8));
+        for code in [0, 1, 2, 101, 128, 130, 143, 255] {
+            assert_eq!(doing(code), None, "{code}");
+        }
+        assert_eq!(doing(HUNG).as_deref(), Some("a driver did not answer"));
+        for code in [3, 8, 100, 102, 127] {
+            let expected =
+                format!("raycl's child process ended with the exit code {code}, probably in a driver");
+            assert_eq!(doing(code), Some(expected));
+        }
+    }
 
     #[test]
     fn a_process_that_a_signal_ended_has_128_plus_the_signal_as_exit_code() {
