@@ -5,7 +5,7 @@
 use crate::common::apart::apart;
 use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
-    rays_beside_edges,
+    rays_beside_edges, slivers_beside_the_rays,
 };
 use crate::common::{Stand, compiles_soon};
 use raycl::launch::Ray;
@@ -133,11 +133,27 @@ impl Nets {
     }
 }
 
-/// Counts the faults of these kernels. Returns three numbers: of primary rays that pass through nets, of
-/// shadow rays that pass through a net, and of rays that a triangle stops although they pass beside it.
-pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
+/// The number of rays that may hit a sliver beyond its end: in single precision, no test can tell for every sliver where
+/// along its plane a ray passes.
+const ALLOWED: usize = 8;
+
+/// Returns how many of 4,096 primary rays hit something in a scene that has a sliver beside each ray, which no ray hits.
+fn hits_beyond_slivers(kernels: &Sources, strategy: &Strategy) -> usize {
+    let stand = Stand::of(kernels, slivers_beside_the_rays(64), [64; 2], |builtins| builtins);
+    lit_and_hit(&stand, strategy).1
+}
+
+/// Counts the faults of these kernels. Returns four numbers: of primary rays that pass through nets, of shadow rays that
+/// pass through a net, of rays that a triangle stops although they pass beside it, and of rays that hit a sliver beyond
+/// its end, without the few that are [`ALLOWED`].
+pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 4] {
     let nets = Nets::new(kernels);
-    [nets.leaks_to(strategy), nets.leaks_from(strategy), stopped_beside_edges(kernels, strategy)]
+    [
+        nets.leaks_to(strategy),
+        nets.leaks_from(strategy),
+        stopped_beside_edges(kernels, strategy),
+        hits_beyond_slivers(kernels, strategy).saturating_sub(ALLOWED),
+    ]
 }
 
 /// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their distance from
@@ -199,6 +215,26 @@ fn rays_beside_an_edge_miss() {
     for intersector in [Intersector::WATERTIGHT, Intersector::MOLLER_TRUMBORE, Intersector::COMMON_ORIGIN] {
         for strategy in with(intersector, vec![wide, tree]) {
             assert_eq!(stopped_beside_edges(&Sources::Embedded, &strategy), 0, "{strategy}");
+        }
+    }
+}
+
+/// In tests whose triangles are a little larger than exact ones, so that no ray slips between neighbours, this must not
+/// lengthen slivers. (Without the rule for triangles that look narrower than this allowance, 347 to 3,679 rays hit.) The
+/// allowance of `pixel-linear` is larger than the one in this rule, so a few rays hit.
+#[test]
+fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
+    apart!();
+    let intersectors = [
+        Intersector::MOLLER_TRUMBORE,
+        Intersector::COMMON_ORIGIN,
+        Intersector::EDGE_PLANES,
+        Intersector::PIXEL_LINEAR,
+    ];
+    for intersector in intersectors {
+        for strategy in traversals_of_pixels(intersector).into_iter().filter(compiles_soon) {
+            let hits = hits_beyond_slivers(&Sources::Embedded, &strategy);
+            assert!(hits <= ALLOWED, "{hits} rays: {strategy}");
         }
     }
 }

@@ -41,14 +41,15 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If this volume
     // is near zero, the triangle is seen edge-on: the origin lies nearly in its plane.
     const float height = uniform_dot(a, n);
-    const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
-    int hit = fabs(height) > EDGE_ON_ROUNDING * distance * size1 * size2;
+    const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
+    const float distance = uniform_size(a);
+    int hit = fabs(height) > max(EDGE_ON_ROUNDING * distance * size1 * size2, LEAST_VISIBLE(distance, longer));
 #if CULL_BACK
     hit &= height * front > 0.0f;
 #endif
     if (!hit) return row_of_nothing();
 
-    const float slack = SHARED_EDGE_SLACK * distance, longer = max(size1, size2);
+    const float slack = SHARED_EDGE_SLACK * distance;
     const Uniform3 e3 = uniform_difference(corners.b, corners.c);
     // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is.
     const float by1 = copysign(per_overlap(slack, size1, longer), height);

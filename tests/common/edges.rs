@@ -160,6 +160,35 @@ fn jitter(x: f64, y: f64) -> f64 {
     mixed - mixed.floor()
 }
 
+/// The size of a sliver in [`slivers_beside_the_rays`], relative to its distance.
+const SLIVER: f64 = 1e-3;
+
+/// Returns a scene with a sliver beside each ray of an image: a triangle that the camera sees almost edge-on, so that it
+/// looks about as narrow as a rounding error. The ray lies in the sliver's plane (up to rounding), but passes the
+/// sliver's end at a distance between half the sliver's length and 2.5 times this length. So no ray hits anything.
+pub fn slivers_beside_the_rays(side: u32) -> Scene {
+    let frame = Camera::PAPER.pixel_frame(side, side);
+    let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
+    let mut state = 1;
+    let mut within = |low: f64, high: f64| low + (high - low) * f64::from(fraction(&mut state));
+    for pixel in 0..side * side {
+        let [x, y] = [pixel % side, pixel / side].map(|coordinate| f64::from(coordinate) + 0.5);
+        let direction = frame.direction(x, y).normalize();
+        let (sin, cos) = within(0.0, std::f64::consts::TAU).sin_cos();
+        let (right, up) = direction.any_orthonormal_pair();
+        let [across, off_plane] = [right * cos + up * sin, up * cos - right * sin];
+        let away = direction + off_plane * 10.0_f64.powf(within(-6.0, -4.5));
+        let shift = within(1.0, 3.0);
+        let first = mesh.positions.len() as u32;
+        for _ in 0..3 {
+            let offset = across * (shift + within(-0.5, 0.5)) + away * within(-0.5, 0.5);
+            mesh.positions.push((direction + offset * SLIVER).as_vec3());
+        }
+        add_flat(&mut mesh, [first, first + 1, first + 2]);
+    }
+    before_black(mesh, Camera::PAPER, Vec3::new(0.0, 0.0, -4.0))
+}
+
 fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     let mut scene = super::scene("sphere.toml");
     let materials = scene.mesh.materials[..1].to_vec();

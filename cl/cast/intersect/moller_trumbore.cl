@@ -91,8 +91,11 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // A ray within the edges still misses if the triangle is seen edge-on, or if t is not between t_min and t_max.
-    hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
+    // A ray within the edges still misses if the triangle is seen edge-on, or if t is not between t_min and t_max. If
+    // |a| is not larger than a slack, the slack would lengthen the triangle by its own length or more. Such a triangle
+    // looks so narrow that the slacks of its neighbours cover it.
+    const varying least = max(max(slack1, slack2), EDGE_ON(row));
+    hit->lanes = inside & (size > least) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;
 #endif

@@ -69,7 +69,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2), longer = max(size1, size2);
-    const float8 slack = SHARED_EDGE_SLACK * bundle->longest * lanes_size(a);
+    const float8 distance = lanes_size(a), slack = SHARED_EDGE_SLACK * bundle->longest * distance;
+    const float8 least = LEAST_VISIBLE(distance, longer);
     // 1 / t = (d . n) / height. The product of n and the sign of `height` is stored, and `a` is the dot product of d
     // and this stored vector, so 1 / t = a / |height|. `a` is positive if the ray meets the triangle's plane in front
     // of the ray's origin.
@@ -82,9 +83,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     vstore8(EDGE_ON_ROUNDING * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
     // Shadow rays run towards the light, but are tested from the light, so front and back faces are swapped.
-    return LANE_BITS8(any ? height < 0.0f : height > 0.0f);
+    return LANE_BITS8(any ? height < -least : height > least);
 #else
-    return LANE_BITS8(height != 0.0f);
+    return LANE_BITS8(fabs(height) > least);
 #endif
 }
 
