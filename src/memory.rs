@@ -67,8 +67,14 @@ pub fn address_space_limit() -> Option<u64> {
 /// Returns how many more bytes of address space this process may use; `None` if there is no limit, or if the
 /// system does not report the limit or the use.
 fn address_space_left() -> Option<u64> {
-    let used = kibibytes(&read_text(Path::new(STATUS))?, "VmSize:")?;
-    Some(address_space_limit()?.saturating_sub(used))
+    left_below(&read_text(Path::new(LIMITS))?, &read_text(Path::new(STATUS))?)
+}
+
+/// Returns how many more bytes of address space a process may use, according to the texts of its files `limits` and
+/// `status` in /proc; `None` if there is no limit.
+fn left_below(limits: &str, status: &str) -> Option<u64> {
+    let used = kibibytes(status, "VmSize:")?;
+    Some(address_space(limits)?.saturating_sub(used))
 }
 
 /// The size of a new thread's stack if stacks have no limit, as glibc chooses it on x86-64 and AArch64.
@@ -205,6 +211,13 @@ mod tests {
         let text = "MemTotal:       24684160 kB\nMemFree: 1 kB\nMemAvailable:   23000000 kB\n";
         assert_eq!(meminfo_available(text), Some(23_000_000 * 1024));
         assert_eq!(meminfo_available("MemTotal: 5 kB\n"), None);
+    }
+
+    #[test]
+    fn a_limit_of_the_address_space_leaves_what_is_not_reserved() {
+        let status = "VmPeak:\t     900 kB\nVmSize:\t     300 kB\nVmHWM:\t     200 kB\nVmRSS:\t     100 kB\n";
+        let left = |soft: &str| left_below(&format!("Max address space {soft} unlimited bytes\n"), status);
+        assert_eq!([left("409600"), left("1024"), left("unlimited")], [Some(102_400), Some(0), None]);
     }
 
     #[test]

@@ -92,3 +92,26 @@ macro_rules! schema_by_hand {
     )+};
 }
 pub(crate) use schema_by_hand;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_optional_key_may_be_absent_but_not_null() {
+        let without_null = |mut schema: Schema| {
+            without_null(&mut schema);
+            schema.to_value()
+        };
+        assert_eq!(
+            without_null(json_schema!({ "type": ["string", "null"], "enum": ["a", "b", null] })),
+            serde_json::json!({ "type": "string", "enum": ["a", "b"] })
+        );
+        assert_eq!(
+            without_null(json_schema!({ "anyOf": [{ "type": "number" }, { "type": "null" }] })),
+            serde_json::json!({ "type": "number" })
+        );
+        let of_two = json_schema!({ "anyOf": [{ "type": "number" }, { "type": "string" }] });
+        assert_eq!(without_null(of_two.clone()), of_two.to_value());
+    }
+}

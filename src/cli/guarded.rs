@@ -227,8 +227,7 @@ fn end_as(status: ExitStatus) -> Result<()> {
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }
-    let is_first = std::process::id() == FIRST_PROCESS;
-    if !is_first && signal(status).is_some_and(|(_, name)| name == "SIGINT") {
+    if ends_with_sigint(status, std::process::id()) {
         // If this process cannot end itself with SIGINT, its exit code still contains the signal's number.
         let _ = signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGINT);
     }
@@ -236,6 +235,11 @@ fn end_as(status: ExitStatus) -> Result<()> {
         0 => Ok(()),
         code => std::process::exit(code),
     }
+}
+
+/// Returns true if SIGINT ended a process, and therefore ends the process with the number `own` too.
+fn ends_with_sigint(status: ExitStatus, own: u32) -> bool {
+    own != FIRST_PROCESS && signal(status).is_some_and(|(_, name)| name == "SIGINT")
 }
 
 /// Makes the system end this process when its parent process ends. If the parent has ended already, ends this
@@ -270,5 +274,16 @@ mod tests {
     fn a_process_whose_parent_is_not_the_one_that_started_it_is_an_orphan() {
         assert!(is_orphan(Some("7"), 1) && !is_orphan(Some("7"), 7));
         assert!(!is_orphan(None, 1) && !is_orphan(Some("yes"), 1));
+    }
+
+    #[test]
+    fn only_sigint_ends_this_process_too_and_never_the_first_process_of_a_container() {
+        use std::os::unix::process::ExitStatusExt as _;
+        // The status that the system call `wait` returns has the number of the signal in its low bits, and the exit
+        // code above these bits.
+        let ends = |status: i32, own: u32| ends_with_sigint(ExitStatus::from_raw(status), own);
+        let (sigint, sigterm, code_2) = (2, 15, 2 << 8);
+        assert!(ends(sigint, 7) && !ends(sigint, FIRST_PROCESS));
+        assert!(!ends(sigterm, 7) && !ends(code_2, 7) && !ends(0, 7));
     }
 }

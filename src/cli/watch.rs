@@ -381,6 +381,17 @@ mod tests {
     }
 
     #[test]
+    fn a_folder_is_watched_with_its_subfolders_if_this_is_asked_for() {
+        static INPUTS: Inputs = Inputs::new();
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().canonicalize().expect("it exists");
+        for (depth, covers) in [(RecursiveMode::NonRecursive, false), (RecursiveMode::Recursive, true)] {
+            let watched = Watched::new(&[(path.clone(), depth)], &[], &INPUTS).expect("it can be watched");
+            assert_eq!(watched.folders[0].covers(&path.join("cast")), covers);
+        }
+    }
+
+    #[test]
     fn a_missing_folder_is_a_mistake_that_names_it() {
         static INPUTS: Inputs = Inputs::new();
         let folder = tempfile::tempdir().expect("a folder");

@@ -338,4 +338,16 @@ mod tests {
         assert_eq!(shown(read.list[1].span()), ("--set", "list = [1, 22]", "22"));
         assert_eq!(shown(read.table["key"].span()), ("--set", "table = { key = 3 }", "3"));
     }
+
+    #[test]
+    fn a_table_with_a_key_that_is_no_index_takes_the_place_of_a_list() {
+        #[derive(serde::Deserialize)]
+        struct Read {
+            list: BTreeMap<String, i64>,
+        }
+        let overrides = [("list".into(), "{ 0 = 7, x = 2 }".into())];
+        let document = Document::new("a.toml".into(), "list = [5]\n".into(), &overrides).unwrap();
+        let read: Read = document.read().unwrap();
+        assert_eq!(read.list, BTreeMap::from([("0".to_owned(), 7), ("x".to_owned(), 2)]));
+    }
 }

@@ -185,6 +185,13 @@ mod tests {
     fn a_status_without_a_name_is_a_number() {
         assert_eq!(returned("clFinish", -5), "clFinish returned CL_OUT_OF_RESOURCES (-5)");
         assert_eq!(returned("clFinish", -1108), "clFinish returned the unknown status -1108");
+        assert_eq!(returned("clX", -3), "clX returned CL_COMPILER_NOT_AVAILABLE (-3)");
+    }
+
+    #[test]
+    fn no_status_is_named_twice() {
+        let statuses: std::collections::BTreeSet<i32> = NAMED.iter().map(|known| *known as i32).collect();
+        assert_eq!(statuses.len(), NAMED.len(), "{statuses:?}");
     }
 
     #[test]

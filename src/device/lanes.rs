@@ -421,7 +421,9 @@ mod tests {
     /// n + 1) mod 32.
     #[test]
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
-        let [_, fifth, _, _, _, _, mirrored, own] = answers(1, 2);
+        let [_, fifth, _, smaller, _, _, mirrored, own] = answers(1, 2);
         assert_eq!([own, fifth, mirrored], [15, 36 - 32, 7 * 29 + 1 - 6 * 32]);
+        // Of the lanes in `AMONG`, the lanes 0, 1, 5, 6, 19 and 24 have the numbers 1, 8, 4, 11, 6 and 9.
+        assert_eq!(smaller, 6);
     }
 }

@@ -257,4 +257,12 @@ mod tests {
         let failure = known().failure.clone();
         assert_ne!(failure.as_deref(), Some(message));
     }
+
+    #[test]
+    fn the_library_forgets_the_errors_of_earlier_calls() {
+        let message = "clX returned -6, before a call";
+        assert_eq!(noted(message), message);
+        let failure = guarded(|| known().failure.clone()).expect("no panic");
+        assert_ne!(failure.as_deref(), Some(message));
+    }
 }

@@ -110,5 +110,11 @@ mod tests {
             !complete_launches(&[(key, &samples[..])], end_of, &rule).is_empty()
         };
         assert!(is_complete("a") && !is_complete("b"));
+        let both = [("a", &samples[..]), ("b", &samples[..])];
+        let end_of = |launch: u32| {
+            let samples = [("a".to_owned(), 40)].into();
+            Some(LaunchEnd { launch, stop_reason: StopReason::NoiseSettled, samples })
+        };
+        assert!(complete_launches(&both, end_of, &rule).is_empty(), "one of two points failed");
     }
 }

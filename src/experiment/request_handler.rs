@@ -272,7 +272,7 @@ mod tests {
     use crate::config;
     use crate::device::discover;
     use crate::program::Sources;
-    use crate::record::Record;
+    use crate::record::{HOST, Record};
     use std::cell::Cell;
     use std::path::Path;
 
@@ -409,8 +409,10 @@ mod tests {
         let (own, record, _) = served(NAIVE, |_| {}, None);
         assert_eq!((record.device, record.measured_on), (own.label.clone(), None));
         let first = DeviceInfo { label: "the first".into(), name: "first".into(), ..own.clone() };
-        let (own, record, _) = served(NAIVE, |_| {}, Some(first));
+        let (own, record, _) = served(NAIVE, |_| {}, Some(first.clone()));
         assert_eq!((record.device.as_str(), record.measured_on), ("the first", Some(own.slug())));
+        let (_, baseline, _) = served("baselines = ['serial']", |_| {}, Some(first));
+        assert_eq!((baseline.device.as_str(), baseline.measured_on), (HOST, None));
     }
 
     #[test]

@@ -164,7 +164,8 @@ mod tests {
 
     #[test]
     fn a_worker_learns_the_runs_config_its_device_and_its_kernels() {
-        let experiment = fixtures::experiment("local_sizes = [4]");
+        let mut experiment = fixtures::experiment("local_sizes = [4]");
+        experiment.left_out = vec![1];
         let (one, two, locks) = (device("one"), device("two"), fixtures::own_locks());
         let devices = [&one, &two];
         let overrides = [("timing.seed".to_owned(), "7".to_owned())];
@@ -175,6 +176,7 @@ mod tests {
             config: experiment.path.clone(),
             text: experiment.source.clone(),
             overrides: overrides.to_vec(),
+            left_out: vec![1],
             device_count: 2,
             device: Some(device.identity()),
             hardware: device.hardware.clone(),

@@ -303,6 +303,7 @@ mod tests {
         let local = described("local-vectors");
         let memories = [&local.triangle_memory, &local.ray_memory].map(Option::as_deref);
         assert_eq!(memories, [Some("global"), Some("__local")]);
+        assert_eq!(Traffic::of(&local), Traffic::by_headers(&local));
         let bvh = described("bvh");
         assert!(bvh.operations_per_test.is_some() && bvh.triangle_bytes_per_test.is_none());
     }

@@ -324,7 +324,7 @@ mod tests {
     use super::super::traverse::Exhaustive;
     use super::super::tree::Tree;
     use super::*;
-    use crate::scene::{Camera, Sample, Sky, Texture, Wrap};
+    use crate::scene::{Camera, Sample, Sky, SkyPicture, Texture, Wrap};
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
 
@@ -502,6 +502,19 @@ mod tests {
                 assert!(percent >= 50, "{}: {percent} of 100", scene.name);
             }
         }
+    }
+
+    /// The triangle is behind the camera, so all rays see the picture.
+    #[test]
+    fn the_colours_of_a_skys_picture_are_found_quickly_too() {
+        let mut scene = fixtures::single_triangle();
+        scene.mesh_mut().positions.iter_mut().for_each(|corner| corner.z += 10.0);
+        let texels = [[1.0, 0.5, 0.25], [0.0, 0.5, 1.0], [2.0, 0.0, 1.0], [0.25, 1.0, 0.0]];
+        let picture = SkyPicture { size: [4, 1], texels: texels.into(), ahead: Vec3::Z, is_seen: true };
+        let (dark, picture) = (Vec3::ZERO, Some(picture.into()));
+        scene.sky = Some(Sky { zenith: dark, horizon: dark, up: Vec3::Y, reach: f32::MAX, picture });
+        let percent = quickly(&scene, Culling::None);
+        assert!(percent >= 50, "{percent} of 100");
     }
 
     #[test]

@@ -200,7 +200,7 @@ mod tests {
                 "command_line": ["target/debug/raycl", "run", "a b.toml", "--set", "image_sizes=[[160,100]]",
                                  "it's", "--resume", "--retry-failed"],
                 "raycl_version": "1", "git_revision": "abc-dirty",
-                "sources": [{"what": "config", "path": "a b.toml", "hash": "0123", "git": "abc, unchanged"},
+                "sources": [{"what": "config", "path": "a b.toml", "hash": "0123456789abcdef", "git": "abc, unchanged"},
                             {"what": "kernels", "path": "built in", "hash": "4567", "git": null}],
                 "host": {"cpu": "EPYC", "clocks": {"now_mhz": 2450}},
                 "devices": [{"device": "gpu", "driver": "1"}],
@@ -210,7 +210,7 @@ mod tests {
         let view = view(&folder);
         assert_eq!(view.program, "raycl 1, commit abc with uncommitted changes, so it cannot be built again");
         let made_of = &view.sections.iter().find(|(name, _)| name == "input files").expect("files").1;
-        assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123".into()));
+        assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123456789ab".into()));
         assert_eq!(made_of[1], ("kernels built in".into(), "hash 4567".into()));
         assert_eq!(view.command, r"raycl run 'a b.toml' --set 'image_sizes=[[160,100]]' 'it'\''s'");
         let host = &view.sections.iter().find(|(name, _)| name == "host").expect("a host").1;

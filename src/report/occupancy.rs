@@ -222,6 +222,22 @@ mod tests {
     }
 
     #[test]
+    fn a_point_with_too_few_samples_has_no_mark_and_is_not_the_best() {
+        use crate::record::fixtures::{few, judged, measured};
+        use crate::record::groups;
+        let plotted = |more: &[Record]| {
+            let own = [4, 8, 16].map(|side| measured("gpu", "naive", side, f64::from(side)));
+            let records = judged([&own[..], more].concat());
+            let groups = groups(&records);
+            plot(&groups[0], &Looks::of(&groups), None, "occupancy").map(|plot| (plot.svg, plot.caption))
+        };
+        // The samples of another machine do not change the intervals of the other points.
+        let fastest = Record { host: Some("another".into()), ..few("gpu", "naive", 2, 1.0, 3) };
+        assert!(plotted(&[]).is_some());
+        assert_eq!(plotted(&[fastest]), plotted(&[]));
+    }
+
+    #[test]
     fn the_caption_says_whose_occupancy_is_predicted_and_from_which_registers() {
         let own = whose(Some("9.0"), 0, 12);
         assert!(own.contains("compute capability, 9.0, and uses the registers"), "{own}");

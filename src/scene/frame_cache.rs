@@ -158,7 +158,12 @@ mod tests {
         for placing in ["scale = 2", "scale = 1\ntranslation = [1, 2, 3]", "scale = 1\nmaterial = 'red'"] {
             assert!(!is_made_again(&OBJECT.replace("scale = 1", placing)), "{placing}");
         }
-        for (from, to) in [("a.obj", "b.obj"), ("crease = 30", "crease = 60"), ("crease = 30\n", "")] {
+        for (from, to) in [
+            ("a.obj", "b.obj"),
+            ("crease = 30", "crease = 60"),
+            ("crease = 30\n", ""),
+            ("crease = 30\n", "crease = 30\nmip_levels = false\n"),
+        ] {
             assert!(is_made_again(&OBJECT.replace(from, to)), "{to}");
         }
     }

@@ -241,5 +241,7 @@ mod tests {
         let message = set("light.2.power", 1).unwrap_err().to_string();
         let expected = "`light` has 1 element; expected an index from 0 to 1 (1 adds an element), not `2`";
         assert!(message.ends_with(expected), "{message}");
+        let message = set("camera.z_near.x", 1).unwrap_err().to_string();
+        assert!(message.ends_with("`z_near` is of the type float, which has no keys"), "{message}");
     }
 }

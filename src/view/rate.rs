@@ -136,7 +136,11 @@ mod tests {
         assert_eq!(rate.total().frames_per_s, None);
         rate.count();
         assert_eq!((rate.total().frames, rate.total().frames_per_s), (1, None));
-        (0..4).for_each(|_| rate.count());
+        let first = Instant::now().checked_sub(PERIOD).expect("the clock is older");
+        rate.first = Some(first);
+        rate.count();
+        assert_eq!(rate.first, Some(first), "a later frame does not begin the time again");
+        (0..3).for_each(|_| rate.count());
         rate.last = rate.first.expect("a frame") + Duration::from_secs(2);
         let total = rate.total();
         assert_eq!((total.frames, total.seconds, total.frames_per_s), (5, 2.0, Some(2.0)));

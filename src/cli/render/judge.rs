@@ -203,6 +203,14 @@ mod tests {
         assert!(error.remedy().ends_with("saved for inspection: a.png"), "{}", error.remedy());
         let error = judged(1.0, parts.hits + 1).expect_err("a hit too many");
         assert!(error.to_string().contains("changed which pixels show a surface"), "{error}");
+        // The whole picture differs, and is filtered as it is.
+        let mut parts = parts;
+        parts.whole.pixels.iter_mut().for_each(|pixel| *pixel = pixel.map(|channel| 1.0005 * channel));
+        let image = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
+        let verified =
+            check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
+        let within = verified.expect("it is within the tolerance").max_difference.unwrap_or(f64::NAN);
+        assert!((4e-4..6e-4).contains(&within), "{within}");
     }
 
     #[test]

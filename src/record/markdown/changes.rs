@@ -83,6 +83,17 @@ mod tests {
     }
 
     #[test]
+    fn a_device_has_its_common_name_as_in_the_other_sections() {
+        let driver = "pthread-znver4-AMD EPYC 9B45";
+        let text = summary([
+            in_memory(measured(driver, "naive", 8, 10.0), "heap"),
+            in_memory(measured(driver, "private", 8, 5.0), "private"),
+        ]);
+        let (_, section) = text.split_once("\n## One change at a time\n").expect("the section");
+        assert!(section.contains("\nOn AMD EPYC 9B45, PoCL, 800 x 500:\n"), "{text}");
+    }
+
+    #[test]
     fn a_summary_without_such_strategies_lacks_the_section() {
         let text = summary([measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 8, 5.0)]);
         assert!(!text.contains("One change"), "{text}");

@@ -111,6 +111,15 @@ fn each_device_is_compared_with_its_own_anchor() {
     assert!(records.iter().all(|record| anchored(record).is_none()), "anchors were not requested");
 }
 
+#[test]
+fn anchors_do_not_change_the_interval_of_a_median_that_was_shown_without_them() {
+    let mut records = judged([measured("gpu", "naive", 8, 10.0)]);
+    let times = records[0].relative_times.as_mut().expect("enough samples");
+    times.median_ms = Interval { low: 7.0, high: 12.0, ..times.median_ms };
+    judge_with_anchors(&mut records, &[]);
+    assert_eq!(interval(&records[0]), Some([7.0, 12.0]));
+}
+
 /// In the second launch, four points take 1.1, 2, 0.5 and 1 times as long as in the first.
 #[test]
 fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread_of_points() {

@@ -163,3 +163,31 @@ fn the_small_picture_of_an_answer_comes_from_its_own_folder() {
     let [before, after] = [0, 1].map(|index| page.answers[index].1.clone());
     assert!(before.is_some() && after.is_some() && before != after, "{before:?}, {after:?}");
 }
+
+#[test]
+fn the_small_picture_of_an_answer_is_that_of_the_fastest_winner() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |name: &str, side: u32, ms: f64, grey: u8| {
+        let picture = image::RgbImage::from_pixel(3, 2, image::Rgb([grey; 3]));
+        picture.save(folder.path().join(format!("{name}.png"))).expect("it saves");
+        Record { image: Some(format!("{name}.png")), ..measured("gpu", name, side, ms) }
+    };
+    let records = judged([of("naive", 8, 10.01, 1), of("wide", 4, 10.0, 200)]);
+    let winners: Vec<String> =
+        groups(&records)[0].ranking().winners.iter().map(|record| record.name.clone()).collect();
+    assert_eq!(winners, ["wide", "naive"]);
+    let page = Page::of(&[Folder { path: folder.path().to_owned(), records, ..Folder::default() }]);
+    let expected = Pictures::default().thumbnail(folder.path(), "wide.png");
+    assert!(expected.is_some());
+    assert_eq!(page.answers[0].1, expected);
+}
+
+#[test]
+fn the_question_of_several_folders_is_shown_once() {
+    let of = |question: &str| Folder {
+        environment: serde_json::json!({ "config": format!("question = '{question}'\nexpectation = '!'") }),
+        ..Folder::default()
+    };
+    let pair = |question: &str| (question.to_owned(), "!".to_owned());
+    assert_eq!(questions(&["a?", "b?", "a?"].map(of)), ["a?", "b?"].map(pair));
+}

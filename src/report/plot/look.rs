@@ -76,6 +76,7 @@ fn shape(which: usize, [x, y]: [f64; 2]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeSet;
 
     #[test]
     fn forty_two_series_look_different() {
@@ -88,6 +89,20 @@ mod tests {
             .collect();
         assert_eq!(looks.len(), 42);
         assert_eq!(Look::of(42).colour(), Look::of(0).colour());
+    }
+
+    #[test]
+    fn the_left_half_of_a_marker_is_the_mirrored_right_half() {
+        let corner = |text: &str| {
+            let (x, y) = text.split_once(' ').expect("two numbers");
+            [x, y].map(|value| (10.0 * value.parse::<f64>().expect("a number")).round() as i32)
+        };
+        for which in 1..=5 {
+            let path = shape(which, [0.0, 0.0]);
+            let corners: BTreeSet<[i32; 2]> = path.trim_matches(['M', 'Z']).split('L').map(corner).collect();
+            let mirrored: BTreeSet<[i32; 2]> = corners.iter().map(|[x, y]| [-x, *y]).collect();
+            assert_eq!(corners, mirrored, "{path}");
+        }
     }
 
     #[test]

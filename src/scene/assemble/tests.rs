@@ -540,6 +540,15 @@ fn a_camera_without_a_direction_is_reported_at_the_key_that_is_probably_wrong() 
     assert_eq!(message_and_line(&format!("[camera]\n{keys}")), (parallel.to_owned(), 3));
 }
 
+/// The light is at a corner of the triangle, so it counts as a ten-millionth of the scene's diagonal away.
+#[test]
+fn a_light_that_is_too_bright_is_reported_at_its_power() {
+    let light = "shadow_bias = 0\n[[light]]\nposition = [0, 0, -2]\npower = 1e28\n";
+    let (message, line) = message_and_line(light);
+    assert!(message.starts_with("a light with the power ["), "{message}");
+    assert_eq!(line, 4);
+}
+
 #[test]
 fn an_upward_direction_of_zeros_is_refused_however_the_camera_is_placed() {
     for (keys, line) in [("", 2), ("position = [0, 4, 5]\n", 3), ("azimuth_degrees = 30\n", 3)] {

@@ -107,10 +107,12 @@ mod tests {
         let out = tempfile::tempdir().unwrap();
         let about =
             About { shard: 1, of: 1, devices: names(&["CUDA | H200", "PoCL | EPYC"]), ..About::default() };
-        let attempt = Attempt::begin(out.path(), &about).unwrap();
+        // The attempts at the shards 1 and 3 have no environment.
+        Attempt::begin(out.path(), &about).unwrap();
+        let attempt = Attempt::begin(out.path(), &About { shard: 2, ..about.clone() }).unwrap();
         let environment = json!({ "devices": [{ "kind": "gpu" }, { "kind": "cpu" }] });
         std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
-        Attempt::begin(out.path(), &About { shard: 2, ..about }).unwrap();
+        Attempt::begin(out.path(), &About { shard: 3, ..about }).unwrap();
         let types = types_of_devices(&Attempt::all(out.path()).unwrap()).unwrap();
         let all = [kind("host", "Xeon CPU"), kind("H200", "CUDA | H200"), kind("EPYC", "PoCL | EPYC")];
         let selected = |words: &[&str]| selected(&all, &types, words);

@@ -501,8 +501,10 @@ fn a_buffer_may_be_a_file_beside_the_mesh() {
     let reach = Reach { folder: folder.path(), permitted: PERMITTED };
     let parsed = |uri: &str| parse("a.gltf", reach, triangle().replace(&data, uri).as_bytes());
     assert_eq!(parsed("a%20b.bin").unwrap().mesh, read(&triangle()).unwrap().mesh);
-    let missing = parsed("c.bin").err().unwrap().to_string();
+    let error = parsed("c.bin").err().unwrap();
+    let missing = error.to_string();
     assert!(missing.contains("buffer 0") && missing.contains("`c.bin`"), "{missing}");
+    assert!(error.remedy().starts_with("put the files that a .gltf file names into its folder"), "{missing}");
 }
 
 #[test]
