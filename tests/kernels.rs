@@ -98,6 +98,10 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     let vectors = vectors.filter(|s| s.tests_every_triangle() && s.width != Width::W1);
     assert_eq!(vectors.clone().count(), 6);
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
+    // Tiles also convert masks to the bits of a word, for which other tests use an instruction of AVX-512 if the
+    // processor has it.
+    let tile = preset("tile").expect("a preset").strategy;
+    all_agree(&mut stand, [(tile, [1, 1])], none);
 }
 
 /// Returns one strategy of each family, and two strategies whose work-items cast 16 rays side by side.
@@ -207,6 +211,9 @@ fn each_layout_brings_every_corner_its_own_normal() {
     let layouts = [Layout::SOUP, Layout::INDEXED_16, Layout::INDEXED_32];
     let points = layouts.map(|layout| (Strategy { layout, ..deferred }, [4, 4]));
     all_agree(&mut stand, points, none);
+    // In this scene, all rays of many vectors hit the same large triangle, so a tile loads its normals only once.
+    let tile = Strategy { layout: Layout::INDEXED_32, ..preset("tile").expect("a preset").strategy };
+    all_agree(&mut Stand::new(scene("figure-4.toml"), SIZE), [(tile, [1, 1])], none);
 }
 
 /// Each triangle of the first, red object has a twin in a second, blue object. Of two hits at the same

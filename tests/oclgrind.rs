@@ -200,6 +200,15 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
     assert_eq!(all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES), 4);
 }
 
+/// The overlap of neighbouring triangles must not lengthen a needle beyond its short edge. In a picture of this width,
+/// the centre of a pixel is a third of a pixel beyond this edge.
+#[test]
+fn tiles_that_work_items_share_make_a_needle_no_longer() {
+    let usual = preset("tile-group").expect("a preset").strategy;
+    let planes = Strategy { intersector: Intersector::EDGE_PLANES, ..usual };
+    assert_eq!(all_clean_at(["31", "9"], "../tests/data/needle.toml", &[planes], "32x1", RACES), 1);
+}
+
 /// In a picture whose width is a multiple of four pixels, `tile` stores four pixels of a row at a time. The last blocks
 /// of this picture extend below it, where nothing may be stored.
 #[test]

@@ -247,3 +247,14 @@ fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
     let across = ("tile_cpu/camera.cl", "most_lane(samples->y) - rays.y", "most_lane(samples->x) - rays.y");
     folder.notices(across, "tile", &options);
 }
+
+/// The highest of 16 samples lies farther from the pixel's centre than the leftmost sample.
+#[test]
+fn a_vectors_interval_reaches_up_to_its_highest_samples() {
+    let folder = WorkFolder::with(&[("scene.toml", FINE)]);
+    let options = ["--verify=400", "--samples", "16"];
+    picture(&folder, &[&options[..], &["--strategy", "tile"]].concat());
+    let leftmost =
+        ("tile_cpu/camera.cl", "rays.y = least_lane(samples->y)", "rays.y = least_lane(samples->x)");
+    folder.notices(leftmost, "tile", &options);
+}

@@ -147,6 +147,8 @@ fn every_width_of_node_and_size_of_leaf_and_tile_gives_the_same_picture() {
     for (node_width, leaf_size) in [("2", "4"), ("32", "32")] {
         points.push((base("bvh-packet"), [("node_width", node_width), ("leaf_size", leaf_size)]));
     }
+    // A ray that is cast alone is tested against 16 of a node's children at a time.
+    points.push((base("bvh"), [("node_width", "32"), ("leaf_size", "4")]));
     for (node_width, tile) in [("16", "8x8"), ("16", "16x16")] {
         points.push((base("tile"), [("node_width", node_width), ("tile", tile)]));
     }

@@ -367,6 +367,25 @@ mod tests {
         assert_eq!(after_a_loop(10, 4), 4.0 * (32.0 + (280.0 - 32.0) / 256.0));
     }
 
+    /// A device's native width selects one of these vectors, so a measurement of one device uses no other.
+    #[test]
+    fn vectors_of_every_width_have_as_many_floats_as_are_counted() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let rig = Rig::open(&device, &Sources::Embedded).unwrap();
+        let out = rig.buffer::<f32>(1).unwrap();
+        for width in [1, 2, 4, 8, 16] {
+            let program = rig.program("peak/fma.cl", &[("WIDTH", width), ("GROUP", 1)]).unwrap();
+            let kernel = rig.kernel(&program, "fma_rate", [1, 1], |kernel| {
+                kernel.arg(1_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
+            });
+            rig.launch(&kernel.unwrap()).unwrap();
+            let mut sum = [0.0_f32];
+            out.read(&mut sum[..]).enq().unwrap();
+            let (actual, expected) = (f64::from(sum[0]), after_a_loop(0, width));
+            assert!((actual - expected).abs() < 1e-3 * expected, "{width}: {actual}, expected {expected}");
+        }
+    }
+
     /// The walks through the entries end at the same entry in every memory.
     #[test]
     fn only_the_chase_in_local_memory_has_its_entries_there() {
