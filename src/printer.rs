@@ -169,5 +169,6 @@ mod tests {
             markdown("# a | b\n<img src=x> [l](u) *c* `d` \u{1b}"),
             "\\# a \\| b \\<img src=x> \\[l\\](u) \\*c\\* \\`d\\` \\\\u001b"
         );
+        assert_eq!(markdown("~~a~~ _b_ &lt; ![c](d)"), "\\~\\~a\\~\\~ \\_b\\_ \\&lt; \\!\\[c\\](d)");
     }
 }

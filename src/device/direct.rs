@@ -195,6 +195,15 @@ mod tests {
     }
 
     #[test]
+    fn every_status_that_says_why_a_device_or_a_program_cannot_be_used_has_a_name() {
+        let numbers = [1..=6, 11..=11, 15..=17, 30..=36, 42..=45, 59..=59, 66..=67];
+        for number in numbers.into_iter().flatten() {
+            let message = returned("clBuildProgram", -number);
+            assert!(message.starts_with("clBuildProgram returned CL_"), "{message}");
+        }
+    }
+
+    #[test]
     fn names_of_drivers_are_one_line() {
         assert_eq!(one_line(b" a\nb\t c\0"), "a b  c");
         assert_eq!(one_line(b"\xe9 x"), "\u{fffd} x");

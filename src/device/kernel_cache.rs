@@ -132,8 +132,15 @@ struct Room {
 #[cfg(unix)]
 fn room(folder: &Path) -> Option<Room> {
     let disk = rustix::fs::statvfs(folder).ok().filter(|disk| disk.f_blocks > 0)?;
-    let files = (disk.f_files > 0).then_some(disk.f_favail);
+    let files = files_left(disk.f_files, disk.f_favail);
     Some(Room { bytes: disk.f_bavail.saturating_mul(disk.f_frsize), files })
+}
+
+/// Returns the number of further files for which a disk has room; `None` if the disk has no limit of their
+/// number. Btrfs, for example, has no such limit, and reports a limit of 0 and room for 0 files.
+#[cfg(unix)]
+fn files_left(most: u64, left: u64) -> Option<u64> {
+    (most > 0).then_some(left)
 }
 
 /// On systems other than Unix, raycl does not ask for the room.
@@ -261,5 +268,11 @@ mod tests {
         let advice = no_folder_advice(None, Some(parent.path()));
         let reasons = format!("(neither XDG_CACHE_HOME nor HOME is set; not '{}': ", parent.path().display());
         assert!(advice.contains(&reasons), "{advice}");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_disk_without_a_limit_of_files_has_room_for_them() {
+        assert_eq!([files_left(0, 0), files_left(100, 0), files_left(100, 7)], [None, Some(0), Some(7)]);
     }
 }

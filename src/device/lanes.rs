@@ -205,6 +205,11 @@ fn try_out(
     // A driver that fails in this test must not prevent the use of other devices.
     let asked = caught(|| ask(operations, source, info, platform, device));
     forget_failures();
+    judged(asked)
+}
+
+/// Judges the answers of the test's kernel. `asked` is an error if the driver panicked.
+fn judged(asked: std::result::Result<std::result::Result<Vec<u32>, CallError>, String>) -> Trial {
     match asked {
         Err(_) => Trial::Unknown,
         Ok(Err(error)) if error.may_pass() => Trial::Unknown,
@@ -428,5 +433,20 @@ mod tests {
         assert_eq!([own, fifth, mirrored], [15, 36 - 32, 7 * 29 + 1 - 6 * 32]);
         // Of the lanes in `AMONG`, the lanes 0, 1, 5, 6, 19 and 24 have the numbers 1, 8, 4, 11, 6 and 9.
         assert_eq!(smaller, 6);
+    }
+
+    #[test]
+    fn a_device_that_lacks_memory_now_says_nothing_about_an_implementation() {
+        use ocl::enums::Status;
+        let failed = |status| Ok(Err(CallError { message: "no".to_owned(), status }));
+        assert_eq!(judged(failed(Some(Status::CL_OUT_OF_RESOURCES))), Trial::Unknown);
+        for status in [None, Some(Status::CL_INVALID_VALUE)] {
+            assert_eq!(judged(failed(status)), Trial::Refused("no".to_owned()));
+        }
+        assert_eq!(judged(Err("a panic".to_owned())), Trial::Unknown);
+        assert_eq!(
+            [expected(), vec![NO_ANSWER]].map(|all| judged(Ok(Ok(all)))),
+            [Trial::Right, Trial::Wrong]
+        );
     }
 }

@@ -506,4 +506,17 @@ mod tests {
         let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
         assert_eq!(refused.exit_code(), 2);
     }
+
+    #[test]
+    fn the_latency_of_near_processors_is_that_of_all_rounds_in_any_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
+        for ns in [90.0, 80.0, 20.0, 30.0, 40.0] {
+            first.load(&RoundLoad { core_to_core_ns: Some(ns), ..RoundLoad::default() }).unwrap();
+        }
+        assert_eq!(first.near_ns(), 30.0);
+        drop(first);
+        let second = Results::resume(folder.path(), &Environment::default()).unwrap();
+        assert_eq!(second.near_ns(), 30.0);
+    }
 }

@@ -121,3 +121,14 @@ impl Death {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_of_one_and_a_half_seconds_is_not_reported_as_one() {
+        let loss = Loss::HungFor(Duration::from_millis(1500));
+        assert_eq!(loss.describe(), "did not answer within 1.5 s and was ended");
+    }
+}

@@ -224,4 +224,17 @@ mod tests {
         let interval = segment(&file, RESTART_INTERVAL).unwrap() + 4;
         assert_eq!(file[interval..interval + 2], (5_000_u16 * 13).to_be_bytes());
     }
+
+    /// Threads may finish bands in any order.
+    #[test]
+    fn bands_are_joined_in_the_order_of_their_numbers() {
+        let picture = picture(40, 300);
+        let encoding = Encoding::new([40, 300], 95);
+        let bands: Vec<&[u8]> = picture.as_raw().chunks(encoding.cut.band_bytes()).collect();
+        assert_eq!(bands.len(), 3);
+        for number in [2, 0, 1] {
+            encoding.done.0.send((number, band(bands[number], 40, 95))).unwrap();
+        }
+        assert!(encoding.finish().unwrap() == encode(&picture, 95).unwrap());
+    }
 }

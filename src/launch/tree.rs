@@ -175,3 +175,25 @@ impl DeviceTree {
         Ok(Self { nodes, leaves, surfaces, stack_size, build_ms, upload_ms: ms_since(start) })
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::device::EXAMPLE_LIMITS;
+    use crate::reference::fixtures;
+    use crate::strategy::preset;
+
+    #[test]
+    fn no_tree_is_built_ahead_for_a_scene_that_does_not_fit_into_the_hosts_memory() {
+        let mesh = fixtures::single_triangle().mesh;
+        let strategy = preset("bvh").unwrap().strategy;
+        let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..EXAMPLE_LIMITS };
+        let is_built = |materials: usize| {
+            let workload = Workload { materials, ..Workload::CUBE };
+            Requirements::check(&strategy, &workload, &limits).unwrap();
+            HostTree::ahead(&mesh, &strategy, &workload, &limits, TreeUse::ManyFrames).is_some()
+        };
+        assert_eq!([1, 1 << 44].map(is_built), [true, false]);
+    }
+}

@@ -66,7 +66,7 @@ mod tests {
     fn one_sample_has_no_spread_and_none_is_no_summary() {
         assert_eq!(Summary::of(&[2.5]), Some(Summary { median: 2.5, q1: 2.5, q3: 2.5 }));
         assert_eq!(Summary::of(&[]), None);
-        assert_eq!(Summary::of(&[1.0, f64::NAN]), None);
+        assert_eq!([f64::NAN, f64::INFINITY].map(|odd| Summary::of(&[1.0, odd])), [None; 2]);
     }
 
     proptest! {

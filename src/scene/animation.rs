@@ -464,4 +464,25 @@ mod tests {
         let message = animation.scene(3, &first).unwrap_err().to_string();
         assert!(message.contains("a.toml:11: track `object.0.faces` at frame 3: "), "{message}");
     }
+
+    #[test]
+    fn a_path_that_leads_nowhere_is_reported_with_a_help_on_paths() {
+        let (folder, ..) = animated("");
+        let path = folder.path().join("a.toml");
+        let track = "[[animation.track]]\npath = \"light.7.power\"\nvalues = [1]\n";
+        std::fs::write(&path, std::fs::read_to_string(&path).unwrap() + track).unwrap();
+        assert_eq!(load_scene(&path).unwrap_err().remedy(), PATHS);
+    }
+
+    /// The path of the first track begins with the text of the second track's path, but sets no part of the value
+    /// that the second track sets.
+    #[test]
+    fn light_10_is_no_part_of_light_1() {
+        let tracks = "[[animation.track]]\npath = \"light.10.power\"\nvalues = [6, 8]\n\
+            [[animation.track]]\npath = \"light.1\"\n\
+            values = [{ position = [0, 0, 2], power = 3 }, { position = [0, 0, 4], power = 3 }]\n";
+        let lights = "[[light]]\nposition = [0, 0, 0]\npower = 1\n".repeat(10);
+        let (_folder, first, _) = animated(&format!("{tracks}{lights}"));
+        assert_eq!((first.lights[1].position.z, first.lights[10].power.x), (2.0, 6.0));
+    }
 }

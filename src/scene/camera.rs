@@ -243,4 +243,11 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn the_length_of_the_upward_direction_does_not_matter() {
+        let of = |up: Vec3| Camera::looking_at(Vec3::ZERO, Vec3::NEG_Z, up, 90.0, false);
+        assert!(of(Vec3::Y).is_some());
+        assert_eq!([1e-6, 1e6].map(|length| of(Vec3::Y * length)), [of(Vec3::Y); 2]);
+    }
 }

@@ -358,11 +358,15 @@ mod tests {
     fn a_half_picture_of_soft_light_needs_one_sample_of_unoccluded_light_and_several_of_the_rest() {
         let sampling = Sampling { half_light: 3, first: 1, most: 16 };
         let of = |light| {
-            let sample = |sample: Sample| (sample.number, sample.count, sample.offset, sample.light == light);
+            let sample = |sample: Sample| {
+                let numbers = [sample.number, sample.earlier, sample.count];
+                (numbers, sample.offset, sample.light == light)
+            };
             sampling.of_half_light(light).into_iter().map(sample).collect::<Vec<_>>()
         };
-        assert_eq!(of(SampleLight::Unoccluded), [(0, 1, [0.0; 2], true)]);
-        assert_eq!(of(SampleLight::Interleaved), [0, 1, 2].map(|number| (number, 3, [0.0; 2], true)));
+        assert_eq!(of(SampleLight::Unoccluded), [([0, 0, 1], [0.0; 2], true)]);
+        let expected = [0, 1, 2].map(|number| ([number, number, 3], [0.0; 2], true));
+        assert_eq!(of(SampleLight::Interleaved), expected);
     }
 
     #[test]

@@ -369,3 +369,28 @@ fn of_a_large_image_more_pixels_may_be_unexplained() {
         "{reason}"
     );
 }
+
+#[test]
+fn a_certain_pixel_that_is_off_by_two_steps_as_displayed_is_wrong() {
+    let display = Display { exposure: 1.0, gamma: 4.0 };
+    let shown = |radiance: f32| {
+        let image = Radiance { pixels: vec![[radiance; 3]], ..Radiance::new(1, 1) };
+        to_rgb8(&image, display).get_pixel(0, 0).0[0]
+    };
+    let radiance_of = |step: u8| {
+        let mut all = (0..1000_u16).map(|number| f32::from(number) * 1e-7);
+        all.find(|radiance| shown(*radiance) == step).expect("a radiance")
+    };
+    let mut reference = judged();
+    reference.certain.fill(true);
+    reference.doubts.clear();
+    // The pixel is so dark that every difference is within the relative limit.
+    reference.floor = 1e-2;
+    reference.radiance.pixels[0] = [radiance_of(10); 3];
+    let wrong_pixels = |step: u8| {
+        let mut image = reference.radiance.clone();
+        image.pixels[0] = [radiance_of(step); 3];
+        verify(&image, None, &reference, display).wrong_pixels
+    };
+    assert_eq!([8, 9, 11, 12].map(wrong_pixels), [1, 0, 0, 1]);
+}

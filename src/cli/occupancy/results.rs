@@ -210,4 +210,15 @@ mod tests {
         assert!(predicted(&record, None).is_none());
         assert!(predicted(&record, Some("9.0")).is_some());
     }
+
+    /// The build log also counts the `__local` memory of inner functions, so its number counts before the driver's.
+    #[test]
+    fn the_local_memory_is_that_of_the_build_log_or_of_the_driver() {
+        let local_bytes = |shared_bytes: Option<u64>| {
+            let resources = Resources { registers: Some(32), shared_bytes, ..Resources::default() };
+            let kernel = CompiledKernel { local_bytes: Some(2048), resources, ..CompiledKernel::default() };
+            object(&Record::default(), &kernel)["local_bytes"].as_u64()
+        };
+        assert_eq!([Some(3072), None].map(local_bytes), [Some(3072), Some(2048)]);
+    }
 }

@@ -1,6 +1,6 @@
 //! Formats lines that macros changed: one statement per line, and long lines broken.
 
-use super::token::{Kind, Token};
+use super::token::{Kind, Token, words_of_pragma};
 use std::collections::VecDeque;
 
 /// Lines with more characters than this are broken if possible.
@@ -72,8 +72,10 @@ fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
     let mut rest = &tokens[..];
     while let [token, after @ ..] = rest {
         rest = after;
-        if let ("_Pragma", [_, what, _, after @ ..]) = (token.text.as_str(), after) {
-            let text = format!("#pragma {}", what.text.trim_matches('"').replace("\\\"", "\""));
+        if token.text == "_Pragma"
+            && let Some((string, after)) = string_of_pragma(after)
+        {
+            let text = format!("#pragma {}", words_of_pragma(&string.text));
             statements.extend([vec![Token::new(Kind::Symbol, text, token.line)], Vec::new()]);
             rest = after;
             continue;
@@ -88,6 +90,14 @@ fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
         }
     }
     statements.into_iter().map(trimmed).filter(|statement| !statement.is_empty()).collect()
+}
+
+/// Returns the string in round brackets after the word `_Pragma`, and the tokens after the brackets. Blanks may
+/// be between the word, the brackets and the string.
+fn string_of_pragma(after: &[Token]) -> Option<(&Token, &[Token])> {
+    let mut code = after.iter().enumerate().filter(|(_, token)| token.is_code());
+    let (_, (_, string), (closing, _)) = (code.next()?, code.next()?, code.next()?);
+    Some((string, &after[closing + 1..]))
 }
 
 fn nesting(token: &Token) -> i32 {

@@ -1,6 +1,6 @@
 //! Converts texts to a canonical form: texts that mean the same to a compiler become equal.
 
-use super::token::{Kind, Token, code, lex};
+use super::token::{Kind, Token, code, lex, words_of_pragma};
 
 /// Returns a preprocessed text without comments, with one blank between tokens and one statement per line.
 /// Two texts that differ only in blanks, comments and the spelling of a pragma become equal.
@@ -39,8 +39,7 @@ impl Lines {
         while let [token, after @ ..] = tokens {
             tokens = after;
             if let ("_Pragma", [_, what, _, rest @ ..]) = (token.text.as_str(), after) {
-                let unquoted = what.text.trim_matches('"').replace("\\\"", "\"").replace("\\\\", "\\");
-                let words = code(&format!("pragma {unquoted}"));
+                let words = code(&format!("pragma {}", words_of_pragma(&what.text)));
                 self.pragma(words.iter().map(|word| word.text.as_str()));
                 tokens = rest;
                 continue;

@@ -300,6 +300,15 @@ fn pragmas_are_kept() {
     assert_eq!(canonical(source), "#pragma unroll 4\nfor ( ; ; )\n#pragma unroll 1\nfor ( ; ; ) {\n}\n");
 }
 
+/// The backslashes in the string of `_Pragma` are not part of the pragma.
+#[test]
+fn a_pragma_of_a_macro_may_have_quotes_and_backslashes_and_blanks_around_its_string() {
+    let pragma = "_Pragma ( \"message \\\"a\\\\b\\\"\" )";
+    let expected = "#pragma message \"a\\b\"\n";
+    assert_eq!(text(&format!("#define P {pragma}\nP\n")), expected);
+    assert_eq!(canonical(&format!("{pragma}\n")), expected);
+}
+
 #[test]
 fn canonical_texts_differ_where_the_compiler_sees_a_difference_only() {
     assert_eq!(canonical("int  a=1; // one\n"), canonical("int/**/a\n  = 1 ;"));

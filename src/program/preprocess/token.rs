@@ -78,6 +78,14 @@ pub(super) fn code(text: &str) -> Vec<Token> {
     lex(text).into_iter().filter(Token::is_code).collect()
 }
 
+/// Returns the words of the pragma that `_Pragma` states in the string `string`. The string has a backslash before each
+/// quote and each backslash of the pragma.
+pub(super) fn words_of_pragma(string: &str) -> String {
+    let inner = string.strip_prefix('"').unwrap_or(string);
+    let inner = inner.strip_suffix('"').unwrap_or(inner);
+    inner.replace("\\\"", "\"").replace("\\\\", "\\")
+}
+
 /// Returns the kind and length in bytes of the first token of a text.
 fn measure(text: &str, first: char) -> (Kind, usize) {
     let while_is = |belongs: fn(char) -> bool| text.find(|c| !belongs(c)).unwrap_or(text.len());

@@ -245,6 +245,9 @@ mod tests {
     fn the_error_of_a_misspelt_row_suggests_the_nearest_name() {
         let ratio = "of = [\"naive 8x8 on teapot\"], to = \"naive 4x4 on teapot\"";
         read("t", &one(&format!("kind = \"ratio\", {ratio}"))).expect("it is right");
+        let occupancy = "kind = \"occupancy\", registers = 63, local_size = \"2x2\", threads = 32";
+        let with_capability = |name: &str| one(&format!("{occupancy}, compute_capability = \"{name}\""));
+        read("t", &with_capability("2.0")).expect("it is right");
         for (text, expected) in [
             (one(&format!("kind = \"raito\", {ratio}")), "did you mean `ratio`?"),
             (one(&format!("kind = \"ratio\", {ratio}, at_lest = 1")), "did you mean `at_least`?"),
@@ -265,6 +268,7 @@ mod tests {
                 one("kind = \"rises\", at_least = 1, over = []").replace("reading", "raeding"),
                 "did you mean `reading`?",
             ),
+            (with_capability("2.5"), "'2.5' is not a supported compute capability"),
         ] {
             let error = read("t", &text).expect_err("a mistake");
             assert!(error.to_string().contains(expected), "{expected}: {error}");

@@ -183,4 +183,10 @@ mod tests {
         let scale = Scale::between(Kind::Linear, [100.0, 110.0], [0.0, 1.0]);
         assert_eq!(scale.ticks(), [100.0, 102.0, 104.0, 106.0, 108.0, 110.0]);
     }
+
+    #[test]
+    fn a_linear_axis_has_up_to_seven_ticks() {
+        let scale = Scale::between(Kind::Linear, [0.0, 6.0], [0.0, 1.0]);
+        assert_eq!(scale.ticks(), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    }
 }

@@ -279,4 +279,25 @@ mod tests {
         assert_eq!(setting(true), TrackValue { path: path.clone(), keyframe: keyframe.clone(), name });
         assert_eq!(setting(false), TrackValue { path, keyframe, name: "a track at frame 8".to_owned() });
     }
+
+    #[test]
+    fn a_track_of_the_camera_sets_its_position_if_one_of_its_values_does() {
+        let sets_position = |cameras: [&str; 2]| {
+            let value = |camera: &str| {
+                let keys: toml::Table = camera.parse().unwrap_or_default();
+                Spanned::new(0..0, Value::Table(keys))
+            };
+            let track = Track {
+                number: 0,
+                path: Spanned::new(0..0, "camera".to_owned()),
+                at: vec![1.0, 5.0],
+                values: cameras.map(value).into(),
+                interpolation: Interpolation::Step,
+            };
+            track.sets_camera_position()
+        };
+        let [placed, other] = ["position = [0, 0, 9]", "look_at = [0, 0, 0]"];
+        let all = [[placed, placed], [placed, other], [other, placed], [other, other]];
+        assert_eq!(all.map(sets_position), [true, true, true, false]);
+    }
 }

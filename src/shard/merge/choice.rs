@@ -267,6 +267,8 @@ mod tests {
         assert_eq!(attempts_of(&unequal, block), [0, 0]);
         assert_eq!(attempts_of(&unequal, |_, record| record), [0, 0], "records of a case without blocks");
         assert_eq!(attempts_of(&unequal, apart), [0, 1]);
+        let scenes = |key: &str, record| Record { block: Some(1), scene: key.into(), ..record };
+        assert_eq!(attempts_of(&unequal, scenes), [0, 0], "a block of several scenes");
         // A record of an attempt counts if the other attempt's record of the same point does not have a
         // better outcome. In `lacking`, all three records of the second attempt count, but only two records
         // of the first attempt. The second attempt is preferred, although the first one has more samples. In

@@ -36,6 +36,13 @@ fn a_header_says_what_the_host_must_know() {
 }
 
 #[test]
+fn blanks_around_the_equals_sign_of_a_contradiction_do_not_matter() {
+    let text = RIGHT.replacen("culling=back", "culling = back", 1);
+    let header = read("intersector", &text).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((header.contradicts[0].axis, header.contradicts[0].value.as_str()), ("culling", "back"));
+}
+
+#[test]
 fn prose_may_have_colons_and_addresses() {
     let text = RIGHT.replacen("see below", "see\n// https://example.org/a.pdf", 1);
     assert_eq!(read("intersector", &text).map(|header| header.meaning).unwrap_or_default(), "mine");

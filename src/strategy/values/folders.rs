@@ -115,4 +115,10 @@ mod tests {
         assert_eq!(refused("cast/vectors/my_2.cl", refuse_names), None);
         assert_eq!(refused("My/File.cl", refuse_names), None, "no axis has this folder");
     }
+
+    #[test]
+    fn a_file_in_an_inner_folder_is_no_value() {
+        assert_eq!(value_in("cast/vectors/", "cast/vectors/my_2.cl").as_deref(), Some("my-2"));
+        assert_eq!(value_in("cast/vectors/", "cast/vectors/inner/my_2.cl"), None);
+    }
 }

@@ -312,4 +312,22 @@ mod tests {
             assert_eq!((&colours[..], is_clear), (&[Vec3::X, Vec3::Y][..], expected), "{alpha}");
         }
     }
+
+    #[test]
+    fn a_primitive_uses_no_more_positions_than_it_has_or_than_its_triangles_have_corners() {
+        let text = r#"{"asset": {"version": "2.0"}, "accessors": [
+{"componentType": 5126, "count": 100, "type": "VEC3"}, {"componentType": 5123, "count": 6, "type": "SCALAR"},
+{"componentType": 5123, "count": 600, "type": "SCALAR"}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        let numbers = Numbers::of_file(&root, &[]);
+        let positions = |attributes: &str, indices: u32| {
+            let text = format!(r#"{{"attributes": {{{attributes}}}, "indices": {indices}}}"#);
+            Part::largest(&numbers, &serde_json::from_str(&text).unwrap()).positions
+        };
+        let smooth = r#""POSITION": 0, "NORMAL": 0"#;
+        assert_eq!([positions(smooth, 1), positions(smooth, 2)], [6, 100]);
+        // Without normals, each triangle has its own positions.
+        let flat = r#""POSITION": 0"#;
+        assert_eq!([positions(flat, 1), positions(flat, 2)], [6, 600]);
+    }
 }

@@ -702,3 +702,13 @@ fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
     let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
     assert_eq!(notes, [colours, outside]);
 }
+
+#[test]
+fn nodes_that_enlarge_a_mesh_beyond_all_numbers_are_refused() {
+    // The mesh is in nine nodes, each of which makes it 1e38 times as large.
+    let nodes: String =
+        (1..=9).map(|child| format!(r#"{{"scale": [1e38, 1e38, 1e38], "children": [{child}]}}, "#)).collect();
+    let text = triangle().replace(r#""nodes": [{"mesh": 0"#, &format!(r#""nodes": [{nodes}{{"mesh": 0"#));
+    let error = read(&text).err().unwrap().to_string();
+    assert!(error.contains("node 8 has a transform that is not finite"), "{error}");
+}

@@ -304,3 +304,35 @@ fn of_many_textures_that_cannot_be_used_the_first_are_noted_and_the_others_count
     assert!(notes[2].starts_with("texture 2 has no picture of a format that raycl reads: "), "{notes:?}");
     assert_eq!(notes[3], "997 more textures cannot be used either");
 }
+
+#[test]
+fn an_escape_in_the_name_of_a_picture_stands_for_its_character() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a b.png"), png()).unwrap();
+    let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
+    let whole = format!("data:image/png;base64,{}", STANDARD.encode(png()));
+    let reach = Reach { folder: folder.path(), permitted: PERMITTED };
+    let beside = parse("a.gltf", reach, text.replace(&whole, "a%20b.png").as_bytes()).unwrap();
+    assert_eq!(beside.mesh.textures, read(&text).unwrap().mesh.textures);
+}
+
+#[test]
+fn a_transform_may_choose_another_set_of_texture_coordinates_than_the_texture() {
+    let second =
+        r#""VEC2"}, {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC2"}"#;
+    let mapped = |texture: &str| {
+        let material = format!(
+            r#"{{"pbrMetallicRoughness": {{"metallicFactor": 0, "baseColorTexture": {{"index": 0{texture}}}}}}}"#
+        );
+        let text = textured(&material)
+            .replace(r#""TEXCOORD_0": 2"#, r#""TEXCOORD_0": 2, "TEXCOORD_1": 3"#)
+            .replace(r#""VEC2"}"#, second);
+        read(&text).unwrap().mesh.textures.mapped
+    };
+    let [first, second] = ["", r#", "texCoord": 1"#].map(mapped);
+    assert_ne!(first, second);
+    let chosen = |own: &str, set: u32| {
+        mapped(&format!(r#"{own}, "extensions": {{"KHR_texture_transform": {{"texCoord": {set}}}}}"#))
+    };
+    assert_eq!([chosen("", 1), chosen(r#", "texCoord": 1"#, 0)], [second, first]);
+}
