@@ -112,10 +112,15 @@ pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
 
 /// Prints a line to standard error, unless this thread is muted. If printing fails, the command continues.
 pub fn tell(text: impl std::fmt::Display) {
+    tell_to(&mut std::io::stderr(), text);
+}
+
+/// Prints a line to `out`, as [`tell`] prints it to standard error.
+fn tell_to(out: &mut impl std::io::Write, text: impl std::fmt::Display) {
     if IS_MUTED.get() {
         return;
     }
-    let _ = writeln!(std::io::stderr(), "{}", coloured(&text.to_string()));
+    let _ = writeln!(out, "{}", coloured(&text.to_string()));
 }
 
 #[cfg(test)]
@@ -129,6 +134,16 @@ mod tests {
         assert!(!IS_MUTED.get());
         assert!(std::panic::catch_unwind(|| muted(|| -> u8 { panic!("in a test") })).is_err());
         assert!(!IS_MUTED.get());
+    }
+
+    #[test]
+    fn a_muted_thread_tells_nothing() {
+        let told = || {
+            let mut out: Vec<u8> = Vec::new();
+            tell_to(&mut out, "a note");
+            out
+        };
+        assert_eq!((told(), muted(told)), (b"a note\n".to_vec(), Vec::new()));
     }
 
     #[test]

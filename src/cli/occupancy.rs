@@ -103,12 +103,17 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::input("--registers 0: a work-item needs at least 1 register")
             .with_help("give the number of registers that the compiler prints, as in --registers 32"));
     }
-    let Args { registers, local_bytes, local_bytes_per_item, .. } = args;
-    let question = Question { sm, registers, local_bytes, local_bytes_per_item };
+    let question = question_of(&args, sm);
     if args.json {
         return super::print_json(&question_json(&question, &args.local_sizes));
     }
     super::print(question_text(&question, &args.local_sizes))
+}
+
+/// Returns what the arguments say about a kernel, for a multiprocessor.
+fn question_of(args: &Args, sm: &'static Multiprocessor) -> Question {
+    let Args { registers, local_bytes, local_bytes_per_item, .. } = *args;
+    Question { sm, registers, local_bytes, local_bytes_per_item }
 }
 
 fn question_text(question: &Question, sizes: &[[u32; 2]]) -> String {
@@ -180,6 +185,16 @@ mod tests {
             help.contains("one of 2.0, 2.1, 3.0, 3.5, 3.7, 5.0,") && help.contains(" 8.9, 9.0 ["),
             "{help}"
         );
+    }
+
+    #[test]
+    fn local_bytes_of_a_group_and_of_an_item_are_not_mixed_up() {
+        let command = <Args as clap::Args>::augment_args(clap::Command::new("occupancy"));
+        let words = ["occupancy", "--registers=20", "--local-bytes=1000", "--local-bytes-per-item=4"];
+        let matches = command.get_matches_from(words);
+        let args = <Args as clap::FromArgMatches>::from_arg_matches(&matches).unwrap();
+        let question = question_of(&args, multiprocessor("2.0").unwrap());
+        assert_eq!((question.registers, question.group_local_bytes([16, 16])), (20, 2024));
     }
 
     #[test]

@@ -242,6 +242,17 @@ mod tests {
         assert_eq!(findings.running, [closed()]);
     }
 
+    #[test]
+    fn an_attempt_whose_lock_cannot_be_opened_is_an_error_and_not_taken_for_running() {
+        let folder = tempfile::tempdir().unwrap();
+        // A folder has the name of the lock's file.
+        std::fs::create_dir(folder.path().join(".lock")).unwrap();
+        let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
+        let error = findings.repair(folder.path().to_owned(), true).unwrap_err();
+        assert_eq!(error.exit_code(), 1);
+        assert!(error.to_string().starts_with("cannot write ") && findings.running.is_empty(), "{error}");
+    }
+
     /// On a file system without locks, only an attempt's counter shows that the attempt is running.
     #[test]
     fn an_attempt_that_may_be_running_is_not_repaired_even_without_a_lock() {

@@ -54,11 +54,15 @@ fn why_unfit(folder: &Path) -> Option<&'static str> {
 
 /// Returns advice if PoCL cannot write to its folder for compiled kernels, and therefore lists no device.
 pub fn cache_advice() -> Option<String> {
-    let folder = folder()?;
+    cache_advice_on(&folder()?)
+}
+
+/// Returns advice if PoCL cannot write to `folder`, its folder for compiled kernels.
+fn cache_advice_on(folder: &Path) -> Option<String> {
     if folder == Path::new(NO_FOLDER) {
         return Some(no_folder_advice(default_folder().as_deref(), temporary_path().as_deref()));
     }
-    (!can_be_written(&folder)).then(|| {
+    (!can_be_written(folder)).then(|| {
         format!(
             "PoCL lists no device if it cannot write to its folder for compiled kernels, '{}'; \
              set {FOLDER} to a folder to which you can write",
@@ -227,6 +231,16 @@ mod tests {
             assert_eq!(default(caches, Some("/home/ada")), folder("/home/ada/.cache/pocl/kcache"));
             assert_eq!(default(caches, None), None);
         }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn the_advice_without_any_folder_begins_with_the_default_folder() {
+        let (default, temporary) = (default_folder(), temporary_path());
+        let expected = no_folder_advice(default.as_deref(), temporary.as_deref());
+        assert_eq!(cache_advice_on(Path::new(NO_FOLDER)), Some(expected));
+        let closed = cache_advice_on(Path::new("/dev/null/pocl")).expect("advice");
+        assert!(closed.contains("if it cannot write to its folder") && closed.contains("'/dev/null/pocl'"));
     }
 
     /// Whether a file system is mounted with noexec depends on the machine, so this test asks the system for its

@@ -146,6 +146,12 @@ impl<'a> Checker<'a> {
 /// depend on the image size.
 pub(super) const SMALLEST: [u32; 2] = [1, 1];
 
+/// Returns the part of a launch's time, in milliseconds, that its frame did not take. Drivers may compile during the
+/// first launch.
+fn beside_frame_ms(launch_ms: f64, frame_ms: f64) -> f64 {
+    (launch_ms - frame_ms).max(0.0)
+}
+
 fn build_kernel(
     session: &mut Session,
     strategy: &Strategy,
@@ -157,11 +163,11 @@ fn build_kernel(
     let frame = prepared.caster().map(|caster| caster.cast());
     let frame_ms = frame.ok().and_then(std::result::Result::ok).map_or(0.0, |frame| frame.frame_ms);
     let key = prepared.program.stored_as().map(str::to_owned);
-    let launch_ms = start.elapsed().as_secs_f64() * 1e3 - frame_ms;
+    let launch_ms = beside_frame_ms(start.elapsed().as_secs_f64() * 1e3, frame_ms);
     prepared.program.rehearse();
     let lacks_log = prepared.program.lacks_log();
     let BuiltProgram { build_ms, from_cache, .. } = prepared.program;
-    Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key, lacks_log })
+    Ok(Built { build_ms: build_ms + launch_ms, from_cache, key, lacks_log })
 }
 
 /// Casts the first frame, during which drivers may still compile. Adds the memory needs, the program, the build times
@@ -226,6 +232,11 @@ mod tests {
         let mut checker = Checker::open(drafter, Some(device), Pictures::of(folder)).unwrap();
         let outcome = checker.check(&point, &at.scene, verified, &mut record).unwrap().map(drop);
         (record, outcome, checker.build(&point, &at.scene))
+    }
+
+    #[test]
+    fn the_frame_of_the_first_launch_is_no_time_of_the_build() {
+        assert_eq!([beside_frame_ms(10.0, 4.0), beside_frame_ms(3.0, 4.0)], [6.0, 0.0]);
     }
 
     #[test]

@@ -341,5 +341,10 @@ mod tests {
         let more = attempt(&parent.path().join("more"), "done", &samples);
         JsonLines::append_to(&more.join(CONTROLS)).unwrap().append(&record).unwrap();
         assert_eq!(taken(&more), 1);
+        // Launch 0 also measured a point that has no record.
+        let samples = [("control", 0, None), ("open", 0, None)];
+        let open = attempt(&parent.path().join("open"), "done", &samples);
+        JsonLines::append_to(&open.join(CONTROLS)).unwrap().append(&record).unwrap();
+        assert_eq!(taken(&open), 2);
     }
 }

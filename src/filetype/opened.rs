@@ -207,4 +207,11 @@ mod tests {
             assert_eq!((Damaged::caused(&error), error.to_string()), (true, expected));
         }
     }
+
+    #[test]
+    fn an_unpacked_file_has_the_limit_of_its_kind() {
+        let of = |length: usize| Opened::held(vec![b' '; length], Path::new("a.cl")).bytes(Kind::Kernel);
+        assert_eq!(of(1 << 20).unwrap().len(), 1 << 20);
+        assert_eq!(of((1 << 20) + 1).unwrap_err().to_string(), "a kernel file may have at most 1 MiB");
+    }
 }

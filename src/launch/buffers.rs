@@ -123,15 +123,18 @@ mod tests {
         let shared = Queue { shares_memory: true, ..open() };
         let separate = [2 * ROW * size_of::<u32>(), 1 << 20].map(|bytes| open().with_separate_memory(bytes));
         let values: Vec<u32> = (0..30).collect();
-        for queue in [shared].into_iter().chain(separate) {
+        let all_pieces = [vec![7], vec![2, 2, 2, 1], vec![7]];
+        for (queue, expected) in [shared].into_iter().chain(separate).zip(all_pieces) {
             let buffer = upload(&queue, &values).unwrap();
-            let mut read = Vec::new();
+            let (mut read, mut pieces) = (Vec::new(), Vec::new());
             let take = |rows: Range<usize>, part: &[u32]| {
                 assert_eq!((part[0] as usize, part.len()), (rows.start * ROW, rows.len() * ROW));
+                pieces.push(rows.len());
                 read.extend_from_slice(part);
             };
             read_rows(&queue, &buffer, (2..9, ROW), take).unwrap();
             assert_eq!(read, values[2 * ROW..9 * ROW]);
+            assert_eq!(pieces, expected);
         }
     }
 }

@@ -240,6 +240,18 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
     }
 }
 
+/// With these defines, the programs of all other pictures would be compiled again whenever the defines change.
+#[test]
+fn the_defines_of_light_at_half_resolution_are_in_its_programs_alone() {
+    for strategy in PRESETS.iter().map(|preset| preset.strategy).filter(|of| of.family().takes(Fact::Soft)) {
+        let [whole, half] = [SOFT, HALF_LIGHT].map(|of| spec_for(&Sources::Embedded, &strategy, of).options);
+        for name in ["HALF_LIGHT_SHARPNESS", "INTERLEAVED"] {
+            let given = [&whole, &half].map(|options| options.contains(&format!("-D {name}=")));
+            assert_eq!(given, [false, true], "{strategy}: {name}");
+        }
+    }
+}
+
 #[test]
 fn a_value_that_is_a_file_is_in_the_program_and_no_other_of_its_axis_is() {
     for strategy in strategies() {

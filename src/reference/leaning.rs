@@ -357,6 +357,9 @@ mod tests {
         assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[])), [Some(false), Some(false), Some(true)]);
         assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[left])), [Some(true); 3]);
         assert_eq!(remains(1e-7, &[above]), Some(false), "both triangles lie on the same side of the edge");
+        // A triangle in front of the edge or behind it shares no edge.
+        let apart = [1.0, -1.0].map(|z| left.map(|corner| corner + DVec3::Z * z));
+        assert_eq!(apart.map(|other| remains(0.0, &[other])), [Some(false); 2]);
     }
 
     #[test]

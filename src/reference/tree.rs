@@ -346,6 +346,17 @@ mod tests {
     }
 
     #[test]
+    fn the_leaves_of_a_tree_that_is_built_in_parallel_have_each_triangle_once() {
+        let scene = fixtures::random(PARALLEL + 1000, 3);
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        let ranges = tree.nodes.iter().filter_map(|node| match node.children {
+            Children::Leaf { first, end } => Some(first..end),
+            Children::Inner { .. } => None,
+        });
+        assert!(ranges.flatten().eq(0..PARALLEL as u32 + 1000));
+    }
+
+    #[test]
     fn a_tree_over_triangles_that_shrink_by_powers_is_no_deeper_than_its_stack() {
         // Each split by cost separates only the largest triangle.
         let mut mesh = (*fixtures::single_triangle().mesh).clone();

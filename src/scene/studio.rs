@@ -197,6 +197,23 @@ mod tests {
         assert!(background.distance(Vec3::new(0.007_072, 0.007_453_3, 0.008_197_3)) < 1e-6, "{background}");
     }
 
+    /// In a room, the far walls would otherwise hide the whole sky.
+    #[test]
+    fn only_near_surfaces_hide_the_sky_from_a_mesh_that_is_open_on_one_side() {
+        let whole = generate(&Shape::Sphere { triangles: 400 });
+        let is_behind = |triangle: &&Triangle| whole.corners(triangle).iter().all(|corner| corner.z < 0.1);
+        let triangles = whole.triangles.iter().filter(is_behind).copied().collect();
+        let half = Mesh { triangles, ..whole.clone() };
+        let reach = |mesh: &Mesh| {
+            let ball = Ball::around(mesh, DVec3::Y);
+            let camera = Camera { position: Vec3::Z * 3.0, ..Camera::PAPER };
+            let studio = Studio::around(mesh, ball, &camera, DVec3::Y);
+            f64::from(studio.sky.reach) / ball.centre_and_radius().1
+        };
+        let [closed, open] = [&whole, &half].map(reach);
+        assert!((closed - 3.0).abs() < 1e-6 && (open - 0.4).abs() < 1e-6, "{closed} {open}");
+    }
+
     #[test]
     fn no_edge_of_the_ground_is_passed_twice_in_one_direction() {
         let edges: Vec<[u32; 2]> = ground_faces().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).collect();

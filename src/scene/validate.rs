@@ -240,6 +240,7 @@ pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
 mod tests {
     use super::*;
     use crate::reference::fixtures::single_triangle;
+    use crate::scene::Triangle;
 
     #[test]
     fn coordinates_are_limited_in_both_directions() {
@@ -275,6 +276,25 @@ mod tests {
             scene.mesh_mut().normals[0] = normal;
             assert_eq!(check_mesh(&scene.mesh).is_ok(), is_valid, "{normal}");
         }
+    }
+
+    #[test]
+    fn a_triangle_names_positions_normals_and_a_material_that_exist() {
+        let is_valid = |change: fn(&mut Triangle)| {
+            let mut scene = single_triangle();
+            let mesh = scene.mesh_mut();
+            // The mesh has five positions, two normals and one material.
+            mesh.positions.resize(5, Vec3::ONE);
+            mesh.normals = vec![Vec3::Z; 2];
+            mesh.triangles[0].normals = [0; 3];
+            change(&mut mesh.triangles[0]);
+            check_mesh(mesh).is_ok()
+        };
+        assert!(is_valid(|triangle| triangle.positions[2] = 4));
+        assert!(is_valid(|triangle| triangle.normals[2] = 1));
+        assert!(!is_valid(|triangle| triangle.positions[2] = 5));
+        assert!(!is_valid(|triangle| triangle.normals[2] = 2));
+        assert!(!is_valid(|triangle| triangle.material = 1));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::device::Hardware;
 use nvml_wrapper::bitmasks::device::ThrottleReasons;
 use nvml_wrapper::enum_wrappers::device::{Clock, TemperatureSensor};
 use nvml_wrapper::enums::device::UsedGpuMemory;
-use nvml_wrapper::struct_wrappers::device::ProcessInfo;
+use nvml_wrapper::struct_wrappers::device::{MemoryInfo, ProcessInfo};
 use nvml_wrapper::{Device, Nvml};
 use std::sync::OnceLock;
 
@@ -24,11 +24,12 @@ pub(super) fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     let device = device(hardware)?;
     let memory = device.memory_info().ok()?;
     let processes = device.running_compute_processes().unwrap_or_default();
-    Some(UsedMemory {
-        total_bytes: memory.total,
-        used_bytes: memory.used,
-        own_bytes: used_by(&processes, std::process::id()),
-    })
+    Some(use_of(&memory, used_by(&processes, std::process::id())))
+}
+
+/// Returns the use of a device's memory, of which this process uses `own_bytes`.
+fn use_of(memory: &MemoryInfo, own_bytes: Option<u64>) -> UsedMemory {
+    UsedMemory { total_bytes: memory.total, used_bytes: memory.used, own_bytes }
 }
 
 /// Returns the bytes that the process with this number uses; `None` if the list lacks the process, or does not state
@@ -147,6 +148,13 @@ mod tests {
         };
         let listed = [process(7, UsedGpuMemory::Used(70)), process(8, UsedGpuMemory::Unavailable)];
         assert_eq!([7, 8, 9].map(|id| used_by(&listed, id)), [Some(70), None, None]);
+    }
+
+    #[test]
+    fn the_use_of_a_devices_memory_is_what_is_neither_free_nor_reserved() {
+        let memory = MemoryInfo { free: 600, reserved: 50, total: 1000, used: 350, version: 0 };
+        let expected = UsedMemory { total_bytes: 1000, used_bytes: 350, own_bytes: Some(70) };
+        assert_eq!(use_of(&memory, Some(70)), expected);
     }
 
     #[test]

@@ -316,3 +316,17 @@ impl Width {
         1 << (self as usize)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_an_axis_of_files_is_said_to_get_values_from_a_folder() {
+        let remedies = [Layout::parse("qqqqqqqq").err(), Traversal::parse("qqqqqqqq").err()]
+            .map(|error| error.expect("no such value").remedy().to_owned());
+        let usual = "`raycl strategies` explains each value";
+        let of_files = format!("{usual}; with --cl-dir DIR, DIR's files are values too");
+        assert_eq!(remedies, [of_files, usual.to_owned()]);
+    }
+}

@@ -57,7 +57,8 @@ mod tests {
         assert_eq!(parse_size("16x8"), Ok([16, 8]));
         assert_eq!(parse_size("16X8"), Ok([16, 8]));
         assert_eq!(parse_size("4"), Ok([4, 4]));
-        for wrong in ["", "x", "0x4", "-1", "4x", "5000", "8x8x8"] {
+        assert_eq!(parse_size("4096x1"), Ok([4096, 1]));
+        for wrong in ["", "x", "0x4", "-1", "4x", "4097", "8x8x8"] {
             let message = parse_size(wrong).expect_err(wrong);
             assert!(message.contains("such as 16x8, or one number for both"), "{message}");
         }

@@ -207,6 +207,14 @@ mod tests {
     }
 
     #[test]
+    fn no_display_kernel_is_built_for_the_frames_of_a_moving_picture() {
+        let device = discover(&Sources::Embedded).expect("devices").remove(0);
+        let queue = Queue::open(&device).expect("a queue").with_separate_memory(1 << 20);
+        let args = Command::parse_from(["render", "a.obj", "--turntable", "4"]).args;
+        assert!(matches!(show(&args, &Sources::Embedded, &device, &queue), Ok((None, None))));
+    }
+
+    #[test]
     fn work_that_is_done_while_the_scene_is_loaded_takes_no_time_of_its_own() {
         let times = |load_ms, start_ms, build_ms| {
             let parts = parts(load_ms, start_ms, build_ms);

@@ -477,6 +477,19 @@ fn a_run_on_two_devices_stores_and_tells_what_a_run_on_one_does() {
     assert_eq!((workers.requests.load(Ordering::Relaxed), heard.resumed), (before, vec![[3, 6]]));
 }
 
+/// Two devices measure the casters on the host first. Here, nothing else is left to measure.
+#[test]
+fn an_interruption_of_a_caster_on_the_host_ends_a_run_on_two_devices() {
+    let folder = tempfile::tempdir().unwrap();
+    let kernels = format!("local_sizes = [1]\n{TIMING}");
+    let spread = session(folder.path(), &kernels, &Answering::default(), |run| Run { spread: true, ..run });
+    assert_eq!(spread.0.unwrap().len(), 1);
+    let lines = format!("local_sizes = [1]\nbaselines = ['serial']\n{TIMING}");
+    let workers = Answering { interrupts_at: 1, ..Answering::default() };
+    let (records, heard) = session(folder.path(), &lines, &workers, |run| Run { spread: true, ..run });
+    assert_eq!((records.unwrap_err().exit_code(), heard.resumed), (130, vec![[1, 2]]));
+}
+
 #[test]
 fn workers_have_the_time_limit_of_the_run_on_one_device_and_on_two() {
     let limit = Duration::from_millis(30);

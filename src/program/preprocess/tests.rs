@@ -294,6 +294,12 @@ int x;
 }
 
 #[test]
+fn no_code_is_joined_to_a_comment() {
+    let text = text("#define A a\nf(A, // why\n  b);\n");
+    assert!(text.lines().any(|line| line.trim() == "b);"), "{text}");
+}
+
+#[test]
 fn pragmas_are_kept() {
     let source = "#pragma unroll 4 // faster\nfor (;;)\n_Pragma(\"unroll 1\") for (;;) {}\n";
     assert_eq!(text(source), source);

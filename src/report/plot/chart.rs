@@ -235,6 +235,16 @@ mod tests {
         assert_eq!([2, 20].map(slanted), [false, true]);
     }
 
+    #[test]
+    fn the_label_of_the_x_axis_stands_below_slanted_names() {
+        let names = vec!["a name of 20 letters".to_owned(); 20];
+        let chart = Chart { across: Across::Names(names), ..chart("naive") };
+        let frame = chart.frame(WIDE);
+        // A slanted name begins 14 pixels below the axis, and descends at 35 degrees.
+        let lowest = frame.bottom + 14.0 + 20.0 * LETTER * 35.0_f64.to_radians().sin();
+        assert!(chart.label_top(&frame) > lowest, "{} is above {lowest}", chart.label_top(&frame));
+    }
+
     /// A series without a name is a fitted line. Such a series has no entry in the legend, and belongs to the
     /// series before it.
     #[test]

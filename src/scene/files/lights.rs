@@ -140,4 +140,10 @@ mod tests {
         };
         assert!(light(1.0, 1e12) && !light(1.1, 1e12) && !light(0.0, 1e200));
     }
+
+    #[test]
+    fn a_directional_light_without_a_direction_shines_downwards() {
+        let [without, down] = [DVec3::ZERO, DVec3::NEG_Y].map(|to| FileLight::direction(to, DVec3::ONE));
+        assert_eq!(without, down);
+    }
 }

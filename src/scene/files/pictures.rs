@@ -341,6 +341,18 @@ mod tests {
     }
 
     #[test]
+    fn a_tga_file_without_a_footer_is_recognised_by_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let texels = [tga(2, 1), vec![1, 2, 3, 4, 5, 6]].concat();
+        std::fs::write(folder.path().join("a.tga"), texels).unwrap();
+        let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+        let reach = Reach { folder: folder.path(), permitted };
+        let mut pictures = Pictures::default();
+        assert_eq!(pictures.file(reach, "a.tga", Usage::colour([Wrap::Repeat; 2])), Ok(0));
+        assert_eq!(pictures.list[0].size, [2, 1]);
+    }
+
+    #[test]
     fn a_picture_that_is_cut_off_is_called_so_in_every_format() {
         let picture = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([x as u8, y as u8, 7]));
         for format in [ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga] {

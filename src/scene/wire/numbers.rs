@@ -203,6 +203,8 @@ impl<'de, R: Range> Visitor<'de> for TripleVisitor<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::de::DeserializeOwned;
+    use std::collections::BTreeMap;
 
     #[test]
     fn numbers_beyond_single_precision_are_reported_with_the_range_that_fits() {
@@ -245,5 +247,17 @@ mod tests {
             [0.0, 1_234_567.5, 1e16].map(short).each_ref().map(|s| s.as_str())
         );
         assert_eq!(refusal::<NonZero>(0.0), "0 is not a finite number other than 0");
+    }
+
+    #[test]
+    fn a_single_number_is_expected_only_where_it_sets_all_three() {
+        fn expected<T: DeserializeOwned>() -> String {
+            let read = toml::from_str::<BTreeMap<String, T>>("key = true");
+            read.err().map(|error| error.message().to_owned()).unwrap_or_default()
+        }
+        let (one_or_three, three) = (expected::<Triple<Power>>(), expected::<Vector>());
+        let numbers = "three numbers [x, y, z], each ";
+        assert!(one_or_three.contains(&format!(", expected a number or {numbers}")), "{one_or_three}");
+        assert!(three.contains(&format!(", expected {numbers}")), "{three}");
     }
 }

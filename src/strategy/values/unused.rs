@@ -140,6 +140,8 @@ mod tests {
         ] {
             assert_eq!(outer_folder(Path::new(folder), file), outer.map(Path::new), "{folder}");
         }
+        let error = unused(Path::new("k/cast"), "intersect/mine.cl", &[], false);
+        assert!(error.remedy().ends_with(": write --cl-dir k"), "{}", error.remedy());
     }
 
     #[test]

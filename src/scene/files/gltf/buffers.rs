@@ -178,4 +178,17 @@ mod tests {
         let damaged = "buffer 0: it has damaged base64 (Invalid symbol 33, offset 0)";
         assert_eq!(error("data:;base64,!AAA"), damaged);
     }
+
+    #[test]
+    fn a_buffer_is_empty_only_if_its_length_is_0() {
+        let length = |stated: u32| {
+            let buffer = format!(r#"{{"uri": "data:;base64,", "byteLength": {stated}}}"#);
+            let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffer}]}}"#);
+            let root: Root = serde_json::from_str(&text).unwrap();
+            let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+            load(&root, Reach { folder: Path::new(""), permitted }, None).map(|buffers| buffers[0].len())
+        };
+        assert_eq!(length(0), Ok(0));
+        assert_eq!(length(3), Err("buffer 0 is empty; expected 3 bytes".to_owned()));
+    }
 }

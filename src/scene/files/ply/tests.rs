@@ -251,6 +251,9 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
             }
         }
     }
+    // Nothing follows the last number of an ASCII file.
+    let message = message_of("ascii", "element vertex 4\nproperty uchar x", "1 2 3 4");
+    assert!(!message.contains("too short"), "{message}");
     let two =
         "element vertex 2\nproperty double x\nelement face 3\nproperty list ushort short a\nproperty float b";
     let message = message_of("binary_little_endian", two, &"x".repeat(33));
