@@ -6,7 +6,6 @@
 use std::borrow::Cow;
 use std::cell::Cell;
 use std::fmt::Write as _;
-use std::io::Write as _;
 
 /// Returns true if a character could control a terminal or mislead a reader. Such characters are control
 /// characters other than line breaks and tabs, Unicode's separators of lines and paragraphs, characters that
