@@ -66,7 +66,7 @@ typedef struct {
     Uniform3 origin;
     float too_near; // 1 / t of the nearest distance at which hits count; hits with a larger 1 / t are ignored
     float longest;  // an upper bound of the absolute values of the directions' components
-    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
+    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: of depth 1 from the eye, of length 1 from a light
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
     uint scattered;             // vectors of shadow rays whose hits lie far apart (scattered.cl), one bit each

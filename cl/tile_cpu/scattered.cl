@@ -2,8 +2,8 @@
 // interval of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against
 // the boxes.
 
-// The hits of a vector are far apart if their distance from each other exceeds this multiple of the width of the
-// vector's block, measured at the hits' distance from the eye.
+// The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds this multiple of
+// the width of the vector's block, measured at the hits' distance from the eye.
 #define SCATTERED 8.0f
 
 // Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.
@@ -12,21 +12,20 @@ float pixel_side(float4 step_x, float4 step_y) {
     return max(max(longer.x, longer.y), longer.z);
 }
 
-// Returns the vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions
-// from a light to the hits, which show the hits' positions. `block_side` is the width of a vector's block of pixels at
-// a depth of 1.
+// Returns the vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions (of
+// length 1) from a light to the hits, and the largest distances between light and hits. `block_side` is the width of a
+// vector's block of pixels at a depth of 1.
 uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
-        // `distance_squared` is a lower bound of the squared distance of a vector's hits from the eye.
+        // `distance_squared` is the squared distance from the eye of a point in the middle of a vector's directions.
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f);
+        const float16 reach = directions->reach[part];
         for (int axis = 0; axis < 3; axis++) {
-            // A shadow ray's direction is the vector from the light to the hit, so the interval of directions is the
-            // box around the hits, relative to the light.
             const float16 low = directions->low[axis][part], high = directions->high[axis][part];
-            const float16 away = max(max(offset[axis] + low, -offset[axis] - high), 0.0f);
-            apart = max(apart, high - low);
+            const float16 away = offset[axis] + 0.5f * (low + high) * reach;
+            apart = max(apart, (high - low) * reach);
             distance_squared += away * away;
         }
         // Squares are compared, to avoid a square root. The condition is: apart > SCATTERED * (width of the block at
@@ -54,13 +53,13 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns those of `vectors` in which an unfinished ray enters a child's box before t = 1 (the hit), one bit each. All
+// Returns those of `vectors` in which an unfinished ray enters a child's box before the ray's end, one bit each. All
 // `vectors` must be scattered.
 uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);
-        varying entry = (varying)(0.0f), leave = (varying)(1.0f);
+        varying entry = (varying)(0.0f), leave = (varying)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             // This is the slab test (Kay and Kajiya 1986) of sixteen rays against one box.
             const varying per = bundle->per[axis][vector];
@@ -68,7 +67,8 @@ uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vector
             entry = max(entry, min(a, b));
             leave = min(leave, max(a, b));
         }
-        met |= ANY((entry <= leave * OUTWARDS) & (bundle->inv_t[vector] < FAR)) ? 1u << vector : 0;
+        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR.
+        met |= ANY((entry <= leave * OUTWARDS) & (entry * bundle->inv_t[vector] <= OUTWARDS)) ? 1u << vector : 0;
     }
     return met;
 }

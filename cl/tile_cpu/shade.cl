@@ -115,14 +115,16 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
     // If nothing blocks the light, the radiance is power / (4 pi r^2) times f times the cosine.
     *arriving = scale(multiply(power, f), cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
-    // The shadow ray starts at the light, so that all rays of the tile have a common origin again.
-    bundle->x[vector] = -offset.x;
-    bundle->y[vector] = -offset.y;
-    bundle->z[vector] = -offset.z;
-    // The shadow ray ends shortly before t = 1, which is the hit.
+    // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have
+    // length 1: bounds of rounding errors are relative to the longest direction of the tile, and would be far too large
+    // for rays to hits near the light if directions had the lengths of the rays.
+    bundle->x[vector] = -to_light.x;
+    bundle->y[vector] = -to_light.y;
+    bundle->z[vector] = -to_light.z;
+    // The shadow ray ends shortly before t = distance, which is the hit.
     const varying gap = gap_before_hit(lighting->bias * per_distance, 1.0f / cosine);
-    bundle->inv_t[vector] = SELECT(lit, 1.0f / (1.0f - gap), (varying)(FAR));
-    bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
+    bundle->inv_t[vector] = SELECT(lit, per_distance / (1.0f - gap), (varying)(FAR));
+    ((float *)slices->reach)[vector] = most_lane(SELECT(lit, distance, (varying)(0.0f)));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
@@ -143,9 +145,9 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
             slices->low[axis][part] = (float16)(FAR);
             slices->high[axis][part] = (float16)(-FAR);
         }
-        slices->reach[part] = (float16)(1.0f);
+        slices->reach[part] = (float16)(0.0f);
     }
-    bundle->longest = 0.0f;
+    bundle->longest = 1.0f;
     bundle->origin = LOAD3(lighting->lights + LIGHT_FLOATS * light);
     bundle->too_near = FAR;
     // The vectors in which at least one hit faces the light.

@@ -19,16 +19,16 @@ void fetch_child(const Tree *tree, uint word) {
 
 // Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top, unless
 // `any` is 1 (the order does not matter then). Returns the new number of the stack's entries. To find a child's place,
-// the function counts the pushed children that the tile enters later: these are below the child. An example with three
+// the function counts the pushed children that the tile enters later: these are below the child. `reach` is the largest
+// t at which any ray of the tile can hit something. An example with three
 // children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
-                  uint word, uint live, const int any, WaitingTile *stack, int waiting) {
+                  uint word, uint live, float reach, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], pushed = 0;
-    const float reach = any ? 1.0f : furthest(slices);
     // First, the whole tile is tested against all children together. Then, the vectors are tested child by child.
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
@@ -68,18 +68,23 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     stack[0].entry = 0.0f;
     stack[0].live = open;
     int waiting = 1;
+    float reach = furthest(slices);
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
         // A vector is excluded if all its rays have found hits nearer than `next` since `next` was pushed.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
-            waiting = push_children(bundle, slices, interval, tree, next.word, live, any, stack, waiting);
+            waiting = push_children(bundle, slices, interval, tree, next.word, live, reach, any, stack, waiting);
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
         // A vector whose shadow rays are all blocked is finished. Other vectors have a smaller reach (largest t) now.
-        if (any) open &= ~changed;
-        else update_reach(bundle, slices, changed);
+        if (any) {
+            open &= ~changed;
+        } else {
+            update_reach(bundle, slices, changed);
+            reach = furthest(slices);
+        }
     }
 }
