@@ -110,13 +110,21 @@ fn the_cache_is_shown_cleared_and_named() {
     assert_eq!(said(&["cache", "path"]).trim(), folder);
     let path: Value = serde_json::from_str(&said(&["cache", "path", "--json"])).expect("JSON");
     assert_eq!(path, serde_json::json!({ "folder": folder }));
+    // A folder's name may contain a colour code, which must not reach the terminal.
+    let red = work_folder.path("a\u{1b}[31mb");
+    let path = raycl(&work_folder, &["cache", "path"]).env("XDG_CACHE_HOME", red).assert().success();
+    has(&String::from_utf8_lossy(&path.get_output().stdout), &["/a\\u001b[31mb/raycl"]);
     has(&said(&["cache"]), &[&folder, "0 entries", "of at most 67.1 MB"]);
     records(&work_folder, "out", &["--set", "strategies=[\"deferred\"]"]);
     let others = work_folder.path(".caches/raycl/somebody-elses");
     std::fs::write(&others, "a file").expect("a file");
     let shown: Value = serde_json::from_str(&said(&["cache", "show", "--json"])).expect("JSON");
     assert!(shown["entries"].as_u64() > Some(0) && shown["bytes"].as_u64() > Some(1000), "{shown}");
-    has(&said(&["cache", "clear"]), &["removed"]);
+    let removed: Value = serde_json::from_str(&said(&["cache", "clear", "--json"])).expect("JSON");
+    for key in ["folder", "entries", "bytes", "limit_bytes"] {
+        assert_eq!(removed[key], shown[key], "{key}");
+    }
+    has(&said(&["cache", "clear"]), &["0 entries removed"]);
     assert!(entries(&work_folder).is_empty() && others.exists());
     let none = raycl(&work_folder, &["cache"]).env("RAYCL_CACHE_MIB", "0").assert().success();
     has(&String::from_utf8_lossy(&none.get_output().stdout), &["Nothing is stored", "RAYCL_CACHE_MIB is 0"]);

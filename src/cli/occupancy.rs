@@ -182,7 +182,8 @@ mod tests {
         let command = <Args as clap::Args>::augment_args(clap::Command::new("occupancy"));
         let help = command.term_width(0).render_long_help().to_string();
         assert!(
-            help.contains("one of 2.0, 2.1, 3.0, 3.5, 3.7, 5.0,") && help.contains(" 8.9, 9.0 ["),
+            help.contains("one of 2.0, 2.1, 3.0, 3.5, 3.7, 5.0,")
+                && help.contains(" 8.9, 9.0 [default: 8.6;"),
             "{help}"
         );
     }

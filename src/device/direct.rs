@@ -231,6 +231,15 @@ mod tests {
             0
         };
         assert_eq!(answer(endless), Err(-6));
+        let only_its_size = |_: usize, _: *mut c_void, needed: *mut usize| {
+            if needed.is_null() {
+                return -5;
+            }
+            // SAFETY: `answer` passes a place for the size in its first call.
+            unsafe { *needed = 3 };
+            0
+        };
+        assert_eq!(answer(only_its_size), Err(-5));
     }
 
     #[test]

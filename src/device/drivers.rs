@@ -137,6 +137,12 @@ mod tests {
     }
 
     #[test]
+    fn an_environment_that_names_no_driver_adds_none() {
+        let installed = installed();
+        assert!(!installed.contains(&Driver::Library(String::new())), "{installed:?}");
+    }
+
+    #[test]
     fn the_only_driver_must_be_corrected_and_one_of_several_can_be_left_out() {
         assert_eq!([0, 1, 2].map(crash_advice), [CORRECT_DRIVER, USE_OTHERS, USE_OTHERS]);
     }

@@ -236,4 +236,24 @@ mod tests {
         let facts = Sheet::read(root.path()).unwrap().facts;
         assert_eq!(facts, ["all 8 x 8 pixels", "nine of 8 x 8", "8 x 8"]);
     }
+
+    #[test]
+    fn a_cell_without_a_record_has_its_columns_text_and_a_column_without_one_is_refused() {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir(root.path().join("docs")).unwrap();
+        let results = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/old-results");
+        let block = |missing: &str| {
+            let column = format!("{{ head = \"registers\", of = \"old: {{}} 1x1 registers\"{missing} }}");
+            let table = "kind = \"table\"\nhead = \"preset\"\nrows = [\"bvh\", \"naive\"]\n";
+            let text = format!(
+                "[facts]\n[sources]\nold = \"{results}\"\n[blocks.one]\n{table}columns = [{column}]\n"
+            );
+            std::fs::write(root.path().join(SHEET), text).unwrap();
+            Sheet::read(root.path()).unwrap().block("one")
+        };
+        let lines = ["| preset | registers |", "|---|---|", "| bvh | not tried |", "| naive | 64 |"];
+        assert_eq!(block(", missing = \"not tried\""), Ok(lines.map(str::to_owned).to_vec()));
+        let error = block("").unwrap_err();
+        assert!(error.ends_with("no record, and the column has no `missing` text"), "{error}");
+    }
 }

@@ -204,6 +204,20 @@ mod tests {
     }
 
     #[test]
+    fn a_plan_of_one_device_has_the_first_of_several_and_none_if_there_is_none() {
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let (one, two, locks) = (device("one"), device("two"), fixtures::own_locks());
+        let last_device = |devices: &[&DeviceInfo]| {
+            let plan = fixtures::run(&experiment, devices, &locks).plan_of_one_device();
+            plan.points.iter().filter_map(|point| point.device).max()
+        };
+        assert_eq!(
+            [last_device(&[]), last_device(&[&one]), last_device(&[&one, &two])],
+            [None, Some(0), Some(0)]
+        );
+    }
+
+    #[test]
     fn a_launch_stops_by_the_experiments_rule() {
         let timing = "min_samples = 12, max_samples = 60, relative_sigma = 0.01, time_limit_ms = 900";
         let experiment =

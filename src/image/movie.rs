@@ -203,6 +203,14 @@ mod tests {
     }
 
     #[test]
+    fn messages_name_the_file_or_the_stream_with_its_format() {
+        let [file, stream] = ["film/a.apng", "-"].map(Target::of_results);
+        let movies = [Movie::apng(file, [2, 1], 25, 2), Movie::y4m(stream, [2, 1], 25)];
+        assert_eq!(movies.each_ref().map(Movie::name), ["film/a.apng", "standard output (y4m)"]);
+        assert_eq!(movies.each_ref().map(Movie::is_stream), [false, true]);
+    }
+
+    #[test]
     fn an_animated_png_repeats_for_ever() {
         let file = animated();
         let reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();

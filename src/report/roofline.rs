@@ -279,6 +279,8 @@ mod tests {
         let are_of = |shown: &str| peaks.each_ref().map(|peak| is_of(peak, "mine", shown, &drivers));
         assert_eq!(are_of("Intel Xeon, PoCL (mine)"), [true, false]);
         assert_eq!(are_of("Intel Xeon, PoCL (another)"), [false, false]);
+        // Where no driver's name is known for a common name, the common name alone decides.
+        assert!(is_of(&peaks[0], "mine", "Intel Xeon, PoCL", &HashMap::new()));
     }
 
     #[test]

@@ -171,6 +171,15 @@ mod tests {
     }
 
     #[test]
+    fn a_constant_has_few_digits_and_is_above_the_lower_case() {
+        assert_eq!(between(4.0, 9.0), 6.0);
+        // The mean 6.0498 is 6.0 with two digits, but the lower case must stay below the constant.
+        assert_eq!(between(6.0, 6.1), 6.05);
+        // The mean 5.095 is 5.1 with two digits. A constant may equal the upper case.
+        assert_eq!([between(5.09, 5.1), between(0.0, 7.3)], [5.1, 7.3]);
+    }
+
+    #[test]
     fn without_a_sweep_nothing_moves() {
         for watertight in [false, true] {
             let constants = Class::SharedTiles.constants(watertight);

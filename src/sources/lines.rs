@@ -180,6 +180,7 @@ mod tests {
             "\"text \\\n#include \\\"b.cl\\\" \"\n",
             "\"text \\\\\n#include \\\"b.cl\\\" \"\n",
             "\"\\\\\" /*\n#include \"b.cl\"\n*/\n",
+            "\"text\"/*\n#include \"b.cl\"\n*/\n",
         ] {
             assert!(includes(text).is_empty(), "{text}");
         }

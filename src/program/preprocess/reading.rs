@@ -217,6 +217,15 @@ __kernel void other(void) { nor_this(); }
     }
 
     #[test]
+    fn what_a_function_uses_that_is_defined_after_its_call_stays() {
+        let source = "int used(void) { return 1; }\nint later(void);\n\
+            __kernel void mine(void) { later(); }\nint later(void) { return used(); }\n";
+        let lines = preprocess(source, "", &BTreeMap::new()).map(|output| output.lines).unwrap_or_default();
+        let reading = read(&lines, Some(&["mine"]));
+        assert!(reading.left_out == 0 && reading.text.contains("int used(void)"), "{}", reading.text);
+    }
+
+    #[test]
     fn nothing_is_left_out_where_all_is_asked_for() {
         let whole = reading(None);
         assert_eq!(whole.left_out, 0);

@@ -117,6 +117,15 @@ fn without_a_ratio_there_is_the_reason() {
 }
 
 #[test]
+fn of_points_without_a_rank_one_with_a_time_has_the_reason() {
+    let of_local = |record: Record| with_axes(record, "local", "global");
+    let failed = of_local(infeasible("gpu", "local-vectors", 8, "__local memory: 2 B > 1 B"));
+    let few = of_local(few("gpu", "local-vectors", 16, 5.0, 3));
+    let expected = ["local-vectors at 16 x 16: not enough samples (n = 3)"];
+    assert_eq!(results([naive(8, 10.0), failed, few]), expected);
+}
+
+#[test]
 fn a_change_without_times_on_a_device_is_not_shown() {
     let fails = with_axes(infeasible("gpu", "local-vectors", 8, "no"), "local", "global");
     assert!(shown([naive(8, 10.0), fails]).is_empty());

@@ -44,6 +44,19 @@ fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
 }
 
 #[test]
+fn a_row_has_millions_of_rays_and_billions_of_tests_per_second() {
+    // In 10 ms, a frame casts 400,000 primary rays and 200,000 shadow rays. The primary rays alone take 4 ms.
+    let record = Record {
+        shadow_rays: Some(200_000),
+        primary_ms: Some(4.0),
+        tests_per_s: Some(2e9),
+        ..measured("gpu", "naive", 8, 10.0)
+    };
+    let shown = row(&record, None, false);
+    assert_eq!([shown.frame_rays, shown.primary_rays, shown.tests], ["60.0", "100", "2.00"]);
+}
+
+#[test]
 fn a_scene_at_two_image_sizes_is_one_scene() {
     let at = |image_size| Record { image_size, ..measured("gpu", "naive", 8, 1.0) };
     let records = [[800, 500], [1600, 1000]].map(at);

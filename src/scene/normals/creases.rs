@@ -201,6 +201,9 @@ mod tests {
         let mut smooth = generate(&Shape::Sphere { triangles: 1000 });
         smooth.normals.clear();
         smooth.triangles.iter_mut().for_each(|triangle| triangle.normals = [MISSING; 3]);
+        // A triangle without area has no direction that could differ from the smooth normals.
+        let [a, b, _] = smooth.triangles[0].positions;
+        smooth.triangles.push(Triangle { positions: [a, b, b], ..smooth.triangles[0] });
         let mut creased = smooth.clone();
         complete(&mut smooth, None);
         complete(&mut creased, Some(40.0));

@@ -421,6 +421,12 @@ mod tests {
     }
 
     #[test]
+    fn an_index_may_have_either_sign() {
+        let all = ["12", "+12", "-12", "+", "1+", "++1"].map(|token| integer(token.as_bytes()));
+        assert_eq!(all, [Some(12), Some(12), Some(-12), None, None, None]);
+    }
+
+    #[test]
     fn a_material_goes_on_through_all_pieces_that_name_none() {
         let piece = |name: Option<&str>| PointChunk {
             last_material: name.map(str::to_owned),

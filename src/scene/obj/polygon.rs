@@ -291,6 +291,14 @@ mod tests {
         assert_eq!(triangulate(&quad).map(|triangles| triangles.contains(&[0, 1, 2])), Some(false));
     }
 
+    /// The first triangle of the fan is reversed, and twice its area is twice the height of the second corner. The
+    /// outline's largest coordinate is 2, so the seam has a width of 4.768e-7. Three sides have a length of 4.236.
+    #[test]
+    fn reversed_triangles_of_a_fan_are_at_most_as_large_as_a_seam_along_its_outline() {
+        let outline = |height: f64| [(0.0, 0.0), (1.0, height), (2.0, 0.0), (1.0, 2.0)].map(DVec2::from);
+        assert_eq!([0.9e-6, 1.1e-6].map(|height| has_sound_fan(&outline(height))), [true, false]);
+    }
+
     #[test]
     fn two_holes_stay_open() {
         let vertices = [

@@ -182,10 +182,12 @@ fn a_header_that_contradicts_itself_has_both_lines() {
         "",
     );
     mistake("mine\n", "mine\n// meaning: yours\n", "line 3: 'meaning' occurs twice: first in line 2", "");
-    mistake(
-        "any-ray",
-        "origin",
-        "line 3: 'record_floats' is 9; expected 12, since 'prepared_for' in line 4 is origin or pixels",
-        "",
-    );
+    for planes in ["origin", "pixels"] {
+        mistake(
+            "any-ray",
+            planes,
+            "line 3: 'record_floats' is 9; expected 12, since 'prepared_for' in line 4 is origin or pixels",
+            "",
+        );
+    }
 }

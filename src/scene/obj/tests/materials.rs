@@ -444,6 +444,11 @@ fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_
     assert!(notes[0].ends_with("): its material's own colour is used"), "{notes:?}");
     assert!(notes[1].contains("m.mtl:3: mask `no.png` cannot be read ("), "{notes:?}");
     assert!(notes[1].ends_with("): its surface has no holes"), "{notes:?}");
+    let (_, notes) = read("newmtl a\nmap_Kd none.png\nmap_d none.png\n", face);
+    let starts =
+        ["m.mtl:2: texture `none.png` cannot be read (", "m.mtl:3: mask `none.png` cannot be read ("];
+    assert_eq!(notes.len(), 2, "{notes:?}");
+    assert!(notes.iter().zip(starts).all(|(note, start)| note.contains(start)), "{notes:?}");
     let textured = "newmtl a\nmap_Kd dot.png\n";
     let one = "1 triangle has a texture but no texture coordinates: its material's own colour is used";
     assert_eq!(read(textured, "f 1 2 3\nf 1/1 2/1 3/1\n").1, [one]);
