@@ -410,6 +410,16 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_includes_itself_is_refused_with_every_file_on_the_way() {
+        let mut chain = Chain::default();
+        chain.enter("a.cl", 0).unwrap();
+        chain.enter("b.cl", 0).unwrap();
+        let error = chain.enter("a.cl", 0).unwrap_err();
+        let expected = "a kernel file includes itself: a.cl includes b.cl includes a.cl";
+        assert_eq!((error.to_string().as_str(), error.exit_code()), (expected, 2));
+    }
+
+    #[test]
     fn only_the_first_files_of_many_are_named() {
         let files: Vec<_> = (1..=5).map(|n| format!("{n}.cl")).collect();
         assert_eq!(some_of(&files[..2]), "1.cl, 2.cl");

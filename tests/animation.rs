@@ -387,6 +387,9 @@ fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_reported() {
         &said,
         &["looks at the same point", "at frame 5: the camera is at", "track `camera.position` at frame 5"],
     );
+    // The background is transparent from frame 3 on, and only the frames before it are rendered.
+    let clear = folder_with(&track("path = \"background\"\nat = [1, 3]\nvalues = [0, \"transparent\"]"));
+    assert_eq!(animate(&clear, &["--frames", "1..2"])["frames"], 2);
     let folder = folder_with(TRACKS);
     for (options, message) in [
         (&["--turntable", "3"][..], "cannot be used with"),

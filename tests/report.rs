@@ -123,6 +123,19 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(complaint.contains("naive 8x8 is 20.0% slower"), "{complaint}");
     outcome(&["compare", path(&before), path(&after), "--fail-on-regression", "25%", "--quiet"], 0);
     outcome(&["compare", path(&before), path(&before), "--fail-on-regression", "0", "--quiet"], 0);
+    // Points that are not tested because the second folder lacks them are only noted with a limit.
+    let two = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
+    let compare = ["compare", path(&before), path(&two), "--json"];
+    for (limit, is_noted) in [(&["--fail-on-regression", "5"][..], true), (&[], false)] {
+        let (said, _) = outcome(&[&compare[..], limit].concat(), 0);
+        let said: Value = serde_json::from_str(&said).expect("JSON");
+        let notes = said["notes"].to_string();
+        assert_eq!(
+            notes.contains("`--fail-on-regression` does not test these points: "),
+            is_noted,
+            "{notes}"
+        );
+    }
     let (markdown, _) = outcome(&["compare", path(&before), path(&after), "--markdown"], 0);
     assert!(markdown.contains("| -50.0% (-50.6 to -49.4) | faster |"), "{markdown}");
     let out = tempfile::tempdir().expect("a folder");

@@ -239,9 +239,13 @@ fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_de
 /// Nobody can create files in /proc/sys, not even the superuser.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_merge_into_a_folder_that_may_not_be_written_to_is_the_users_mistake() {
+fn a_merge_or_a_shard_into_a_folder_that_may_not_be_written_to_is_the_users_mistake() {
     let said = WorkFolder::new().mistake(&["merge", "/proc/sys"], 2);
     has(&said, &["the folder '/proc/sys' cannot be written to", "merge a copy of it"]);
+    let shard = ["run", "test.toml", "--out", "/proc/sys/new", "--asleep", "1", "--shard", "1/1"];
+    let said = Ground::new().folder.mistake(&shard, 2);
+    let expected = "cannot make /proc/sys/new: the folder '/proc/sys' cannot be written to";
+    has(&said, &[expected, "choose another folder with --out DIR"]);
     assert!(!said.contains("--out"), "{said}");
 }
 
@@ -344,6 +348,7 @@ fn two_attempts_at_once_are_both_seen_and_counted_once() {
 fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     let ground = Ground::new();
     ground.shard("1/2");
+    has(&ground.folder.output(&["merge", "out", "--status"]), &["1 attempt at 2 shards"]);
     let refused = |arguments: &[&str]| ground.folder.mistake(arguments, 2);
     let shard = ["run", "test.toml", "--out", "out", "--asleep", "1", "--shard"];
     has(

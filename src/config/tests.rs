@@ -180,6 +180,8 @@ fn a_misspelt_key_names_the_nearest() {
     refuses(&text, &["unknown key", "test.toml:8:1", "the keys are"]);
     let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\ntriangels = 8\n");
     refuses(&text, &["unknown key 'triangels'", "test.toml:9:1", "did you mean 'triangles'?"]);
+    let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\nany_kinds = true\n");
+    refuses(&text, &["unknown key 'any_kinds'", "test.toml:9:1", "did you mean 'any_kind'?"]);
 }
 
 #[test]

@@ -73,3 +73,17 @@ fn question(at: usize, name: &str) -> String {
     let value = if name == "__has_builtin" { "1".to_owned() } else { format!("({name} + 0)") };
     format!("#ifdef {name}\nanswer[{at}] = {value};\n#endif\n")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_question_compiles_for_an_empty_macro_and_where_no_built_in_function_can_be_asked_for() {
+        // `(+ 0)` is 0; without the sum, nothing would stand between `=` and `;`.
+        assert_eq!(question(2, "A"), "#ifdef A\nanswer[2] = (A + 0);\n#endif\n");
+        assert_eq!(question(0, "__has_builtin"), "#ifdef __has_builtin\nanswer[0] = 1;\n#endif\n");
+        let of_function = "#if __has_builtin(f)\nanswer[1] = 1;\n#endif";
+        assert_eq!(question(1, "__has_builtin(f)"), format!("#ifdef __has_builtin\n{of_function}\n#endif\n"));
+    }
+}

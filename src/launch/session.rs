@@ -394,6 +394,9 @@ mod tests {
         let prepared = session.prepare(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
         let prepared = prepared.unwrap();
         assert!(prepared.most_work_items().is_some_and(|most| most >= 1));
+        // The needs of the host contain the program.
+        let workload = session.workload(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
+        assert_eq!(prepared.host_bytes, session.host_needs(&strategy, &workload.unwrap()).bytes());
     }
 
     #[test]

@@ -242,12 +242,7 @@ impl Split<'_> {
             if together_ms < alone_ms {
                 break;
             }
-            let reason = |_| {
-                format!(
-                    "a trial frame took {together_ms:.3} ms on this device and the others together, and {alone_ms:.3} ms on the fastest device alone"
-                )
-            };
-            left_out.extend(team.without_slowest(reason));
+            left_out.extend(team.without_slowest(|_| no_gain(together_ms, alone_ms)));
         }
         Ok((team, left_out))
     }
@@ -299,6 +294,14 @@ impl Split<'_> {
         };
         Ok((part, hits, share))
     }
+}
+
+/// Returns why the slowest device is left out if a trial frame takes the devices together no less time than the fastest
+/// device alone.
+fn no_gain(together_ms: f64, alone_ms: f64) -> String {
+    format!(
+        "a trial frame took {together_ms:.3} ms on this device and the others together, and {alone_ms:.3} ms on the fastest device alone"
+    )
 }
 
 /// Returns the size of a trial frame that has at most `rows` rows of pixels. Also returns the factor by which the width
@@ -494,6 +497,14 @@ mod tests {
         let error = split(1).cast(&[]).err().expect("there is no device");
         assert_eq!(error.to_string(), "a device failed: no device was given");
         assert!(error.remedy().contains("leave this device out of --devices"), "{}", error.remedy());
+    }
+
+    #[test]
+    fn a_device_that_makes_the_others_slower_is_left_out_with_both_times() {
+        let reason = no_gain(7.0, 5.25);
+        let [together, alone] =
+            ["7.000 ms on this device and the others together", "5.250 ms on the fastest"];
+        assert_eq!(reason, format!("a trial frame took {together}, and {alone} device alone"));
     }
 
     #[test]

@@ -178,4 +178,15 @@ mod tests {
         let anchors = AnchorTimes::of_launches(&launches, &samples);
         assert_eq!((anchors[0].remaining.len(), anchors[0].utilization), (9, None));
     }
+
+    #[test]
+    fn times_that_were_not_measured_are_absent_from_a_line() {
+        let line = |sample: &AnchorSample| serde_json::to_value(sample).unwrap();
+        let none = line(&AnchorSample::default());
+        let has_no = |key: &str| none.get(key).is_none();
+        assert!(has_no("host_ms") && has_no("processor_ms"), "{none}");
+        let both =
+            line(&AnchorSample { host_ms: Some(5.0), processor_ms: Some(10.0), ..AnchorSample::default() });
+        assert_eq!([&both["host_ms"], &both["processor_ms"]], [5.0, 10.0]);
+    }
 }

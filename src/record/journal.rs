@@ -382,7 +382,7 @@ mod tests {
         let error = journal.check_place().unwrap_err();
         let what = "or its folder was removed or replaced while this run wrote to it";
         let expected = format!("{} {what}", folder.join("records.jsonl").display());
-        assert_eq!((error.to_string(), error.exit_code()), (expected, 1));
+        assert_eq!((error.to_string(), error.remedy(), error.exit_code()), (expected, MOVED, 1));
         std::fs::create_dir(&folder).unwrap();
         std::fs::write(folder.join("records.jsonl"), "").unwrap();
         assert!(journal.check_place().is_err(), "it is another file");

@@ -378,7 +378,7 @@ mod tests {
                 .collect()
         };
         assert_eq!(core_to_core_ns(&of(20)), Some([2.0, 17.0]));
-        assert_eq!(core_to_core_ns(&of(9)), None);
+        assert_eq!((core_to_core_ns(&of(10)), core_to_core_ns(&of(9))), (Some([1.0, 8.0]), None));
         let mean =
             mean_load(&[line(0, 0.5), RoundLoad { processors: 8, stolen: 1.0, ..line(0, 0.5) }]).unwrap();
         assert_eq!((mean.processors, mean.others, mean.stolen), (8.0, 0.5, 0.5));

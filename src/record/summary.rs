@@ -290,11 +290,20 @@ pub mod tests {
             measured("gpu", "a-kernel-of-one's-own", 1, 1.0),
             measured("gpu", "wide", 1, 1.0),
             measured("gpu", "naive", 16, 1.0),
+            Record {
+                key: "gpu naive 128x1".into(),
+                local_size: Some([128, 1]),
+                ..measured("gpu", "naive", 8, 1.0)
+            },
             measured("gpu", "naive", 2, 1.0),
         ];
         let groups = groups(&records);
         let keys: Vec<_> = groups[0].records.iter().map(|record| record.key.as_str()).collect();
-        assert_eq!(keys, ["gpu naive 2", "gpu naive 16", "gpu wide 1", "gpu a-kernel-of-one's-own 1"]);
+        // 16 x 16 are more work-items than 128 x 1.
+        assert_eq!(
+            keys,
+            ["gpu naive 2", "gpu naive 128x1", "gpu naive 16", "gpu wide 1", "gpu a-kernel-of-one's-own 1"]
+        );
     }
 
     #[test]

@@ -195,7 +195,9 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         let taken = folder.path().join("folder");
         std::fs::create_dir(&taken).unwrap();
-        assert_eq!(write_whole(&taken, b"new").unwrap_err().exit_code(), 1);
+        let error = write_whole(&taken, b"new").unwrap_err();
+        let start = format!("cannot write {}: ", taken.display());
+        assert!(error.to_string().starts_with(&start) && error.exit_code() == 1, "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 

@@ -410,5 +410,8 @@ mod tests {
         let limit = inside.limit(9.0);
         assert!(limit > inside.hit.t && limit < inside.hit.t + 1e-4, "{inside:?}");
         assert_eq!((inside.limit(1.0), beside.limit(9.0)), (1.0, 9.0));
+        // Rounding may move the hit away from the origin about as far as towards it.
+        let [nearer, farther] = inside.distances.map(|distance| (distance - inside.hit.t).abs());
+        assert!(nearer > 1e-6 && (0.9 * nearer..1.1 * nearer).contains(&farther), "{inside:?}");
     }
 }

@@ -347,6 +347,16 @@ mod tests {
     }
 
     #[test]
+    fn a_packet_from_a_light_reaches_from_the_end_that_is_farther_from_the_triangle() {
+        let corners = [DVec3::X, DVec3::Y, DVec3::Z];
+        let packet = RayPacket::new(DVec3::ZERO, DVec3::X, 0.1);
+        assert_eq!(packet.reach(&corners), 1.0);
+        assert_eq!(packet.from_light(10.0 * DVec3::X).reach(&corners), 101.0_f64.sqrt());
+        let far_light = RayPacket::new(10.0 * DVec3::X, DVec3::NEG_X, 0.1);
+        assert_eq!(far_light.from_light(DVec3::ZERO).reach(&corners), 101.0_f64.sqrt());
+    }
+
+    #[test]
     fn a_surface_does_not_block_itself() {
         let tree = squares(&[1.0, 2.0]);
         let blocked = |own: u32, least: f64| {

@@ -384,4 +384,23 @@ mod tests {
             Ray { origin: DVec3::ZERO, direction: DVec3::X, near: 0.0, far: f64::INFINITY, to_light: false };
         assert!(tree.closest(&ray).is_none());
     }
+
+    #[test]
+    fn a_triangle_within_the_distance_around_a_ray_is_visited_on_either_side_of_the_ray() {
+        let tree = Tree::new(&fixtures::single_triangle().mesh, Culling::None);
+        let Node { low, high, .. } = tree.nodes[0];
+        let visits = |x: f32, around: f64| {
+            let origin = DVec3::new(f64::from(x), f64::from(0.5 * (low.y + high.y)), 9.0);
+            let ray = Ray { origin, direction: DVec3::NEG_Z, near: 0.0, far: f64::INFINITY, to_light: false };
+            let mut count = 0;
+            tree.walk(&ray, around, |_, far| {
+                count += 1;
+                far
+            });
+            count
+        };
+        for x in [low.x - 0.5, high.x + 0.5] {
+            assert_eq!([0.0, 0.4, 0.6].map(|around| visits(x, around)), [0, 0, 1], "{x}");
+        }
+    }
 }

@@ -192,7 +192,12 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
 
 /// Returns a row for each control point of a folder and each host that measured this point.
 fn hosts(folder: &Folder) -> Vec<HostRow> {
-    let row = |point: &str, at: &AtHost| HostRow {
+    let controls = controls(&folder.records, &folder.controls);
+    controls.iter().flat_map(|control| control.hosts.iter().map(|at| host_row(&control.point, at))).collect()
+}
+
+fn host_row(point: &str, at: &AtHost) -> HostRow {
+    HostRow {
         point: point.to_owned(),
         host: at.host.clone(),
         blocks: at.blocks,
@@ -203,9 +208,7 @@ fn hosts(folder: &Folder) -> Vec<HostRow> {
             format!("{middle}× ({low} to {high})")
         }),
         differs: at.differs(),
-    };
-    let controls = controls(&folder.records, &folder.controls);
-    controls.iter().flat_map(|control| control.hosts.iter().map(|at| row(&control.point, at))).collect()
+    }
 }
 
 fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {

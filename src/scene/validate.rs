@@ -298,6 +298,17 @@ mod tests {
     }
 
     #[test]
+    fn either_all_triangles_or_none_are_mapped_to_textures() {
+        let mut scene = single_triangle();
+        let mesh = scene.mesh_mut();
+        mesh.textures.mapped = vec![Mapped { corners: [[0.0; 2]; 3], texture: None, mask: None }];
+        assert!(check_textures(mesh).is_ok());
+        mesh.triangles = vec![mesh.triangles[0]; 2];
+        let error = check_textures(mesh).unwrap_err().to_string();
+        assert_eq!(error, "1 of 2 triangles are mapped to textures; expected all or none");
+    }
+
+    #[test]
     fn a_view_is_checked_with_the_mesh() {
         let mut scene = single_triangle();
         assert!(scene.validate().is_ok());

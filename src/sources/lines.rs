@@ -188,6 +188,8 @@ mod tests {
         for text in after {
             assert_eq!(includes(&format!("{text}#include \"b.cl\"\n")), ["b.cl"], "{text}");
         }
+        // A backslash also hides a character of several bytes.
+        assert_eq!(includes("\"\\é\" /*\n*/\n#include \"b.cl\"\n"), ["b.cl"]);
     }
 
     #[test]

@@ -121,8 +121,7 @@ impl HostNeeds {
     /// Returns an error if the needs exceed the memory that is available to this process now. `other_bytes` are the bytes
     /// that this process uses beside the needs.
     pub fn check_now(&self, other_bytes: u64) -> Result<(), Infeasible> {
-        let own_bytes = resident_bytes().unwrap_or(0).saturating_sub(other_bytes);
-        self.check(&Available::read(), own_bytes)
+        self.check(&Available::read(), own_bytes(resident_bytes(), other_bytes))
     }
 
     /// Returns an error if the needs exceed the available memory plus `own_bytes`. `own_bytes` is the part of the needs
@@ -134,6 +133,12 @@ impl HostNeeds {
             Infeasible::beyond(format!("{} according to {}", refused.reason, available.source))
         })
     }
+}
+
+/// Returns how many of the bytes that this process uses are not `other_bytes`. `resident_bytes` is `None` if the system
+/// does not report the bytes that this process uses.
+fn own_bytes(resident_bytes: Option<u64>, other_bytes: u64) -> u64 {
+    resident_bytes.unwrap_or(0).saturating_sub(other_bytes)
 }
 
 /// Returns the memory that is in use at every moment.
@@ -241,6 +246,11 @@ mod tests {
              + tree being built 616000064 B = 1448000096 B > 1000000000 B according to a test"
         );
         assert!(needs.check(&available, 600_000_000).is_ok());
+    }
+
+    #[test]
+    fn bytes_of_others_are_not_available_to_a_strategy() {
+        assert_eq!([own_bytes(Some(10), 3), own_bytes(Some(10), 11), own_bytes(None, 3)], [7, 0, 0]);
     }
 
     #[test]

@@ -332,6 +332,9 @@ mod tests {
         // A tile takes one of two tests; the message names them.
         let tile = help("tile", &[("intersector", "moller-trumbore")]);
         assert_eq!(tile, format!("change one of these axes; {lists}"));
+        // A tree takes only triangles in global memory; the message names this value.
+        let tree = help("bvh", &[("triangles", "local")]);
+        assert_eq!(tree, format!("change one of these axes; {lists}"));
     }
 
     #[test]

@@ -257,6 +257,12 @@ mod tests {
     }
 
     #[test]
+    fn the_last_blocks_of_a_picture_may_be_partial() {
+        let of = |image_size| Workload { image_size, ..Workload::CUBE }.sampled_blocks();
+        assert_eq!([[8, 4], [9, 5]].map(of), [[2, 1], [3, 2]]);
+    }
+
+    #[test]
     fn a_row_of_work_groups_is_as_high_as_the_tiles_of_one() {
         let strategy = Strategy { tile: TileSize::T8x4, ..preset("tile-group").unwrap().strategy };
         let of = |tiles| Workload { local_size: [32, tiles], ..Workload::CUBE }.group_height(&strategy);

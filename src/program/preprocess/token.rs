@@ -175,6 +175,14 @@ mod tests {
     }
 
     #[test]
+    fn a_backslash_at_either_kind_of_line_end_continues_a_line_comment() {
+        assert_eq!(texts("a // b\nc"), ["a", "c"]);
+        for end in ["\n", "\r\n"] {
+            assert_eq!(texts(&format!("a // b \\{end}c\nd")), ["a", "d"], "{end:?}");
+        }
+    }
+
+    #[test]
     fn tokens_know_their_lines() {
         let lines: Vec<_> = code("a /* b\n c */ d\ne").iter().map(|token| token.line).collect();
         assert_eq!(lines, [1, 2, 3]);

@@ -65,6 +65,31 @@ fn a_scene_at_two_image_sizes_is_one_scene() {
 }
 
 #[test]
+fn the_host_of_the_baselines_is_no_device() {
+    let records = [measured("gpu", "naive", 8, 1.0), measured("host", "serial-f32", 0, 100.0)];
+    let counts = counts(&records, &groups(&records));
+    assert_eq!(counts[1], ("1".to_owned(), "device".to_owned()));
+}
+
+#[test]
+fn a_machines_ratio_stands_before_the_interval_of_the_ratio() {
+    let at = |slower| AtHost {
+        host: "n2".to_owned(),
+        blocks: 2,
+        median_ms: 12.0,
+        interval_ms: Some([11.5, 12.5]),
+        slower,
+    };
+    let row = host_row("teapot", &at(Some([1.2, 1.1, 1.3])));
+    assert_eq!((row.point.as_str(), row.host.as_str(), row.blocks), ("teapot", "n2", 2));
+    let texts = [&row.median, &row.interval, &row.slower].map(String::as_str);
+    assert_eq!(texts, ["12.00", "11.50 to 12.50", "1.20× (1.10 to 1.30)"]);
+    assert!(row.differs);
+    let few = host_row("teapot", &at(None));
+    assert_eq!((few.slower.as_str(), few.differs), ("", false));
+}
+
+#[test]
 fn every_note_on_a_scene_is_shown_once() {
     let with = |(side, notes): (u32, [&str; 2])| Record {
         scene_notes: notes.map(str::to_owned).into(),

@@ -404,6 +404,11 @@ mod tests {
                 "on room, naive is the fastest; on teapot, naive ties for fastest",
                 true,
             ),
+            (
+                vec![tie("room"), tie("teapot"), win("gourd")],
+                "on gourd, naive is the fastest; on room and teapot, naive ties for fastest",
+                true,
+            ),
             (vec![win("teapot"), win("room")], "in both scenes, naive is the fastest", false),
         ] {
             let why = of(&scenes.concat()).why;

@@ -206,6 +206,12 @@ fn a_scene_without_any_light_is_noted() {
     assert!(is_noted(""));
     assert!(!is_noted("[[light]]\nposition = [1, 3, 1]\npower = 10\n"));
     assert!(!is_noted("[sky]\nzenith = 1\n"));
+    // The note names the last line of the file, and not of the text with the values that are set.
+    std::fs::write(&path, object).unwrap();
+    let settings = [("display.exposure".to_owned(), Value::Float(2.0))];
+    let notes = load_scene_with(&path, &settings).unwrap().notes;
+    let expected = format!("{}:3: no light, so every surface is black", path.display());
+    assert!(notes.iter().any(|note| note.starts_with(&expected)), "{notes:?}");
 }
 
 #[test]

@@ -330,13 +330,16 @@ fn a_line_that_is_not_plys_is_ignored_with_a_note() {
 
 #[test]
 fn alpha_of_vertices_is_noted() {
-    let alpha = SQUARE.replace("property uchar blue\n", "property uchar blue\nproperty uchar alpha\n");
-    let alpha = alpha.replace("255 0 0\n", "255 0 0 128\n").replacen("128", "255", 1);
-    let notes = parse("a.ply", alpha.as_bytes()).unwrap().notes;
-    assert!(
-        notes.iter().any(|note| note == "alpha of 3 vertices is not used: every surface is opaque"),
-        "{notes:?}"
-    );
+    for name in ["alpha", "diffuse_alpha", "Diffuse_Alpha", "a"] {
+        let channels = format!("property uchar blue\nproperty uchar {name}\n");
+        let alpha = SQUARE.replace("property uchar blue\n", &channels);
+        let alpha = alpha.replace("255 0 0\n", "255 0 0 128\n").replacen("128", "255", 1);
+        let notes = parse("a.ply", alpha.as_bytes()).unwrap().notes;
+        assert!(
+            notes.iter().any(|note| note == "alpha of 3 vertices is not used: every surface is opaque"),
+            "{name}: {notes:?}"
+        );
+    }
 }
 
 #[test]
