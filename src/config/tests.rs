@@ -418,6 +418,8 @@ fn a_bad_override_is_shown_in_its_own_words() {
     assert!(
         refusal(GOOD, &[("timing..seed", "3")]).contains("--set timing..seed=3: 'timing..seed' is not a key")
     );
+    // Without the check of the key, the whole line would be a comment, and the option would do nothing.
+    assert!(refusal(GOOD, &[("#timing.seed", "3")]).contains("'#timing.seed' is not a key"));
     for (key, whole) in [
         ("strategy.5.width", r#"--set strategy='[{ preset = "naive" }]'"#),
         ("scene.0.file", r#"--set scene='[{ file = "scenes/teapot.toml" }]'"#),

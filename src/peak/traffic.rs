@@ -113,6 +113,7 @@ mod tests {
         assert_eq!(of("naive"), Some((36.0, "global", 24.0, "global")));
         assert_eq!(of("naive,layout=indexed16"), Some((42.0, "global", 24.0, "global")));
         assert_eq!(of("naive,records=once"), Some((48.0, "global", 24.0, "global")));
+        assert_eq!(of("naive,intersector=common-origin"), Some((48.0, "global", 24.0, "global")));
         assert_eq!(of("local-vectors"), Some((36.0, "global", 24.0, "__local")));
         assert_eq!(of("tiled"), Some((48.0, "__local", 0.0, "registers")));
         assert_eq!(of("deferred,width=4"), Some((9.0, "global", 0.0, "registers")));

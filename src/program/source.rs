@@ -153,5 +153,7 @@ mod tests {
         assert_eq!(of("cast/{intersector}.cl"), Ok(format!("cast/{file}.cl")));
         assert!(of("cast/{intersectr}.cl").unwrap_err().contains("is not an axis"));
         assert!(of("cast/{intersector.cl").unwrap_err().contains("a brace that is not closed"));
+        let remedy = fill_in("cast/{intersectr}.cl", &strategy).unwrap_err().remedy().to_owned();
+        assert_eq!(remedy, "did you mean {intersector}?");
     }
 }

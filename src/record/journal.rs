@@ -285,6 +285,7 @@ mod tests {
             "{}",
             error.message
         );
+        assert_eq!(error.help, FOLDER);
     }
 
     /// Writes to a pipe, which accepts bytes but has no disk.

@@ -474,4 +474,16 @@ mod tests {
         let text = summary_markdown(&records, &[], "?", "!");
         assert!(text.contains("| serial-f32 ") && !text.contains("**serial-f32**"), "{text}");
     }
+
+    #[test]
+    fn a_heading_has_the_common_name_of_a_device_and_the_text_below_it_the_drivers_name() {
+        let name = "cpu-znver4-AMD EPYC 9B45 96-Core Processor";
+        let text = summary_markdown(&judged([measured(name, "naive", 8, 10.0)]), &[], "?", "!");
+        let expected = format!(
+            "\n## teapot, 800 x 500, AMD EPYC 9B45, PoCL\n\nThe driver's name of the device is {name}.\n\n"
+        );
+        assert!(text.contains(&expected), "{text}");
+        let other = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
+        assert!(!other.contains("The driver's name"), "{other}");
+    }
 }

@@ -112,6 +112,10 @@ mod tests {
         assert_eq!((layers.triangle[sky], layers.object[sky]), (NOTHING, NOTHING));
         assert!(layers.depth[sky].is_infinite() && layers.normal[sky] == [0.0; 3]);
         assert!(layers.tests[middle] > 0 && layers.nodes[middle] > 0);
+        let costs = cost::in_tree(&scene, [80, 80], Culling::None).unwrap();
+        assert!(costs.iter().any(|cost| cost.tests != cost.nodes));
+        assert!(costs.iter().map(|cost| cost.tests).eq(layers.tests.iter().copied()));
+        assert!(costs.iter().map(|cost| cost.nodes).eq(layers.nodes.iter().copied()));
     }
 
     /// Rays go through the centres of pixels. In a picture of two pixels, the pixels therefore see different

@@ -328,6 +328,32 @@ mod tests {
     }
 
     #[test]
+    fn each_picture_of_a_record_is_shown_under_its_own_kind() {
+        let named = |name: &str| Some(format!("{name}.png"));
+        let record = Record {
+            strategy: "traversal=exhaustive".into(),
+            reference_image: named("a"),
+            certainty_image: named("b"),
+            tests_image: named("c"),
+            nodes_image: named("d"),
+            image: named("e"),
+            difference_image: named("f"),
+            ..measured("gpu", "naive", 8, 1.0)
+        };
+        let shown: Vec<String> =
+            pictures_of(&record).into_iter().map(|(path, kind, _)| format!("{path}, {kind}")).collect();
+        let expected = [
+            "a.png, reference",
+            "b.png, uncertain pixels",
+            "c.png, cost: triangles, without a tree",
+            "d.png, cost: nodes of a tree",
+            "e.png, naive",
+            "f.png, difference: naive",
+        ];
+        assert_eq!(shown, expected);
+    }
+
+    #[test]
     fn kinds_of_pictures_have_an_order() {
         let kinds = [
             "naive",

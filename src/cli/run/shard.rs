@@ -168,12 +168,7 @@ impl Part<'_> {
         let mut results = Results::of_attempt(folder, &self.environment, host, &earlier, keeps, retries)?;
         super::keep_peak(self.args, &run, self.peak.clone(), &mut results, observer, interrupted)?;
         if !self.args.quiet {
-            let again = match earlier.len() {
-                0 => String::new(),
-                1 => ", after an earlier attempt".to_owned(),
-                attempts => format!(", after {attempts} earlier attempts"),
-            };
-            observer.says(&format!("shard {}{again}: {}", self.shard, attempt.folder.display()));
+            observer.says(&begun(self.shard, earlier.len(), &attempt.folder));
             super::say_copies(run.experiment, observer);
         }
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
@@ -222,6 +217,16 @@ impl Part<'_> {
     }
 }
 
+/// Returns the line with which an attempt at a shard begins. `earlier` is the number of earlier attempts.
+fn begun(shard: Shard, earlier: usize, folder: &Path) -> String {
+    let again = match earlier {
+        0 => String::new(),
+        1 => ", after an earlier attempt".to_owned(),
+        attempts => format!(", after {attempts} earlier attempts"),
+    };
+    format!("shard {shard}{again}: {}", folder.display())
+}
+
 /// Returns the line that says how many points a shard has, and how its results are merged.
 fn done(shard: Shard, points: usize, out: &str) -> String {
     format!("shard {shard}: {}. When all shards have ended: raycl merge {out}", counted(points, "point"))
@@ -246,6 +251,13 @@ mod tests {
             [line(1), line(2)],
             ["1 point", "2 points"].map(|points| format!("shard 1/2: {points}. {end}"))
         );
+    }
+
+    #[test]
+    fn the_first_line_of_an_attempt_counts_the_earlier_ones() {
+        let line = |earlier| begun(Shard { number: 1, of: 2 }, earlier, Path::new("out/a"));
+        let expected = ["", ", after an earlier attempt", ", after 2 earlier attempts"];
+        assert_eq!([0, 1, 2].map(line), expected.map(|again| format!("shard 1/2{again}: out/a")));
     }
 
     #[test]

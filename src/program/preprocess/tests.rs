@@ -294,6 +294,12 @@ int x;
 }
 
 #[test]
+fn the_text_of_a_file_does_not_begin_with_an_empty_line() {
+    let source = "#line 1 \"a.cl\"\na\n#line 1 \"b.cl\"\n\nb\n\nc\n";
+    assert_eq!(text(source), "a\nb\n\nc\n");
+}
+
+#[test]
 fn no_code_is_joined_to_a_comment() {
     let text = text("#define A a\nf(A, // why\n  b);\n");
     assert!(text.lines().any(|line| line.trim() == "b);"), "{text}");

@@ -97,3 +97,22 @@ impl Line {
         Self { text, verdict: Verdict::Cannot, decides, data: Data::Incomplete }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Verdict;
+
+    /// The classes are those of templates/page.css.
+    #[test]
+    fn each_verdict_has_its_own_words_class_and_sign() {
+        let all = [Verdict::Held, Verdict::NotHeld, Verdict::Unclear, Verdict::Cannot];
+        let shown = all.map(|verdict| [verdict.name(), verdict.class(), verdict.sign()]);
+        let expected = [
+            ["held", "held", "✓"],
+            ["did not hold", "failed", "✗"],
+            ["unclear", "unclear", "?"],
+            ["cannot be tested here", "open", "–"],
+        ];
+        assert_eq!(shown, expected);
+    }
+}

@@ -229,3 +229,29 @@ fn the_question_of_several_folders_is_shown_once() {
     let pair = |question: &str| (question.to_owned(), "!".to_owned());
     assert_eq!(questions(&["a?", "b?", "a?"].map(of)), ["a?", "b?"].map(pair));
 }
+
+/// The records of several folders may have names of devices that select no device.
+#[test]
+fn the_instructions_of_the_fastest_point_are_offered_only_for_a_single_folder() {
+    let folder = |label: &str| {
+        let record =
+            Record { scene_file: Some("scenes/teapot.toml".into()), ..measured("gpu", "naive", 8, 1.0) };
+        let environment = serde_json::json!({ "devices": [{ "device": "gpu" }] });
+        Folder { label: label.to_owned(), environment, records: judged([record]), ..Folder::default() }
+    };
+    let commands = |folders: &[Folder]| -> Vec<String> {
+        Page::of(folders).views.into_iter().map(|view| view.microscope).collect()
+    };
+    let one = commands(&[folder("before")]);
+    assert!(one.len() == 1 && one[0].starts_with("raycl compile scenes/teapot.toml "), "{one:?}");
+    let two = commands(&["before", "after"].map(folder));
+    assert!(!two.is_empty() && two.iter().all(String::is_empty), "{two:?}");
+}
+
+#[test]
+fn the_table_of_a_group_ends_with_the_baselines_of_the_host() {
+    let records = judged([measured(HOST, "serial-f32", 0, 1.0), measured("gpu", "naive", 8, 10.0)]);
+    let page = Page::of(&[Folder { records, ..Folder::default() }]);
+    let rows: Vec<_> = page.views[0].rows.iter().map(|row| (row.name.as_str(), row.wins)).collect();
+    assert_eq!(rows, [("naive", true), ("serial-f32 (host)", false)]);
+}

@@ -386,4 +386,20 @@ mod tests {
         let width = |columns: usize| cells(&map(&vec![1.0; columns])).remove(0).1;
         assert_eq!([width(2), width(10), width(40)], ["82", "58", "50"]);
     }
+
+    #[test]
+    fn the_scale_goes_from_the_colour_of_the_fastest_to_that_of_the_slowest() {
+        let mut svg = Svg::default();
+        draw_scale(&mut svg, [10.0, 20.0], 3.0);
+        let text = svg.finish([300.0, 60.0], "a", "b");
+        let colours: Vec<&str> = text
+            .split("<rect")
+            .filter(|element| element.contains(" height=\"10\""))
+            .filter_map(|element| element.split(" fill=\"").nth(1)?.split('"').next())
+            .collect();
+        let [fastest, slowest] = [1.0, 0.0].map(|position| hex(viridis(position)));
+        assert_eq!((colours.first(), colours.last()), (Some(&&*fastest), Some(&&*slowest)), "{text}");
+        let places = ["fastest", "3.0 times as slow"].map(|label| text.find(label));
+        assert!(places[0].is_some() && places[0] < places[1], "{text}");
+    }
 }

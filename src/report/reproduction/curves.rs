@@ -197,6 +197,13 @@ mod tests {
         let shapes = heights(&super::drawn(std::slice::from_ref(&curve), 6, "gpu", true));
         assert_eq!(shapes[1], [[0.0, 3.0], [1.0, 1.0], [2.0, 2.0]]);
         assert!((shapes[0][0][1] - 3.0).abs() < 1e-9 && (shapes[0][1][1] - 1.0).abs() < 1e-9, "{shapes:?}");
+        let labels = |as_shapes| {
+            let chart = super::drawn(std::slice::from_ref(&curve), 6, "gpu", as_shapes);
+            [chart.title, chart.y_label]
+        };
+        assert_eq!(labels(false), ["Figure 6: gpu", "time, ms"]);
+        let of_shapes = ["Figure 6 as shapes: gpu", "time, as a multiple of the curve's least time"];
+        assert_eq!(labels(true), of_shapes);
         let rows = rows(&curve);
         assert_eq!(rows[1], ["naive", "8 x 8", "100.0", "2.000", "50.0×"]);
         assert_eq!(rows[2][3..], ["-", "-"]);

@@ -147,6 +147,12 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
         format!("{}: its cameras and lights are not used; the scene's are used instead", path.display());
     assert!(notes(&scene, &[]).contains(&unused));
     assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
+    // A file may have lights without having a camera.
+    let light =
+        r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 2}]}}, "#;
+    let at = r#""extensions": {"KHR_lights_punctual": {"light": 0}}"#;
+    std::fs::write(&path, SEEN.replacen('{', light, 1).replace(r#""camera": 0"#, at)).unwrap();
+    assert!(notes(&scene, &[]).contains(&unused), "{:?}", notes(&scene, &[]));
     // A second object has the same mesh.
     std::fs::write(&scene, format!("{text}[[object]]\nmesh = \"a.gltf\"\n")).unwrap();
     assert_eq!(notes(&scene, &[]).iter().filter(|note| **note == unused).count(), 1);

@@ -91,4 +91,21 @@ mod tests {
             assert!(foot.distance(DVec3::new(x, 0.0, z)) < 1e-9, "{number}: {foot}");
         }
     }
+
+    #[test]
+    fn a_column_has_a_base_and_a_capital_and_normals_that_follow_its_outline() {
+        let (around, up) = (32, 128);
+        let column = column(around, up, DVec3::ZERO);
+        for triangle in &column.triangles {
+            let [a, b, c] = column.corners(triangle);
+            let face = (b - a).cross(c - a).normalize();
+            for normal in column.corner_normals(triangle) {
+                assert!(normal.dot(face) > 0.95, "{triangle:?}: {normal} beside {face}");
+            }
+        }
+        let radius = |row: u32| column.positions[(row * (around + 1)) as usize].x;
+        for (row, expected) in [(0, 0.37), (up / 2, 0.215), (up, 0.32)] {
+            assert!((radius(row) - expected).abs() < 1e-6, "row {row}: {}", radius(row));
+        }
+    }
 }

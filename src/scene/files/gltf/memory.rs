@@ -54,3 +54,36 @@ fn needed(numbers: Numbers<'_>, placed: &[PlacedNode], maps: &[Option<ColourMap>
     let all = meshes_of(numbers.root, placed).into_iter().filter_map(|mesh| meshes.get(mesh.value()));
     all.fold((0, 0), |(stored, read), (more, other)| (stored.saturating_add(*more), read.max(*other)))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use glam::DMat4;
+    use gltf::json::{Index, Root};
+
+    /// The meshes are a primitive of 2 triangles, a primitive of 200 triangles, and both primitives together. Without
+    /// normals, each triangle has three positions of its own.
+    #[test]
+    fn a_mesh_counts_as_often_as_it_is_placed_and_only_the_largest_primitive_is_read_at_a_time() {
+        let text = r#"{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}, {"mesh": 1}, {"mesh": 2}],
+"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]},
+{"primitives": [{"attributes": {"POSITION": 0}, "indices": 2}]},
+{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}, {"attributes": {"POSITION": 0}, "indices": 2}]}],
+"accessors": [{"componentType": 5126, "count": 100, "type": "VEC3"},
+{"componentType": 5123, "count": 6, "type": "SCALAR"}, {"componentType": 5123, "count": 600, "type": "SCALAR"}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        let of_nodes = |nodes: &[u32]| {
+            let placed: Vec<PlacedNode> =
+                nodes.iter().map(|node| (Index::new(*node), DMat4::IDENTITY)).collect();
+            needed(Numbers::of_file(&root, &[]), &placed, &[])
+        };
+        let triangle = size_of::<Triangle>() as u64;
+        let small = 2 * triangle + 6 * POSITION_BYTES;
+        let large = 200 * triangle + 600 * POSITION_BYTES;
+        assert_eq!(of_nodes(&[0]), (small, 106 * ELEMENT_BYTES + 6 * READ_BYTES));
+        let read = 700 * ELEMENT_BYTES + 600 * READ_BYTES;
+        assert_eq!(of_nodes(&[2]), (small + large, read));
+        assert_eq!(of_nodes(&[0, 1, 0]), (2 * small + large, read));
+    }
+}

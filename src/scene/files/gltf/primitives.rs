@@ -330,4 +330,19 @@ mod tests {
         let flat = r#""POSITION": 0"#;
         assert_eq!([positions(flat, 1), positions(flat, 2)], [6, 600]);
     }
+
+    #[test]
+    fn a_strip_has_almost_as_many_triangles_as_corners_and_a_list_a_third_of_them() {
+        let text = r#"{"asset": {"version": "2.0"}, "accessors": [
+{"componentType": 5126, "count": 100, "type": "VEC3"}, {"componentType": 5123, "count": 6, "type": "SCALAR"}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        let numbers = Numbers::of_file(&root, &[]);
+        let sizes = |mode: u32| {
+            let text = format!(r#"{{"attributes": {{"POSITION": 0}}, "indices": 1, "mode": {mode}}}"#);
+            let sizes = Part::largest(&numbers, &serde_json::from_str(&text).unwrap());
+            (sizes.elements, sizes.triangles, sizes.positions)
+        };
+        // The modes are triangles, a strip and a fan. The elements are those of both accessors.
+        assert_eq!([4, 5, 6].map(sizes), [(106, 2, 6), (106, 6, 18), (106, 6, 18)]);
+    }
 }

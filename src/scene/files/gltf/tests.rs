@@ -123,6 +123,19 @@ fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
     assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::Z * 6.0, Vec3::new(0.0, 1.0, 5.0)]);
 }
 
+/// All elements of the accessor are sparse, so the accessor has no other data.
+#[test]
+fn an_accessor_with_only_sparse_elements_is_not_without_data() {
+    let sparse = r#""accessors": [{"sparse": {"count": 3,
+"indices": {"bufferView": 1, "byteOffset": 0, "componentType": 5123},
+"values": {"bufferView": 0, "byteOffset": 0}}, "componentType": 5126,"#;
+    let text = triangle().replace(r#""accessors": [{"bufferView": 0, "componentType": 5126,"#, sparse);
+    assert!(text.contains("sparse"), "{text}");
+    let file = read(&text).unwrap();
+    assert_eq!(file.mesh, read(&triangle()).unwrap().mesh);
+    assert_eq!(file.notes, Vec::<String>::new());
+}
+
 #[test]
 fn sparse_elements_are_normalised_like_the_others() {
     // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle.
@@ -381,6 +394,19 @@ fn an_accessor_without_data_is_zero_and_noted() {
     assert_eq!(unused.notes, Vec::<String>::new());
     let point = with(r#"{"POSITION": 2}"#).unwrap();
     assert_eq!((point.mesh.positions, point.placement.origin), (vec![Vec3::ZERO; 3], DVec3::Z * 5.0));
+}
+
+#[test]
+fn attributes_of_other_numbers_than_the_positions_are_refused_by_their_own_name() {
+    for (attribute, what) in [("NORMAL", "normals"), ("COLOR_0", "colours")] {
+        let attributes = format!(r#"{{"POSITION": 0, "{attribute}": 2}}"#);
+        let text = triangle().replace(r#"{"POSITION": 0}"#, &attributes).replace(
+            r#""type": "SCALAR"}"#,
+            r#""type": "SCALAR"}, {"componentType": 5126, "count": 2, "type": "VEC3"}"#,
+        );
+        let error = read(&text).err().unwrap().to_string();
+        assert!(error.contains(&format!("2 {what} for 3 positions")), "{error}");
+    }
 }
 
 #[test]

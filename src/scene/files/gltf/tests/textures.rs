@@ -336,3 +336,21 @@ fn a_transform_may_choose_another_set_of_texture_coordinates_than_the_texture() 
     };
     assert_eq!([chosen("", 1), chosen(r#", "texCoord": 1"#, 0)], [second, first]);
 }
+
+/// The last pair is finite. In each of the other pairs, one number is not finite.
+#[test]
+fn pairs_of_coordinates_with_one_number_that_is_not_finite_are_counted() {
+    let coordinates: [f32; 6] = [f32::NAN, 0.0, 0.0, f32::INFINITY, 1.0, 1.0];
+    let data: Vec<u8> = coordinates.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#;
+    let views = format!(r#"{view}, {{"buffer": 0, "byteOffset": 42, "byteLength": 24}}"#);
+    let own = r#"{"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC2"}"#;
+    let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#)
+        .replace(r#""byteLength": 42"#, r#""byteLength": 66"#)
+        .replace(&STANDARD.encode(bytes()), &STANDARD.encode([bytes(), data].concat()))
+        .replace(view, &views)
+        .replace(r#"{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2"}"#, own);
+    let notes = read(&text).unwrap().notes;
+    let expected = "2 texture coordinates with a number that is not finite are ignored";
+    assert!(notes.iter().any(|note| note == expected), "{notes:?}");
+}
