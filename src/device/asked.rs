@@ -69,6 +69,7 @@ impl Asked {
             work_item_sizes: self.work_item_sizes(),
             compute_units: self.number(Query::MaxComputeUnits) as u32,
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
+            shares_memory: self.has(Query::HostUnifiedMemory),
             is_cpu,
             lane_operations: LaneOperations::Barriers, // the caller may choose faster operations
         }
@@ -102,6 +103,13 @@ impl Asked {
     /// Queries a number of 4 or 8 bytes, the two sizes of scalars in OpenCL. Returns 0 if the query fails.
     pub fn number(&mut self, query: Query) -> u64 {
         self.numbers(query).first().copied().unwrap_or_default()
+    }
+
+    /// Returns true if the answer to a query is a number other than 0. OpenCL 2 has deprecated such queries, so a
+    /// query that fails has the answer false, and does not make the device unusable.
+    fn has(&self, query: Query) -> bool {
+        let answer = device_answer(self.device, query as u32).unwrap_or_default();
+        parse_numbers(&answer).first().is_some_and(|number| *number != 0)
     }
 
     fn work_item_sizes(&mut self) -> [usize; 3] {

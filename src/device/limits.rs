@@ -30,6 +30,10 @@ pub struct DeviceLimits {
     /// that the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT), rounded down to 1, 2, 4, 8 or
     /// 16. On other devices it is 1.
     pub native_width: u32,
+    /// True if the device uses the host's memory, as CPUs and GPUs in a processor do
+    /// (CL_DEVICE_HOST_UNIFIED_MEMORY).
+    #[serde(default)]
+    pub shares_memory: bool,
     /// True if work-groups run on threads of a CPU, whose stacks hold private arrays.
     pub is_cpu: bool,
     /// How the work-items that share a tile exchange values.
@@ -100,6 +104,7 @@ pub(crate) mod tests {
         work_item_sizes: [1024, 1024, 64],
         compute_units: 16,
         native_width: 1,
+        shares_memory: false,
         is_cpu: false,
         lane_operations: LaneOperations::Barriers,
     };

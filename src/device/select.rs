@@ -25,10 +25,12 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
     Ok(chosen)
 }
 
-/// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators,
-/// accelerators before CPUs, and CPUs before devices of other kinds. Of several devices of the same kind, the
-/// device with the most compute units comes first. Of devices with equally many compute units, the first in
-/// `infos` is chosen. Returns `None` if no device is usable.
+/// Returns the index of the usable device to cast on if no device is named. GPUs come before CPUs, CPUs before
+/// accelerators (some of which a driver only emulates on a CPU), and accelerators before devices of other kinds. GPUs
+/// with memory of their own come before GPUs that share the host's memory, since vendors count different things as
+/// compute units. If a GPU has two drivers, the vendor's comes before PoCL and Mesa. Then, the device with the most
+/// compute units comes first. Of devices with equally many compute units, the first in `infos` is chosen. Returns
+/// `None` if no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -41,13 +43,17 @@ pub fn matching_indices(infos: &[DeviceInfo], patterns: &[String]) -> Result<Vec
 fn preferred(infos: &[&DeviceInfo]) -> Option<usize> {
     let rank = |kind| match kind {
         DeviceKind::Gpu => 0,
-        DeviceKind::Accelerator => 1,
-        DeviceKind::Cpu => 2,
+        DeviceKind::Cpu => 1,
+        DeviceKind::Accelerator => 2,
         DeviceKind::Other => 3,
     };
-    (0..infos.len())
-        .filter(|&index| infos[index].unusable.is_none())
-        .min_by_key(|&index| (rank(infos[index].kind), std::cmp::Reverse(infos[index].limits.compute_units)))
+    let key = |info: &DeviceInfo| {
+        let is_gpu = info.kind == DeviceKind::Gpu;
+        let shares_memory = is_gpu && info.limits.shares_memory;
+        let is_open_driver = is_gpu && (is_pocl(&info.platform) || info.platform == "rusticl");
+        (rank(info.kind), shares_memory, is_open_driver, std::cmp::Reverse(info.limits.compute_units))
+    };
+    (0..infos.len()).filter(|&index| infos[index].unusable.is_none()).min_by_key(|&index| key(infos[index]))
 }
 
 fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
@@ -303,13 +309,35 @@ mod tests {
     }
 
     #[test]
-    fn an_accelerator_comes_before_a_larger_cpu_and_of_equal_devices_the_first() {
+    fn a_cpu_comes_before_larger_accelerators_and_of_equal_devices_the_first() {
         let of = |name: &str, kind, units| example("P", name, kind, units);
-        let cpu = of("cpu", DeviceKind::Cpu, 200);
+        let cpu = of("cpu", DeviceKind::Cpu, 2);
         let accelerators = ["one", "two"].map(|name| of(name, DeviceKind::Accelerator, 4));
         let [one, two] = &accelerators;
-        assert_eq!(preferred(&[&cpu, one, two]), Some(1));
-        assert_eq!(preferred(&[&of("other", DeviceKind::Other, 300), &cpu]), Some(1));
+        assert_eq!(preferred(&[one, &cpu, two]), Some(1));
+        assert_eq!(preferred(&[&of("other", DeviceKind::Other, 300), two, one]), Some(1));
+    }
+
+    #[test]
+    fn a_gpu_with_its_own_memory_comes_first_and_of_its_drivers_the_vendors() {
+        let of = |platform: &str, units, shares_memory| {
+            let mut info = example(platform, "a GPU", DeviceKind::Gpu, units);
+            info.limits.shares_memory = shares_memory;
+            info
+        };
+        let in_processor = of("Intel(R) OpenCL Graphics", 96, true);
+        let [of_pocl, of_mesa] =
+            ["Portable Computing Language", "rusticl"].map(|platform| of(platform, 24, false));
+        let of_vendor = of("NVIDIA CUDA", 24, false);
+        assert_eq!(preferred(&[&in_processor, &of_pocl, &of_mesa, &of_vendor]), Some(3));
+        assert_eq!(preferred(&[&in_processor, &of_mesa]), Some(1));
+        let cpu = {
+            let mut info = example("Portable Computing Language", "a CPU", DeviceKind::Cpu, 64);
+            info.limits.shares_memory = true;
+            info
+        };
+        // Of CPUs, only the number of compute units counts.
+        assert_eq!(preferred(&[&example("Intel(R) OpenCL", "a CPU", DeviceKind::Cpu, 8), &cpu]), Some(1));
     }
 
     #[test]

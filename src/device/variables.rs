@@ -77,7 +77,22 @@ const DRIVERS: [Driver; 6] = [
             "GPU_ENABLE_WGP_MODE",
         ],
     },
-    Driver { platform: "rusticl", deciding: &["LP_NUM_THREADS", "RUSTICL_FEATURES"] },
+    Driver {
+        platform: "rusticl",
+        deciding: &[
+            "AMD_DEBUG",
+            "GALLIVM_*",
+            "INTEL_DEBUG",
+            "INTEL_SIMD_DEBUG",
+            "LP_NATIVE_VECTOR_WIDTH",
+            "LP_NUM_THREADS",
+            "NIR_DEBUG",
+            "RUSTICL_CL_VERSION",
+            "RUSTICL_DEVICE_TYPE",
+            "RUSTICL_FEATURES",
+            "ZINK_DEBUG",
+        ],
+    },
     // `oclgrind --build-options` sets this variable.
     Driver { platform: "oclgrind", deciding: &["OCLGRIND_BUILD_OPTIONS"] },
 ];
@@ -105,18 +120,21 @@ const PLACES: &str = "POCL_AFFINITY=";
 /// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for
 /// caches, for logs and for hiding devices. The `environment.json` of a run contains every variable that is
 /// set and has one of these prefixes.
-const PREFIXES: [&str; 19] = [
+const PREFIXES: [&str; 23] = [
     "AMD_",
     "CL_CONFIG_",
     "CUDA_",
     "DPCPP_CPU_",
+    "GALLIVM_",
     "GPU_",
     "HIP_",
     "HSA_",
     "IGC_",
+    "INTEL_",
     "LD_PRELOAD",
     "LP_",
     "MESA_",
+    "NIR_",
     "NVIDIA_",
     "OCLGRIND_",
     "OCL_ICD_",
@@ -125,6 +143,7 @@ const PREFIXES: [&str; 19] = [
     "ROCR_",
     "RUSTICL_",
     "ZE_",
+    "ZINK_",
 ];
 
 /// A variable that is set, as `NAME=VALUE`.

@@ -37,6 +37,7 @@ pub fn device(frame_ms: f64) -> DeviceInfo {
             work_item_sizes: [1024; 3],
             compute_units: 1,
             native_width: 1,
+            shares_memory: false,
             is_cpu: false,
             lane_operations: Default::default(),
         },

@@ -51,7 +51,7 @@ const OTHERWISE: &str = "a smaller picture, another --strategy or another --devi
 const ANOTHER_BUILD: &str =
     "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device";
 /// The remedy if a step or a build fails because memory is missing.
-const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory; `raycl devices` lists other devices";
+const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory, or the system may have stopped a kernel that ran for too long; `raycl devices` lists other devices";
 
 impl Refused {
     /// Returns a function that converts an error of the step `step` to a [`Refused::Launch`].

@@ -56,10 +56,12 @@ impl<'a> Rig<'a> {
         Ok(Self { device, queue: Queue::open(device)?, sources })
     }
 
-    /// Returns the number of work-items per work-group. The number is 1 on a CPU, whose lanes are elements of
-    /// vectors. The number is large on other devices, whose lanes are work-items.
+    /// Returns the number of work-items per work-group. The number is 1 on a CPU whose lanes are elements of
+    /// vectors. The number is large on other devices, whose lanes are work-items; these include CPUs that report no
+    /// vectors, with Mesa's driver.
     pub fn group(&self) -> usize {
-        if self.device.info.limits.is_cpu { 1 } else { self.large_group() }
+        let limits = &self.device.info.limits;
+        if limits.is_cpu && limits.native_width > 1 { 1 } else { self.large_group() }
     }
 
     /// Returns a large number of work-items per work-group that the device allows: a power of two.

@@ -53,6 +53,7 @@ fn device() -> DeviceInfo {
             work_item_sizes: [1024; 3],
             compute_units: 1,
             native_width: 1,
+            shares_memory: true,
             lane_operations: Default::default(),
             is_cpu: true,
         },

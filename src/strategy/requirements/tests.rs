@@ -17,6 +17,7 @@ pub(super) const PAPER_DEVICE: DeviceLimits = DeviceLimits {
     work_item_sizes: [1024, 1024, 64],
     compute_units: 16,
     native_width: 1,
+    shares_memory: false,
     is_cpu: false,
     lane_operations: LaneOperations::Barriers,
 };
