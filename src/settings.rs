@@ -236,6 +236,7 @@ mod tests {
             ("color = {a=1, b=2}\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys"]),
             ("results = \"~me/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
             ("results = \"$HOME/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
+            ("device = \" \"\n", ["config.toml:1", "the setting is empty", "set a value", "remove the line"]),
             ("\nresults = \"\"\n", ["config.toml:2", "the setting is empty", "results", "remove the line"]),
         ] {
             let error = read_text(text).expect_err(text);

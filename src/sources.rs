@@ -388,6 +388,7 @@ mod tests {
                 "cl/cast/shade.cl, line 7: a.cl, line 1: no".to_owned(),
             ),
             ("-D A: no", "-D A: no".to_owned()),
+            ("a.cl: no", "a.cl: no".to_owned()),
         ] {
             let error = sources.with_path(Error::input(message).with_help("remedy"), &files);
             assert_eq!((error.to_string(), error.remedy()), (expected, "remedy"));
@@ -417,6 +418,17 @@ mod tests {
         let error = chain.enter("a.cl", 0).unwrap_err();
         let expected = "a kernel file includes itself: a.cl includes b.cl includes a.cl";
         assert_eq!((error.to_string().as_str(), error.exit_code()), (expected, 2));
+    }
+
+    #[test]
+    fn only_files_that_end_in_cl_are_kernel_files_in_all_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("cast")).unwrap();
+        for name in ["b.cl", "cast/a.cl", "README.md", "cast/a.cl.orig"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let sources = Sources::Folder(folder.path().to_owned());
+        assert_eq!(sources.own_files().unwrap(), ["b.cl", "cast/a.cl"]);
     }
 
     #[test]

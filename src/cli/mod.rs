@@ -491,6 +491,8 @@ mod tests {
             "raycl render a.toml --every-device --layers a.exr",
             "raycl render a.toml --every-device --turntable 2",
             "raycl render a.toml --turntable 2 --no-wait",
+            "raycl render a.toml --no-wait",
+            "raycl render a.toml --verify=0",
             "raycl rule --show a.json --no-wait",
             "raycl rule --fit a.json --no-wait",
             "raycl man render --force",
@@ -499,6 +501,13 @@ mod tests {
         ] {
             assert!(!is_accepted(line), "{line}");
         }
+    }
+
+    #[test]
+    fn a_picture_that_is_rendered_again_and_again_has_no_json_object() {
+        let is_accepted = |line: &str| Cli::parse_words(&words(line)).is_ok();
+        assert!(is_accepted("raycl render a.toml --watch") && is_accepted("raycl render a.toml --json"));
+        assert!(!is_accepted("raycl render a.toml --watch --json"));
     }
 
     /// If an option A requires an option B, clap (the library that parses the arguments) reports that B is

@@ -387,6 +387,18 @@ mod tests {
     }
 
     #[test]
+    fn above_the_bar_only_points_that_failed_have_lines() {
+        let screen = Screen::default();
+        let target = ProgressDrawTarget::term_like(Box::new(screen.clone()));
+        let mut bar = Bar::on(ProgressBar::with_draw_target(Some(4), target), false).expect("a bar");
+        let of = |name: &str, outcome| Record { name: name.to_owned(), outcome, ..Record::default() };
+        bar.finished(&of("naive", Outcome::Measured));
+        bar.finished(&of("wide", Outcome::Crashed));
+        let text = screen.0.lock().expect("no test panicked").clone();
+        assert!(text.contains("wide: crashed") && !text.contains("naive"), "{text:?}");
+    }
+
+    #[test]
     fn there_is_no_bar_where_it_would_be_hidden() {
         assert!(Bar::on(ProgressBar::hidden(), false).is_none());
     }
@@ -476,6 +488,9 @@ mod tests {
         assert_eq!(lines.left(), "");
         lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 6));
         lines.taken = 12;
+        assert_eq!(lines.left(), ", about 3m left");
+        // The steps of a point with a time were timed, so they still count.
+        lines.finished(&Record { median_ms: Some(1.0), ..Record::default() });
         assert_eq!(lines.left(), ", about 3m left");
         // A point that does not fit on the device finishes all its three steps at once.
         lines.finished(&Record::default());

@@ -155,6 +155,8 @@ mod tests {
             ["1027", "11026", "1.8"]
         );
         assert_eq!(numbers_in("800 x 5000", &facts), ["800", "5000"]);
+        // A sign, or a group of digits, before a phrase is part of the phrase's first number.
+        assert_eq!(numbers_in("-8 blocks, ±8 blocks, 1,800 x 500", &facts), ["-8", "±8", "1,800", "500"]);
         assert_eq!(numbers_in("12% of 12 groups", &["12"]), ["12%"]);
     }
 }

@@ -119,6 +119,18 @@ mod tests {
     }
 
     #[test]
+    fn images_of_many_pixels_get_no_pictures_of_costs() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("images")).expect("a folder");
+        let pictures = Pictures::of(folder.path());
+        let scene = crate::reference::fixtures::random(1, 1);
+        let strategy = crate::strategy::preset("naive").expect("a preset").strategy.to_string();
+        let mut record = Record { image_size: [1000, 4001], strategy, ..Record::default() };
+        keep_costs(&pictures, &mut record, &scene, Culling::None, ["a", ""]).expect("it saves nothing");
+        assert_eq!((record.tests_image, record.nodes_image), (None, None));
+    }
+
+    #[test]
     fn pictures_are_named_after_their_point_and_those_without_back_faces_are_others() {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::create_dir(folder.path().join("images")).expect("a folder");

@@ -473,6 +473,15 @@ mod tests {
         }
     }
 
+    #[test]
+    fn an_exr_with_an_alpha_channel_is_recognised_as_raycls_own_and_has_no_tiles() {
+        let image = Radiance { coverage: vec![0.5; 61 * 37], ..gradient(61, 37) };
+        let (_folder, path) = saved("a.exr", &image);
+        // The EXR format stores the flag for tiles in the second byte of the version.
+        assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
+        assert_eq!(again(&path, false), None);
+    }
+
     /// Returns a file that is put together from two pictures. The beginning comes from one picture, up to the
     /// end of the mark by which raycl recognises its own files. The rest comes from the other picture.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {

@@ -408,6 +408,54 @@ mod tests {
         assert_eq!(*cast.borrow(), [0, 1]);
     }
 
+    /// The picture's texels may differ more than neighbouring directions of a sky without a picture.
+    #[test]
+    fn a_sky_is_turned_both_ways_along_each_axis_and_a_sky_with_a_picture_further() {
+        let turns = |picture: Option<SkyPicture>| -> Vec<DVec3> {
+            let mut scene = fixtures::single_triangle();
+            let (dark, picture) = (Vec3::ZERO, picture.map(std::sync::Arc::new));
+            scene.sky = Some(Sky { zenith: dark, horizon: dark, up: Vec3::Y, reach: f32::MAX, picture });
+            let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
+            let frame = scene.camera.pixel_frame(80, 50);
+            let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
+            let (_, own) = seen.sky.expect("a sky");
+            let asked = Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] };
+            let turns = RefCell::new(Vec::new());
+            asked.turn_sky(&mut PixelSample::of(DVec3::ZERO, true), |seen| {
+                turns.borrow_mut().extend(seen.sky.map(|(_, point)| point - own));
+                DVec3::ZERO
+            });
+            turns.into_inner()
+        };
+        let texels = [[1.0; 3]; 4].into();
+        let picture = SkyPicture { size: [4, 1], texels, ahead: Vec3::Z, is_seen: true };
+        for (turns, size) in [(turns(None), SKY_NUDGE), (turns(Some(picture)), PICTURE_NUDGE)] {
+            assert_eq!(turns.len(), 6);
+            for turn in DVec3::AXES.into_iter().flat_map(|axis| [size * axis, -size * axis]) {
+                assert!(turns.iter().any(|other| other.distance(turn) < 1e-12), "{turn}: {turns:?}");
+            }
+        }
+    }
+
+    /// Around the picture's middle, its texels become brighter from one side to the other.
+    #[test]
+    fn the_direction_of_a_background_is_turned_both_ways() {
+        let mut scene = fixtures::single_triangle();
+        let texels = [0.0_f32, 1.0, 2.0, 3.0].map(|grey| [grey; 3]).into();
+        let picture = SkyPicture { size: [4, 1], texels, ahead: Vec3::Z, is_seen: true };
+        let (dark, picture) = (Vec3::ZERO, Some(picture.into()));
+        scene.sky = Some(Sky { zenith: dark, horizon: dark, up: Vec3::Y, reach: f32::MAX, picture });
+        let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
+        let frame = scene.camera.pixel_frame(80, 50);
+        let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
+        let asked = Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] };
+        let ray = Ray { direction: DVec3::Z, ..caster.look(40.5, 25.5).0 };
+        let mut sample = PixelSample::of(caster.background(ray.direction), false);
+        asked.turn_background(&mut sample, &ray);
+        let [darkest, brightest] = sample.range;
+        assert!(darkest.x < sample.radiance.x && sample.radiance.x < brightest.x, "{sample:?}");
+    }
+
     /// Returns two values. Each is true if the pixel of a picture of 1 x 1 pixels is certain: the first
     /// according to `sample`, the second according to `quick_sample`.
     fn certain(scene: &Scene) -> [bool; 2] {

@@ -95,6 +95,17 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_of_the_sky_and_half_pictures_count_only_in_families_that_sample_soft_light() {
+        let workload = Workload { sky: true, sky_texels: 8, half_light: true, ..Workload::CUBE };
+        for (name, supported) in [("bvh", true), ("tile", true), ("raster", false)] {
+            let strategy = preset(name).unwrap().strategy;
+            let facts = [Fact::Environment, Fact::HalfLight];
+            assert_eq!(facts.map(|fact| strategy.holds_of(fact, &workload)), [supported; 2], "{name}");
+            assert_eq!(facts.map(|fact| strategy.holds(fact)), [false; 2], "{name}");
+        }
+    }
+
+    #[test]
     fn tiles_that_work_items_share_have_separate_passes_in_the_dark() {
         let fuses = |name: &str, lights, sky| {
             let strategy = preset(name).unwrap().strategy;

@@ -269,6 +269,20 @@ mod tests {
         assert_eq!(["32x1", "5x5"].map(is_guessed), [true, false]);
     }
 
+    /// The number of triangles is not known before the scene is read.
+    #[test]
+    fn no_program_is_guessed_that_copies_all_triangles_to_local_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let mesh = folder.path().join("mesh.obj");
+        std::fs::write(&mesh, "#").unwrap();
+        let is_guessed = |triangles: &str| {
+            let more = ["--plain", "--strategy", "deferred", "--local-size", "8x4", "--set", triangles];
+            likely(&Cache::none(), &args(&mesh, &more), &Sources::Embedded, &device).is_some()
+        };
+        assert_eq!(["triangles=global", "triangles=local"].map(is_guessed), [true, false]);
+    }
+
     /// If the guess for a new mesh were wrong, the first start of raycl with this mesh would compile two programs.
     #[test]
     fn the_guess_for_a_new_mesh_is_the_program_that_its_picture_needs() {

@@ -296,6 +296,24 @@ mod tests {
         assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
     }
 
+    /// A page contains both forms of a map, and each name must occur only once in a page.
+    #[test]
+    fn the_hatching_of_each_form_of_a_map_has_a_name_of_its_own() {
+        let map = HeatMap {
+            id: "teapot".into(),
+            title: "teapot".into(),
+            x_label: "local size".into(),
+            columns: vec!["8x8".into()],
+            rows: vec![("naive".into(), vec![Cell::Nothing { code: "L".into(), tip: "no".into() }])],
+            codes: vec![("L".into(), "too small".into())],
+        };
+        for (form, text) in [("wide", map.svg()), ("narrow", map.narrow_svg())] {
+            let name = format!("hatch-teapot-{form}");
+            assert_eq!(text.matches(&format!("id=\"{name}\"")).count(), 1, "{text}");
+            assert!(text.contains(&format!("url(#{name})")), "{text}");
+        }
+    }
+
     #[test]
     fn no_two_rows_have_the_same_name() {
         let name = |test: &str| format!("deferred+intersector={test}+records=each-test");

@@ -177,6 +177,19 @@ mod tests {
     }
 
     #[test]
+    fn a_curve_has_only_the_points_of_its_own_device() {
+        let records = judged([measured("cpu", "naive", 8, 5.0), measured("gpu", "naive", 8, 2.0)]);
+        let groups = groups(&records);
+        let devices = |device: &str| {
+            let teapot = curves(6, &groups, device).swap_remove(0);
+            teapot.ours.iter().map(|record| record.device.clone()).collect::<Vec<_>>()
+        };
+        assert_eq!(devices("cpu"), ["cpu"]);
+        assert_eq!(devices("gpu"), ["gpu"]);
+        assert!(devices("accelerator").is_empty());
+    }
+
+    #[test]
     fn a_curve_is_drawn_in_milliseconds_or_as_a_multiple_of_its_least_time() {
         let records = judged([measured("gpu", "naive", 4, 6.0), measured("gpu", "naive", 8, 2.0)]);
         let curve = Curve {

@@ -88,6 +88,8 @@ mod tests {
         let selected = |words: &[&str]| selected(&all, &Types::new(), words);
         assert_eq!(selected(&[]), (names(&["host", "NVIDIA H200", "cpu"]), vec![]));
         assert_eq!(selected(&["h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
+        // Blanks around a word, as after a comma in a list, are not part of the word.
+        assert_eq!(selected(&["  h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
         assert_eq!(selected(&["POCL"]), (names(&["host", "cpu"]), vec![]));
         assert_eq!(selected(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
         assert_eq!(selected(&["cpu"]), (names(&["host", "cpu"]), vec![]), "the types are unknown");

@@ -256,6 +256,17 @@ fn colours_of_corners_make_one_of_the_triangle() {
 }
 
 #[test]
+fn a_list_that_is_not_as_long_as_the_list_of_positions_is_refused_by_its_name() {
+    let two = r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"}"#;
+    for (attribute, what) in [("NORMAL", "normals"), ("COLOR_0", "colours")] {
+        let attributes = format!(r#"{{"POSITION": 0, "{attribute}": 2}}"#);
+        let text = triangle().replace(r#"{"POSITION": 0}"#, &attributes);
+        let error = read(&text.replace(r#""type": "SCALAR"}"#, two)).err().unwrap().to_string();
+        assert!(error.contains(&format!("2 {what} for 3 positions")), "{error}");
+    }
+}
+
+#[test]
 fn lights_of_intensity_0_are_left_out_and_noted() {
     let lights = r#"{"extensions": {"KHR_lights_punctual": {"lights": [
 {"type": "point", "intensity": 0, "range": 1}, {"type": "spot", "color": [0, 0, 0], "spot": {}}]}},
