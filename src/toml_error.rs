@@ -1,6 +1,7 @@
 //! Errors of the `toml` crate, with their location and the most similar valid name.
 
 use crate::error::{Error, or_meant};
+use serde_json::{Map, Value};
 use std::ops::Range;
 
 /// Returns the part of a message of serde (the library that converts TOML to Rust's types) that states which
@@ -34,12 +35,25 @@ pub struct Mistake {
     label: String,
     /// The remedy, if the mistake has its own.
     remedy: Option<String>,
+    /// The key, if it is unknown in its table but may be a key of another table.
+    unknown_key: Option<String>,
 }
 
 impl Mistake {
     /// Returns the remedy: the valid names if a key or a value is unknown, and `otherwise` for other mistakes.
     pub fn remedy<'a>(&'a self, otherwise: &'a str) -> &'a str {
         self.remedy.as_deref().unwrap_or(otherwise)
+    }
+
+    /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of another
+    /// table. `schema` is the JSON schema of the file.
+    pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
+        let key = self.unknown_key.take().unwrap_or_default();
+        if let Some(place) = elsewhere(schema, text, at, &key) {
+            self.message = format!("unknown key `{key}`");
+            self.remedy = self.remedy.map(|keys| format!("{place}; {keys}"));
+        }
+        self
     }
 
     /// Returns the error for the mistake at `span` of a text.
@@ -78,9 +92,15 @@ pub fn mistake(error: &toml::de::Error) -> Mistake {
                 message: format!("unknown {one} `{key}`{suggestion}"),
                 label: format!("not a {one} here"),
                 remedy: Some(format!("{about}the valid {all} here are {}", known.join(", "))),
+                unknown_key: (one == "key" && !is_mesh).then(|| (*key).to_owned()),
             }
         }
-        _ => Mistake { message: in_plain_words(&message), label: "here".to_owned(), remedy: None },
+        _ => Mistake {
+            message: in_plain_words(&message),
+            label: "here".to_owned(),
+            remedy: None,
+            unknown_key: None,
+        },
     }
 }
 
@@ -93,6 +113,54 @@ fn both_names(message: &str) -> Option<Mistake> {
         message: format!("both `{name}` and `{field}` are set"),
         label: "in this table".to_owned(),
         remedy: Some(format!("set only one of them: `{field}` is another name of `{name}`")),
+        unknown_key: None,
+    })
+}
+
+/// A table of a file: the line in brackets that begins the table, and the schemas of its keys. The line is empty for
+/// the top level.
+type TableInFile<'s> = (String, &'s Map<String, Value>);
+
+/// Returns the remedy for the key at the byte `at` of `text`, which its table does not have, if other tables have it.
+/// `schema` is the JSON schema of the file.
+pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<String> {
+    let mut tables = Vec::new();
+    add_tables(&mut tables, schema, "", String::new());
+    let owners = tables.iter().filter(|(_, keys)| keys.contains_key(key));
+    let owners: Vec<&str> = owners.map(|(header, _)| header.as_str()).collect();
+    match (&owners[..], header_above(text, at, &tables)) {
+        ([], _) => None,
+        (["", ..], Some(header)) => Some(format!(
+            "`{key}` is a key of the top level, but this line belongs to the table {header}: move it above the first \
+             line in brackets"
+        )),
+        (["", ..], None) => Some(format!("`{key}` is a key of the top level")),
+        (owners, _) => Some(format!("`{key}` is a key of {}", owners.join(" and "))),
+    }
+}
+
+/// Adds the table that `schema` describes, and the tables inside it. `path` is the table's dotted path, and `header` is
+/// the line in brackets that begins the table; both are empty for the top level.
+fn add_tables<'s>(all: &mut Vec<TableInFile<'s>>, schema: &'s Value, path: &str, header: String) {
+    let Some(keys) = schema["properties"].as_object() else { return };
+    all.push((header, keys));
+    for (key, value) in keys {
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        add_tables(all, value, &path, format!("[{path}]"));
+        add_tables(all, &value["items"], &path, format!("[[{path}]]"));
+    }
+}
+
+/// Returns the line in brackets that begins the table to which the line of the byte `at` of `text` belongs. Returns
+/// `None` at the top level, and for a line that is itself in brackets.
+fn header_above<'t>(text: &str, at: usize, tables: &'t [TableInFile<'_>]) -> Option<&'t str> {
+    let begin = text.get(..at)?.rfind('\n')? + 1;
+    if text.get(begin..)?.trim_start().starts_with('[') {
+        return None;
+    }
+    text.get(..begin)?.lines().rev().find_map(|line| {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        tables.iter().map(|(header, _)| header.as_str()).find(|header| !line.is_empty() && *header == line)
     })
 }
 
@@ -146,6 +214,37 @@ mod tests {
         assert_eq!(both.message, "both `mesh` and `obj` are set");
         assert_eq!(both.remedy("no other"), "set only one of them: `obj` is another name of `mesh`");
         assert!(both_names("duplicate field `power`").is_none() && both_names("duplicate key").is_none());
+    }
+
+    #[test]
+    fn a_key_in_the_wrong_table_is_answered_with_the_table_that_has_it() {
+        let schema = serde_json::json!({ "properties": {
+            "devices": {},
+            "entry": { "items": { "properties": { "preset": {}, "seed": {} } } },
+            "timing": { "properties": { "seed": {}, "inner": { "properties": { "deep": {} } } } },
+        } });
+        // The key in question is the word behind the last line break.
+        let remedy = |text: &str| {
+            let at = text.rfind('\n').map_or(0, |end| end + 1);
+            let key = text[at..].split([' ', ']']).next().unwrap_or_default().trim_start_matches('[');
+            elsewhere(&schema, text, at, key.rsplit('.').next().unwrap_or_default())
+        };
+        let top = |table: &str| {
+            let belongs = format!("but this line belongs to the table {table}");
+            Some(format!(
+                "`devices` is a key of the top level, {belongs}: move it above the first line in brackets"
+            ))
+        };
+        assert_eq!(remedy("[timing] # How long.\nseed = [\n[8]\n]\ndevices = 1"), top("[timing]"));
+        assert_eq!(remedy("[timing]\n[[entry]]\npreset = 1\ndevices = 1"), top("[[entry]]"));
+        assert_eq!(remedy("[timing.inner]\ndevices = 1"), top("[timing.inner]"));
+        let of_top = Some("`devices` is a key of the top level".to_owned());
+        assert_eq!(remedy("# [timing]\ndevices = 1"), of_top);
+        assert_eq!(remedy("[entry]\n[timing.devices]"), of_top);
+        assert_eq!(remedy("devices = 1"), of_top);
+        assert_eq!(remedy("deep = 1").as_deref(), Some("`deep` is a key of [timing.inner]"));
+        assert_eq!(remedy("seed = 1").as_deref(), Some("`seed` is a key of [[entry]] and [timing]"));
+        assert_eq!(remedy("[timing]\nfruit = 1"), None);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use toml::{Spanned, Value};
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
-use crate::toml_error::in_plain_words;
+use crate::toml_error::{elsewhere, in_plain_words};
 use crate::toml_read::from_table;
 use crate::words::counted;
 
@@ -155,7 +155,12 @@ impl Document {
 
     /// Returns the error for a key that is none of `known`.
     pub fn unknown_key(&self, span: Range<usize>, key: &str, known: &[&str]) -> Error {
+        let (_, text, start) = self.part(&span);
+        let place = elsewhere(&super::schema(), text, span.start - start, key);
         let error = self.error(span, format!("unknown key '{key}'"), "no such key here");
+        if let Some(place) = place {
+            return error.with_help(format!("{place}; the keys here are {}", known.join(", ")));
+        }
         let list = format!("the keys are {}", known.join(", "));
         let renamed =
             RENAMED.iter().find(|(old, new)| *old == key && known.contains(new)).map(|(_, new)| *new);

@@ -185,6 +185,30 @@ fn a_misspelt_key_names_the_nearest() {
 }
 
 #[test]
+fn a_key_below_the_wrong_table_is_answered_with_its_own_table() {
+    let entry = "[[strategy]]\npreset = \"deferred\"\n";
+    let text = format!("{}{entry}strategies = [\"naive\"]\n", GOOD.replace("strategies", "# "));
+    let above = "but this line belongs to the table [[strategy]]: move it above the first line in brackets";
+    refuses(
+        &text,
+        &[
+            "unknown key 'strategies'",
+            "test.toml:9:1",
+            &format!("`strategies` is a key of the top level, {above}; the keys here are name, preset, "),
+        ],
+    );
+    refuses(
+        &format!("{GOOD}{entry}launches = 2\n"),
+        &["`launches` is a key of [timing]; the keys here are "],
+    );
+    refuses(
+        &format!("{GOOD}[timing]\nseed = 1\ndevices = [\"cpu\"]\n"),
+        &["`devices` is a key of the top level, but this line belongs to the table [timing]: "],
+    );
+    assert!(refusal(GOOD, &[("launches", "2")]).contains("`launches` is a key of [timing]"));
+}
+
+#[test]
 fn an_experiment_without_a_question_is_named_after_its_file() {
     let experiment = load_with(&GOOD.replace("question", "#").replace("expectation", "#"), &[]).unwrap();
     assert_eq!((experiment.question.as_str(), experiment.expectation.as_str()), ("test", ""));

@@ -207,7 +207,9 @@ impl Document {
             Origin::Setting(setting) => {
                 return error_in(&setting, &mistake.message).with_help(mistake.remedy(KEYS));
             }
-            Origin::File(span) if self.quotes => mistake.in_file(&self.name, self.original(), span, KEYS),
+            Origin::File(span) if self.quotes => mistake
+                .with_table(&super::schema(), self.original(), span.start)
+                .in_file(&self.name, self.original(), span, KEYS),
             Origin::File(span) => {
                 Error::withheld(&self.name, line_of(self.original(), span.start), &expected())
             }
@@ -381,6 +383,25 @@ mod tests {
         let light = error_of("[[light]]\nply = 1\n".to_owned());
         assert_eq!(light.to_string(), "unknown key `ply`");
         assert!(light.remedy().starts_with("the valid keys here are "), "{}", light.remedy());
+    }
+
+    #[test]
+    fn a_key_of_a_scene_below_a_table_is_answered_with_its_own_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let error_of = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            load_scene_named_in(folder.path(), &path, &[], Shot::SQUARE).unwrap_err()
+        };
+        let bias = error_of("[camera]\nz_near = 0.1\nshadow_bias = 1\n");
+        assert_eq!(bias.to_string(), "unknown key `shadow_bias`");
+        let place = "`shadow_bias` is a key of the top level, but this line belongs to the table [camera]: move it \
+                     above the first line in brackets; the valid keys here are ";
+        assert!(bias.remedy().starts_with(place), "{}", bias.remedy());
+        let position = error_of("[[object]]\nshape = \"sphere\"\nposition = [0, 0, 0]\n");
+        assert_eq!(position.to_string(), "unknown key `position`");
+        let place = "`position` is a key of [camera] and [[light]]; the valid keys here are ";
+        assert!(position.remedy().starts_with(place), "{}", position.remedy());
     }
 
     /// A file in another folder may belong to somebody else, so its text is not quoted.
