@@ -72,7 +72,38 @@ fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<Stri
 }
 
 fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> {
-    preset(name.get_ref()).map_err(|error| document.located(name.span(), error, "no such preset"))
+    preset(name.get_ref()).map_err(|error| {
+        let error = match entry_instead(name.get_ref()) {
+            Some(remedy) => error.with_help(remedy),
+            None => error,
+        };
+        document.located(name.span(), error, "no such preset")
+    })
+}
+
+/// Returns the remedy for a name of a preset that is a strategy in the form of `--strategy`, such as
+/// `deferred,width=4`: the keys of a `[[strategy]]` entry. Returns `None` for any other name.
+fn entry_instead(text: &str) -> Option<String> {
+    let parts: Vec<&str> = text.split(',').map(str::trim).filter(|part| !part.is_empty()).collect();
+    let (base, axes) = match parts.split_first()? {
+        (first, axes) if !first.contains('=') => (*first, axes),
+        _ => ("deferred", &parts[..]),
+    };
+    if axes.is_empty() || preset(base).is_err() {
+        return None;
+    }
+    let axes: Option<Vec<String>> = axes.iter().map(|part| key_of(part)).collect();
+    Some(format!("in a config, write [[strategy]] with preset = {base:?} and {}", axes?.join(" and ")))
+}
+
+/// Returns a value of an axis in the form of `--strategy`, such as `width=4`, as a line of a config.
+fn key_of(part: &str) -> Option<String> {
+    let (axis, value) = part.split_once('=')?;
+    let (axis, value) = (axis.trim(), value.trim());
+    Some(match value.parse::<u32>() {
+        Ok(number) => format!("{axis} = {number}"),
+        Err(_) => format!("{axis} = {value:?}"),
+    })
 }
 
 fn whole_preset(preset: &Preset, sizes: &[[u32; 2]], meant_for: Option<DeviceKind>) -> NamedStrategy {

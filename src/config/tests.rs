@@ -334,6 +334,22 @@ fn unknown_names_are_refused_with_the_nearest() {
 }
 
 #[test]
+fn a_strategy_in_the_form_of_the_option_is_answered_with_the_table_that_a_config_needs() {
+    let help = |name: &str| refusal(&GOOD.replace("local-vectors", name), &[]);
+    for (name, keys) in [
+        ("deferred,width=4", "preset = \"deferred\" and width = 4"),
+        ("naive, math = fast,width=2", "preset = \"naive\" and math = \"fast\" and width = 2"),
+        ("width=8", "preset = \"deferred\" and width = 8"),
+    ] {
+        let expected = format!("in a config, write [[strategy]] with {keys}");
+        assert!(help(name).contains(&expected), "{}", help(name));
+    }
+    for name in ["naiv", "naiv,width=4", "naive,width", "naive,"] {
+        assert!(!help(name).contains("in a config"), "{}", help(name));
+    }
+}
+
+#[test]
 fn two_strategies_of_one_name_and_nothing_to_measure_are_refused() {
     let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\n");
     refuses(&text, &["two strategies have the name 'naive'", "test.toml:7:1"]);
