@@ -27,6 +27,9 @@ const LIKE_MESH: [&str; 6] = ["ply", "stl", "gltf", "glb", "file", "path"];
 /// The beginning of the remedy if a table has one of these names instead of `mesh`.
 const MESH_READS: &str = "`mesh` reads OBJ, PLY, STL, glTF and GLB files; ";
 
+/// The message about a table in place of a list.
+pub const NO_LIST: &str = "wrong type: table, expected a list";
+
 /// A mistake in a document, in words for a user.
 pub struct Mistake {
     /// The mistake, with the wrong value and the expected one.
@@ -46,12 +49,14 @@ impl Mistake {
     }
 
     /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of another
-    /// table. `schema` is the JSON schema of the file.
+    /// table, or if a table should be one of a list. `schema` is the JSON schema of the file.
     pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
         let key = self.unknown_key.take().unwrap_or_default();
         if let Some(place) = elsewhere(schema, text, at, &key) {
             self.message = format!("unknown key `{key}`");
             self.remedy = self.remedy.map(|keys| format!("{place}; {keys}"));
+        } else if self.message == NO_LIST {
+            self.remedy = double_brackets(schema, text, at).or(self.remedy);
         }
         self
     }
@@ -137,6 +142,17 @@ pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<Str
         (["", ..], None) => Some(format!("`{key}` is a key of the top level")),
         (owners, _) => Some(format!("`{key}` is a key of {}", owners.join(" and "))),
     }
+}
+
+/// Returns the remedy if the byte `at` of `text` is in a line such as `[light]`, although the file has a list of such
+/// tables. `schema` is the JSON schema of the file.
+pub fn double_brackets(schema: &Value, text: &str, at: usize) -> Option<String> {
+    let mut tables = Vec::new();
+    add_tables(&mut tables, schema, "", String::new());
+    let begin = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
+    let line = text.get(begin..)?.lines().next()?.split('#').next()?.trim();
+    let double = format!("[{line}]");
+    tables.iter().any(|(header, _)| *header == double).then(|| format!("write {double} with double brackets"))
 }
 
 /// Adds the table that `schema` describes, and the tables inside it. `path` is the table's dotted path, and `header` is
@@ -245,6 +261,21 @@ mod tests {
         assert_eq!(remedy("deep = 1").as_deref(), Some("`deep` is a key of [timing.inner]"));
         assert_eq!(remedy("seed = 1").as_deref(), Some("`seed` is a key of [[entry]] and [timing]"));
         assert_eq!(remedy("[timing]\nfruit = 1"), None);
+    }
+
+    #[test]
+    fn a_table_in_place_of_a_list_of_tables_is_answered_with_double_brackets() {
+        let schema = serde_json::json!({ "properties": {
+            "entry": { "items": { "properties": { "preset": {} } } },
+            "timing": { "properties": { "seed": {} } },
+        } });
+        let remedy = |text: &str| double_brackets(&schema, text, text.rfind('[').unwrap_or_default());
+        let double = Some("write [[entry]] with double brackets".to_owned());
+        assert_eq!(
+            [remedy("[entry]"), remedy("seed = 1\n[entry] # One.\npreset = 1")],
+            [double.clone(), double]
+        );
+        assert_eq!([remedy("[timing]"), remedy("entry = 1"), remedy("[other]")], [None, None, None]);
     }
 
     #[test]

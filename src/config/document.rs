@@ -9,7 +9,7 @@ use toml::{Spanned, Value};
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
-use crate::toml_error::{elsewhere, in_plain_words};
+use crate::toml_error::{NO_LIST, double_brackets, elsewhere, in_plain_words};
 use crate::toml_read::from_table;
 use crate::words::counted;
 
@@ -150,7 +150,29 @@ impl Document {
         }
         let message = in_plain_words(message.trim()).replace('`', "");
         let label = message.find("expected ").map_or("here", |start| &message[start..]).to_owned();
-        self.error(span, message, label)
+        let remedy = self.list_instead(&span, &message);
+        let error = self.error(span, message, label);
+        match remedy {
+            Some(remedy) => error.with_help(remedy),
+            None => error,
+        }
+    }
+
+    /// Returns the remedy for the value at `span` if `message` says that it must be a list; `None` for another message,
+    /// or if the list's key is not in the same line.
+    fn list_instead(&self, span: &Range<usize>, message: &str) -> Option<String> {
+        let (_, text, start) = self.part(span);
+        let at = span.start - start;
+        if message == NO_LIST {
+            return double_brackets(&super::schema(), text, at);
+        }
+        if !message.ends_with("expected a list") {
+            return None;
+        }
+        let key = text.get(..at)?.lines().next_back()?.trim_end().strip_suffix('=')?.trim();
+        let value = text.get(at..span.end.checked_sub(start)?)?;
+        let example = example_of(key)?;
+        Some(format!("{key} is a list, such as {}", size_in(value).unwrap_or_else(|| example.to_owned())))
     }
 
     /// Returns the error for a key that is none of `known`.
@@ -305,6 +327,14 @@ fn merge<'i>(name: &str, below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValu
 fn example_of(path: &str) -> Option<&'static str> {
     let key = path.rsplit('.').next().unwrap_or(path);
     LISTS.iter().find(|(list, _)| *list == key).map(|(_, whole)| *whole)
+}
+
+/// Returns the list of one size that is meant by a text such as "400x250", in TOML with its quotes; `None` for any other
+/// text.
+fn size_in(value: &str) -> Option<String> {
+    let (across, down) = value.trim_matches(['"', '\'']).split_once('x')?;
+    let [across, down] = [across, down].map(|side| side.trim().parse::<u32>().ok());
+    Some(format!("[[{}, {}]]", across?, down?))
 }
 
 /// Returns true if `table` is not empty and each of its keys is an index, like the 0 in `strategy.0.width =

@@ -247,6 +247,29 @@ fn a_wrong_type_says_what_was_expected() {
 }
 
 #[test]
+fn a_value_in_place_of_a_list_is_answered_with_a_list() {
+    let sizes = |value: &str| GOOD.replace("[[800, 500]]", value);
+    let message = "wrong type: string \"400x250\", expected a list";
+    refuses(&sizes("\"400x250\""), &[message, "4:15", "image_sizes is a list, such as [[400, 250]]"]);
+    refuses(&sizes("'64 x 48'"), &["image_sizes is a list, such as [[64, 48]]"]);
+    refuses(&sizes("512"), &["image_sizes is a list, such as [[800, 500]]"]);
+    refuses(&format!("devices = \"gpu\"\n{GOOD}"), &["1:11", "devices is a list, such as [\"cpu\"]"]);
+    let report = refusal(GOOD, &[("local_sizes", "8x4")]);
+    assert!(report.contains("local_sizes is a list, such as [[8, 4]]"), "{report}");
+}
+
+#[test]
+fn a_table_that_is_one_of_a_list_needs_double_brackets() {
+    for (table, line) in [("strategy", "preset = \"deferred\""), ("scene", "file = \"../scenes/gourd.toml\"")]
+    {
+        let help = format!("write [[{table}]] with double brackets");
+        let text = format!("{GOOD}[{table}]\n{line}\n");
+        refuses(&text, &["wrong type: table, expected a list", "test.toml:7:1", &help]);
+    }
+    refuses(&format!("{GOOD}strategy = {{ }}\n"), &["expected a list", "docs/experiments.md"]);
+}
+
+#[test]
 fn sizes_out_of_range_say_the_range() {
     refuses(
         &GOOD.replace("[64, 1]", "[64, -1]"),

@@ -398,6 +398,8 @@ mod tests {
         let place = "`shadow_bias` is a key of the top level, but this line belongs to the table [camera]: move it \
                      above the first line in brackets; the valid keys here are ";
         assert!(bias.remedy().starts_with(place), "{}", bias.remedy());
+        let light = error_of("[light]\nposition = [0, 9, 0]\npower = 9\n");
+        assert_eq!(light.remedy(), "write [[light]] with double brackets");
         let position = error_of("[[object]]\nshape = \"sphere\"\nposition = [0, 0, 0]\n");
         assert_eq!(position.to_string(), "unknown key `position`");
         let place = "`position` is a key of [camera] and [[light]]; the valid keys here are ";
