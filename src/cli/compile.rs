@@ -3,6 +3,7 @@
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::{Device, both_names, is_pocl};
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::launch::{Refused, Session};
 use crate::microscope::{Microscope, binary_of_frame};
 use crate::output::{Choice, OutFolder};
@@ -70,6 +71,9 @@ struct Compilation {
     program_hash: String,
     build_ms: f64,
     binary_is_ptx: bool,
+    /// The folder of `--cl-dir`, which only the page names.
+    #[serde(skip)]
+    cl_dir: Option<PathBuf>,
     kernels: Vec<CompiledKernel>,
     /// The instructions (PTX, SASS or the CPU's) that the compiler generated for each line of the source; `None` if
     /// neither --out nor --json is given.
@@ -104,12 +108,16 @@ pub fn run(args: Args) -> Result<()> {
                 continue;
             }
         };
+        let told = args.out.as_deref().filter(|_| !args.json).and_then(|out| replaced(out, text, &made));
         if let Some(out) = &mut out {
             keep(out, text, &made, files)?;
         }
         match args.json {
             true => super::print_json(&made)?,
             false => super::print(text_of(text, &made))?,
+        }
+        if let Some(line) = told {
+            super::print(line)?;
         }
     }
     if let Some(line) = written(args.out.as_deref(), args.json, strategies.len() - failed.len()) {
@@ -122,6 +130,16 @@ pub fn run(args: Args) -> Result<()> {
 /// programs could be compiled. `made` is the number of programs that were compiled.
 fn written(out: Option<&Path>, as_json: bool, made: usize) -> Option<String> {
     out.filter(|_| !as_json && made > 0).map(|out| format!("Written to {}", out.display()))
+}
+
+/// Returns the line which says that the files of another program in the strategy's folder are replaced; `None` if the
+/// folder has no such files. The folder is in the folder `out`, and must not contain the new files yet.
+fn replaced(out: &Path, strategy: &str, made: &Compilation) -> Option<String> {
+    let folder = out.join(folder_name(strategy));
+    let earlier = existing::bytes(&folder.join("made.json")).ok()??;
+    let earlier: serde_json::Value = serde_json::from_slice(&earlier).ok()?;
+    let is_same = earlier["program_hash"] == made.program_hash && earlier["device"] == made.device;
+    (!is_same).then(|| format!("Replaced the files of another program in {}", folder.display()))
 }
 
 /// Returns an error if `failed` is not empty. For each program that could not be compiled, `failed` has the
@@ -200,6 +218,7 @@ fn compile(
         program_hash: spec.hash(),
         build_ms: program.build_ms,
         binary_is_ptx,
+        cl_dir: args.cl_dir.clone(),
         kernels,
         microscope,
     };
@@ -236,8 +255,11 @@ fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: File
 fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;
+    let own = made.cl_dir.as_ref().map_or(String::new(), |folder| {
+        format!(" Kernel files in {} replaced the built-in files of the same names.", folder.display())
+    });
     let about = format!(
-        "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.",
+        "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.{own}",
         both_names(&made.device),
         made.strategy
     );
@@ -300,6 +322,7 @@ mod tests {
             program_hash: String::new(),
             build_ms: 1.0,
             binary_is_ptx: false,
+            cl_dir: None,
             kernels: Vec::new(),
             microscope: None,
         }
@@ -338,6 +361,39 @@ mod tests {
         for file in ["naive/made.json", "naive/notes.txt", "deferred/binary.ptx"] {
             assert!(is_there(file), "{file}");
         }
+    }
+
+    #[test]
+    fn only_files_of_another_program_or_device_are_said_to_be_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let of =
+            |hash: &str, device: &str| Compilation { program_hash: hash.to_owned(), ..compilation(device) };
+        let told = |strategy: &str, made: &Compilation| replaced(folder.path(), strategy, made);
+        let first = of("a", "a device");
+        assert_eq!(told("naive", &first), None);
+        let mut out = OutFolder::open(folder.path(), Choice::new(false, "--out DIR")).unwrap();
+        keep(&mut out, "naive", &first, Vec::new()).unwrap();
+        assert_eq!(told("naive", &first), None);
+        let naive = folder.path().join("naive");
+        let line = format!("Replaced the files of another program in {}", naive.display());
+        for other in [of("b", "a device"), of("a", "another device")] {
+            assert_eq!(told("naive", &other).as_ref(), Some(&line));
+            assert_eq!(told("deferred", &other), None);
+        }
+    }
+
+    #[test]
+    fn the_page_names_the_folder_of_ones_own_kernels() {
+        let page_of = |cl_dir: Option<&str>| {
+            let microscope = Some(Microscope::default());
+            let made =
+                Compilation { microscope, cl_dir: cl_dir.map(PathBuf::from), ..compilation("a device") };
+            page("naive", &made).unwrap().unwrap()
+        };
+        let said =
+            "Its strategy is a strategy. Kernel files in mine replaced the built-in files of the same names.";
+        assert!(page_of(Some("mine")).contains(said));
+        assert!(page_of(None).contains("Its strategy is a strategy.</p>"));
     }
 
     #[test]
