@@ -1,6 +1,7 @@
 //! The command line. The file of each subcommand contains the subcommand's arguments (`Args`) and its
 //! function `run`. Other files contain code that several subcommands share.
 
+mod blanks;
 pub mod cache;
 pub(crate) mod choice;
 pub mod colour;
@@ -259,7 +260,9 @@ impl Cli {
         // before clap parses the arguments.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words);
-        let read = read.or_else(|error| end(&renamed::explain(shown(error, words.into_iter()))))?;
+        let explained =
+            |error| blanks::explain(renamed::explain(shown(error, words.iter().cloned())), &words);
+        let read = read.or_else(|error| end(&explained(error)))?;
         colour::choose(read.color, settings::colour());
         if !matches!(read.command, Command::Worker { .. }) {
             settings?;
