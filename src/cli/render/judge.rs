@@ -10,6 +10,7 @@ use crate::reference::{all_pixels, reference_of, some_pixels};
 use crate::scene::{Sample, SampleCounts, SampleLight, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
+use crate::words::{path_word, quote};
 use std::path::Path;
 
 /// Returns an error if a value of the picture is infinite or not a number, even without `--verify`. `fate` is the part
@@ -28,6 +29,20 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
 /// Returns the words that tell the user where a wrong picture was saved.
 fn saved_at(path: &Path) -> String {
     format!("the picture was saved for inspection: {}", path.display())
+}
+
+/// Returns the words that tell the user how to see where a saved picture is wrong; empty if it was written to standard
+/// output.
+fn where_wrong(saved: &Target) -> String {
+    if saved.is_standard_output() {
+        return String::new();
+    }
+    let found = quote(&path_word(saved.path()));
+    let ending = saved.path().extension().unwrap_or_default().display();
+    format!(
+        "; to see where it is wrong, render it with another --strategy and `-o right.{ending}`, then run \
+         `raycl compare-images {found} right.{ending} -o where.png`"
+    )
 }
 
 /// Checks the values of a picture and, with `--verify`, calls `compare` to compare it with the reference. Returns what
@@ -151,7 +166,7 @@ fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::res
 
 fn wrong(reason: &str, saved: &Target) -> Error {
     let error = Error::run(format!("the picture is wrong: {reason}"));
-    error.with_help(saved_at(saved.path()))
+    error.with_help(format!("{}{}", saved_at(saved.path()), where_wrong(saved)))
 }
 
 #[cfg(test)]
@@ -200,7 +215,7 @@ mod tests {
             error.to_string().contains("the filter of soft light gave pixel (2, 1) the value"),
             "{error}"
         );
-        assert!(error.remedy().ends_with("saved for inspection: a.png"), "{}", error.remedy());
+        assert!(error.remedy().contains("saved for inspection: a.png; to see where"), "{}", error.remedy());
         let error = judged(1.0, parts.hits + 1).expect_err("a hit too many");
         assert!(error.to_string().contains("changed which pixels show a surface"), "{error}");
         // The whole picture differs, and is filtered as it is.
@@ -211,6 +226,19 @@ mod tests {
             check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
         let within = verified.expect("it is within the tolerance").max_difference.unwrap_or(f64::NAN);
         assert!((4e-4..6e-4).contains(&within), "{within}");
+    }
+
+    #[test]
+    fn a_wrong_picture_is_reported_with_the_command_that_shows_where_it_is_wrong() {
+        for (file, command) in [
+            ("a.png", "`raycl compare-images a.png right.png -o where.png`"),
+            ("my pictures/a.exr", "`raycl compare-images 'my pictures/a.exr' right.exr -o where.png`"),
+        ] {
+            let error = wrong("pixel (0, 0) is black", &Target::of_results(file));
+            assert!(error.remedy().ends_with(command), "{}", error.remedy());
+        }
+        let error = wrong("pixel (0, 0) is black", &Target::of_results("-"));
+        assert!(!error.remedy().contains("compare-images"), "{}", error.remedy());
     }
 
     #[test]
