@@ -18,7 +18,7 @@ pub struct Group<'a> {
     /// The device's name, or "host".
     pub device: &'a str,
     /// The records, sorted by strategy and then by local size. Presets come first, in the order of `PRESETS`;
-    /// other strategies follow, sorted by name.
+    /// other strategies follow, sorted by name, with numbers in names in numerical order.
     pub records: Vec<&'a Record>,
 }
 
@@ -42,7 +42,7 @@ pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
         }
     }
     for group in &mut groups {
-        group.records.sort_by_key(|record| sort_key(record));
+        group.records.sort_by_cached_key(|record| sort_key(record));
     }
     groups
 }
@@ -62,11 +62,30 @@ pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     notes
 }
 
+/// The parts of a name, and the name itself.
+type NameKey<'a> = (Vec<(&'a str, u64)>, &'a str);
+
 /// Returns the key by which the records of a group are sorted: the preset's position, the name, the number of
 /// work-items per work-group, and the local size.
-fn sort_key(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
+fn sort_key(record: &Record) -> (usize, NameKey<'_>, Option<u32>, Option<[u32; 2]>) {
     let preset = PRESETS.iter().position(|preset| preset.name == record.name).unwrap_or(PRESETS.len());
-    (preset, &record.name, record.local_size.map(|[across, down]| across * down), record.local_size)
+    let work_items = record.local_size.map(|[across, down]| across * down);
+    (preset, (parts(&record.name), record.name.as_str()), work_items, record.local_size)
+}
+
+/// Returns the parts of a name, each a text and the number that follows it (0 if none follows), so that names are
+/// sorted as "width=2", "width=16" and not as texts.
+fn parts(name: &str) -> Vec<(&str, u64)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let (text, after) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let end = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
+        let (digits, after) = after.split_at(end);
+        parts.push((text, if digits.is_empty() { 0 } else { digits.parse().unwrap_or(u64::MAX) }));
+        rest = after;
+    }
+    parts
 }
 
 impl<'a> Group<'a> {
@@ -304,6 +323,26 @@ pub mod tests {
             keys,
             ["gpu naive 2", "gpu naive 128x1", "gpu naive 16", "gpu wide 1", "gpu a-kernel-of-one's-own 1"]
         );
+    }
+
+    #[test]
+    fn numbers_in_the_names_of_strategies_are_in_numerical_order() {
+        let sorted = [
+            "deferred+width=1",
+            "deferred+width=1+math=fast",
+            "deferred+width=2",
+            "deferred+width=16",
+            "tile+leaf_size=8+width=4",
+            "tile+leaf_size=32+width=2",
+            "tile+leaf_size=99999999999999999999999",
+        ];
+        let mut names = sorted;
+        names.sort_unstable();
+        assert_ne!(names, sorted);
+        let records = names.map(|name| measured("gpu", name, 8, 1.0));
+        let groups = groups(&records);
+        let names: Vec<_> = groups[0].records.iter().map(|record| record.name.as_str()).collect();
+        assert_eq!(names, sorted);
     }
 
     #[test]
