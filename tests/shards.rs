@@ -242,11 +242,11 @@ fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_de
 fn a_merge_or_a_shard_into_a_folder_that_may_not_be_written_to_is_the_users_mistake() {
     let said = WorkFolder::new().mistake(&["merge", "/proc/sys"], 2);
     has(&said, &["the folder '/proc/sys' cannot be written to", "merge a copy of it"]);
+    assert!(!said.contains("--out"), "{said}");
     let shard = ["run", "test.toml", "--out", "/proc/sys/new", "--asleep", "1", "--shard", "1/1"];
     let said = Ground::new().folder.mistake(&shard, 2);
     let expected = "cannot make /proc/sys/new: the folder '/proc/sys' cannot be written to";
     has(&said, &[expected, "choose another folder with --out DIR"]);
-    assert!(!said.contains("--out"), "{said}");
 }
 
 #[test]

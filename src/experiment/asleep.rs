@@ -62,7 +62,8 @@ pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }
 
-/// Answers a run's requests about points by waiting instead of casting frames.
+/// Answers a run's requests in a worker for tests, which has no device. For a request to cast a frame, it waits for the
+/// time of a frame, and returns the time that it waited. It answers all other requests without waiting.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
