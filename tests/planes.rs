@@ -75,6 +75,39 @@ fn lights_and_cameras_in_planes_are_verified_right() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner. The road's
+/// near part is wide enough, even if this corner is far away. (`EDGE_ON_ROUNDING` hides the far part.)
+#[test]
+fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
+    let stand = Stand::new(narrow_road(), [151, 107]);
+    let hits = |name: &str| {
+        let strategy = preset(name).expect("a preset").strategy;
+        stand.cast_and_count(&strategy, [4, 4]).expect("it fits").1
+    };
+    let expected = hits("tile-watertight");
+    for name in ["tile", "wide-common-origin", "tile-group"] {
+        let seen = hits(name);
+        assert!(expected > 100 && seen > expected / 12, "{name}: {seen} of {expected}");
+    }
+}
+
+/// Returns a road 35,000 times as long as wide. The far corners come first in its triangles.
+fn narrow_road() -> Scene {
+    let mut scene = scene("../tests/data/road.toml");
+    let mesh = scene.mesh_mut();
+    for position in &mut mesh.positions {
+        *position *= vec3(0.1, 1.0, 3.5);
+    }
+    let is_near: Vec<bool> = mesh.positions.iter().map(|position| position.z > -1.0).collect();
+    for triangle in &mut mesh.triangles {
+        while is_near[triangle.positions[0] as usize] {
+            triangle.positions.rotate_left(1);
+            triangle.normals.rotate_left(1);
+        }
+    }
+    scene
+}
+
 /// Returns long, thin triangles, a light that nearly touches the ground, and one that is far away. Rounding errors
 /// in this scene are much larger than the nudges of a pixel's ray.
 fn thin_triangles(seed: u64) -> Scene {

@@ -25,11 +25,13 @@
 // edge's own size. Otherwise, the overlap at the short edge of a needle (a triangle of two long edges and a short one)
 // could lengthen the needle by several pixels.
 #define OVERLAP_EDGES 8.0f
-// A triangle that looks narrower than this overlap, since it is seen almost edge-on, is not hit either: the overlaps of
-// its neighbours cover it, and its own overlap could lengthen it by several times its length. `distance` is the size of
-// a corner relative to the rays' origin, and `longer` that of the longer of two edges. The result is the least absolute
-// value of the determinant of this corner and two edges with which a triangle is hit.
-#define LEAST_VISIBLE(distance, longer) (SHARED_EDGE_SLACK * (distance) * (distance) * (longer))
+// A triangle that looks narrower everywhere than this overlap, since it is seen almost edge-on, is not hit: the
+// overlaps of its neighbours cover it, and its own overlap could lengthen it by several times its length. `distance` is
+// the size of a corner relative to the rays' origin, and `longer` that of the longer of this corner's two edges, so all
+// points of the triangle are at least `distance - longer` away. The triangle is hit only if the absolute value of the
+// determinant of this corner and the two edges is larger than the result.
+#define LEAST_VISIBLE(distance, longer) \
+    (SHARED_EDGE_SLACK * (distance) * max((distance) - (longer), 0.0f) * (longer))
 
 typedef struct {
     Mask lanes;     // lanes whose ray hits

@@ -2,8 +2,8 @@
 // interval of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against
 // the boxes.
 
-// The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds this multiple of
-// the width of the vector's block, measured at the hits' distance from the eye.
+// The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds this multiple
+// of the width of the vector's block, measured at the hits' distance from the eye.
 #define SCATTERED 8.0f
 
 // Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.
@@ -67,8 +67,10 @@ uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vector
             entry = max(entry, min(a, b));
             leave = min(leave, max(a, b));
         }
-        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR.
-        met |= ANY((entry <= leave * OUTWARDS) & (entry * bundle->inv_t[vector] <= OUTWARDS)) ? 1u << vector : 0;
+        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR; these enter no box.
+        const Mask open = bundle->inv_t[vector] < FAR;
+        const varying inv_t = SELECT(open, bundle->inv_t[vector], (varying)(0.0f));
+        met |= ANY(open & (entry <= leave * OUTWARDS) & (entry * inv_t <= OUTWARDS)) ? 1u << vector : 0;
     }
     return met;
 }

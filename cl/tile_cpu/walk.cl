@@ -18,10 +18,9 @@ void fetch_child(const Tree *tree, uint word) {
 }
 
 // Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top, unless
-// `any` is 1 (the order does not matter then). Returns the new number of the stack's entries. To find a child's place,
-// the function counts the pushed children that the tile enters later: these are below the child. `reach` is the largest
-// t at which any ray of the tile can hit something. An example with three
-// children, entered at t = 5, 2 and 9:
+// `any` is 1 (the order does not matter then). `reach` is the largest t at which a ray of the tile can hit something.
+// Returns the new number of the stack's entries. To find a child's place, the function counts the pushed children that
+// the tile enters later: these are below the child. An example with three children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,

@@ -256,7 +256,7 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;
     let own = made.cl_dir.as_ref().map_or(String::new(), |folder| {
-        format!(" Kernel files in {} replaced the built-in files of the same names.", folder.display())
+        format!(" Kernel files in {} come before built-in files of the same names.", folder.display())
     });
     let about = format!(
         "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.{own}",
@@ -391,7 +391,7 @@ mod tests {
             page("naive", &made).unwrap().unwrap()
         };
         let said =
-            "Its strategy is a strategy. Kernel files in mine replaced the built-in files of the same names.";
+            "Its strategy is a strategy. Kernel files in mine come before built-in files of the same names.";
         assert!(page_of(Some("mine")).contains(said));
         assert!(page_of(None).contains("Its strategy is a strategy.</p>"));
     }

@@ -172,7 +172,8 @@ impl Document {
         let key = text.get(..at)?.lines().next_back()?.trim_end().strip_suffix('=')?.trim();
         let value = text.get(at..span.end.checked_sub(start)?)?;
         let example = example_of(key)?;
-        Some(format!("{key} is a list, such as {}", size_in(value).unwrap_or_else(|| example.to_owned())))
+        let size = size_in(value).filter(|_| key.ends_with("_sizes"));
+        Some(format!("{key} is a list, such as {}", size.unwrap_or_else(|| example.to_owned())))
     }
 
     /// Returns the error for a key that is none of `known`.
@@ -329,8 +330,8 @@ fn example_of(path: &str) -> Option<&'static str> {
     LISTS.iter().find(|(list, _)| *list == key).map(|(_, whole)| *whole)
 }
 
-/// Returns the list of one size that is meant by a text such as "400x250", in TOML with its quotes; `None` for any other
-/// text.
+/// Returns the list of one size that is meant by a text such as "400x250", in TOML with its quotes; `None` for any
+/// other text.
 fn size_in(value: &str) -> Option<String> {
     let (across, down) = value.trim_matches(['"', '\'']).split_once('x')?;
     let [across, down] = [across, down].map(|side| side.trim().parse::<u32>().ok());

@@ -105,8 +105,8 @@ impl Asked {
         self.numbers(query).first().copied().unwrap_or_default()
     }
 
-    /// Returns true if the answer to a query is a number other than 0. OpenCL 2 has deprecated such queries, so a
-    /// query that fails has the answer false, and does not make the device unusable.
+    /// Returns true if the answer to a query is a number other than 0. OpenCL 2 has deprecated the query
+    /// HostUnifiedMemory. If it fails, the answer is false, and the device stays usable.
     fn has(&self, query: Query) -> bool {
         let answer = device_answer(self.device, query as u32).unwrap_or_default();
         parse_numbers(&answer).first().is_some_and(|number| *number != 0)

@@ -28,7 +28,7 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
 /// Returns the index of the usable device to cast on if no device is named. GPUs come before CPUs, CPUs before
 /// accelerators (some of which a driver only emulates on a CPU), and accelerators before devices of other kinds. GPUs
 /// with memory of their own come before GPUs that share the host's memory, since vendors count different things as
-/// compute units. If a GPU has two drivers, the vendor's comes before PoCL and Mesa. Then, the device with the most
+/// compute units. Then, GPUs with a vendor's driver come before those with PoCL's or Mesa's, and the device with the most
 /// compute units comes first. Of devices with equally many compute units, the first in `infos` is chosen. Returns
 /// `None` if no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {

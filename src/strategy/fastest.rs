@@ -184,6 +184,11 @@ impl Class {
         }
     }
 
+    /// Returns true if the device is a CPU whose vectors hold the rays of a packet or a tile.
+    pub fn is_in_vectors(self) -> bool {
+        matches!(self, Self::TilesInVectors | Self::TilesInNarrowVectors)
+    }
+
     /// Returns the limits that decide between the candidates of the class; `None` if devices of the class do not
     /// support tiles.
     pub fn constants(self, watertight: bool) -> Option<Constants> {
@@ -232,7 +237,7 @@ impl Candidate {
     /// directions, so that the rays of a tile share little. On a GPU with soft light, single rays are up to
     /// 19 times as fast as tiles (measured on an H200, docs/log.md, 2026-11-24).
     pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
-        if task.soft && !limits.is_cpu {
+        if task.soft && !Class::of(limits).is_in_vectors() {
             return Self::Single;
         }
         match Class::of(limits).constants(task.watertight) {
@@ -248,8 +253,7 @@ impl Candidate {
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
         // If work-items share a tile, the local size in this pair has no effect: `Strategy::local_size`
         // returns another local size.
-        let in_vectors = matches!(Class::of(limits), Class::TilesInVectors | Class::TilesInNarrowVectors);
-        let (mut strategy, local_size) = match (in_vectors, self) {
+        let (mut strategy, local_size) = match (Class::of(limits).is_in_vectors(), self) {
             (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
             (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
             (true, Self::Single) => (Strategy { width, ..of("bvh-packet")? }, [4, 4]),
@@ -279,13 +283,13 @@ impl Candidate {
 /// For such a scene, a CPU casts as many rays per work-item as its vectors hold. A GPU casts a few rays per
 /// work-item, and streams triangles through `__local` memory.
 ///
-/// In larger scenes, tiles of rays traverse a tree together. On a CPU, the rays of a tile are in vectors. On
+/// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in them. On
 /// a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU without these
 /// operations casts single rays, because tiles have not been measured on it. On a GPU without these
 /// operations, scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. A CPU that reports no
-/// vectors casts as such a GPU does. In soft light, every GPU casts single rays. If triangles are much smaller than pixels, single rays are faster, since the rays
-/// of a tile take different paths. On a GPU, single rays are also faster in small pictures, which have too
-/// few tiles to keep the device busy.
+/// vectors casts as such a GPU does. In soft light, both and every other GPU cast single rays. If triangles are
+/// much smaller than pixels, single rays are faster, since the rays of a tile take different paths. On a GPU,
+/// single rays are also faster in small pictures, which have too few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }
@@ -517,8 +521,10 @@ mod tests {
     fn a_cpu_without_vectors_casts_single_rays_as_a_gpu_does() {
         let [cpu, gpu] = [true, false].map(|is_cpu| limits(is_cpu, 1, LaneOperations::Barriers));
         for triangles in [2, 10_000] {
-            let task = Task::covering(triangles, PIXELS);
-            assert_eq!(choice(&cpu, &task), choice(&gpu, &task), "{triangles}");
+            for soft in [false, true] {
+                let task = Task { soft, ..Task::covering(triangles, PIXELS) };
+                assert_eq!(choice(&cpu, &task), choice(&gpu, &task), "{triangles} {soft}");
+            }
         }
         assert_eq!(choice(&cpu, &Task::covering(10_000, PIXELS)).0, preset("bvh").unwrap().strategy);
     }

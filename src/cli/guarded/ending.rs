@@ -16,8 +16,8 @@ pub fn drivers_doing(status: ExitStatus) -> Option<String> {
 }
 
 /// Returns true if raycl itself can end a process with this exit code: 0, 1 and 2, 101 after a panic, and 128 or more
-/// after a signal. With any other code, a library has ended the process. (Mesa's compiler of SPIR-V ends the process
-/// with 8 if it does not know an instruction.)
+/// after a signal. (`HUNG` is treated before.) With any other code, a library has ended the process: Mesa's compiler of
+/// SPIR-V ends it with 8 if it does not know an instruction.
 fn is_own(code: i32) -> bool {
     matches!(code, 0..=2 | 101 | 128..)
 }

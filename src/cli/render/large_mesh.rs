@@ -7,7 +7,7 @@ use crate::accel::TreeUse;
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::scene::Scene;
-use crate::strategy::{Candidate, Layout, Strategy, Task};
+use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 
 /// From this number of triangles on, a CPU casts a single picture by tiles of rays that read the mesh's own list of
 /// normals.
@@ -26,7 +26,8 @@ const LARGE_TRIANGLES: usize = 4_000_000;
 /// that raycl expects to be fastest on the device. For a single picture of a large mesh on a CPU, raycl
 /// chooses tiles and indexed normals, unless the user has chosen a strategy or a layout.
 pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
-    if !device.limits.is_cpu || task.triangles < LARGE_TRIANGLES || !may_be_indexed(args) {
+    let in_vectors = Class::of(&device.limits).is_in_vectors();
+    if !in_vectors || task.triangles < LARGE_TRIANGLES || !may_be_indexed(args) {
         return args.subject.strategy(device, task);
     }
     let (mut strategy, local_size) = if args.subject.leaves_strategy_open() {
