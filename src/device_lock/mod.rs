@@ -32,8 +32,9 @@ pub struct Locks {
 /// when the process ends in any other way.
 pub struct Held {
     file: File,
-    /// The claim is dropped after the lock is released, so that the next thread of this process finds the
-    /// lock free. `None` only in tests, in which a lock counts as held by another process.
+    /// The right of a thread of this process to take the lock. It is dropped after the lock is released, so that
+    /// the next thread of this process finds the lock free. `None` only for locks that a test takes as if another
+    /// process held them.
     _claim: Option<Claim>,
 }
 

@@ -84,8 +84,9 @@ impl Staging {
     }
 
     /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together`
-    /// rows. `enqueue` gets the rows of a piece. It returns the buffer that will contain these rows, and the
-    /// index of the rows' first value in this buffer. `take` receives the rows.
+    /// rows. `enqueue` is called with the range of a piece's rows. If these rows must be computed first, it enqueues
+    /// the kernel that does so. It returns the buffer that will contain the rows, and the index of their first value
+    /// in this buffer. `take` is called with the same range and the values of the rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,

@@ -55,8 +55,8 @@ impl OutFolder {
         self.choice
     }
 
-    /// Returns true if raycl wrote into the folder before: the folder is a folder of results, or has a list
-    /// with entries.
+    /// Returns true if raycl has written into the folder before: the folder is a folder of results, or its list of
+    /// raycl's files names at least one file.
     pub fn is_known(&self) -> bool {
         self.results || !self.made.is_empty()
     }

@@ -59,7 +59,8 @@ impl Seen {
         self.count += 1;
     }
 
-    /// Adds the count of a later piece of the text.
+    /// Returns the total number of these lines in this piece of the file and in a later one, and the byte offset of
+    /// the first of them.
     pub fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,

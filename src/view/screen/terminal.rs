@@ -29,7 +29,7 @@ pub struct Terminal {
     out: Stdout,
     /// The size of the last picture or, before the first picture, the size for which the terminal has room.
     size: [u32; 2],
-    /// Characters across and down.
+    /// The terminal's width and height in characters, including the line for text.
     cells: [u16; 2],
     /// Size of a character in pixels.
     cell_pixels: [u32; 2],
