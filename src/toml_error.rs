@@ -51,11 +51,13 @@ impl Mistake {
     /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of another
     /// table, or if a table should be one of a list. `schema` is the JSON schema of the file.
     pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
-        let key = self.unknown_key.take().unwrap_or_default();
-        if let Some(place) = elsewhere(schema, text, at, &key) {
+        if let Some(key) = self.unknown_key.take()
+            && let Some(place) = elsewhere(schema, text, at, &key)
+        {
             self.message = format!("unknown key `{key}`");
             self.remedy = self.remedy.map(|keys| format!("{place}; {keys}"));
-        } else if self.message == NO_LIST {
+        }
+        if self.message == NO_LIST {
             self.remedy = double_brackets(schema, text, at).or(self.remedy);
         }
         self
@@ -175,7 +177,8 @@ fn header_above<'t>(text: &str, at: usize, tables: &'t [TableInFile<'_>]) -> Opt
         return None;
     }
     text.get(..begin)?.lines().rev().find_map(|line| {
-        let line = line.split('#').next().unwrap_or_default().trim();
+        // TOML allows blanks in such a line: `[[ object ]]`.
+        let line = line.split('#').next().unwrap_or_default().replace([' ', '\t'], "");
         tables.iter().map(|(header, _)| header.as_str()).find(|header| !line.is_empty() && *header == line)
     })
 }
@@ -253,6 +256,7 @@ mod tests {
         };
         assert_eq!(remedy("[timing] # How long.\nseed = [\n[8]\n]\ndevices = 1"), top("[timing]"));
         assert_eq!(remedy("[timing]\n[[entry]]\npreset = 1\ndevices = 1"), top("[[entry]]"));
+        assert_eq!(remedy("[timing]\n[[ entry ]]\ndevices = 1"), top("[[entry]]"));
         assert_eq!(remedy("[timing.inner]\ndevices = 1"), top("[timing.inner]"));
         let of_top = Some("`devices` is a key of the top level".to_owned());
         assert_eq!(remedy("# [timing]\ndevices = 1"), of_top);

@@ -5,6 +5,9 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 use std::ffi::OsString;
 
+/// The option whose value is the strategy.
+const OPTION: &str = "--strategy";
+
 /// Returns the error of clap for the arguments `words`. If the unexpected word belongs to a strategy that was written
 /// with blanks, the error suggests the strategy without blanks.
 pub fn explain(mut error: clap::Error, words: &[OsString]) -> clap::Error {
@@ -24,12 +27,17 @@ fn joined(unexpected: &str, words: &[OsString]) -> Option<String> {
     let words: Vec<&str> = words.iter().filter_map(|word| word.to_str()).collect();
     let at = words.iter().position(|word| *word == unexpected)?;
     let before = words.get(..at)?;
-    let option = before.iter().rposition(|word| *word == "--strategy")?;
-    let strategy = words.get(option + 1..)?;
+    let option = before.iter().rposition(|word| word.starts_with(OPTION))?;
+    // The strategy's first word follows the option, or `=` within the option's word.
+    let (start, first) = match words.get(option)?.strip_prefix(OPTION)?.strip_prefix('=') {
+        Some(first) => (option, first),
+        None => (option + 1, *words.get(option + 1)?),
+    };
+    let strategy: Vec<&str> = std::iter::once(first).chain(words.iter().skip(start + 1).copied()).collect();
     // A comma at a blank shows that the strategy continues behind the blank.
     let goes_on = |pair: &&[&str]| matches!(pair, [one, next] if one.ends_with(',') || next.starts_with(','));
     let last = strategy.windows(2).take_while(goes_on).count();
-    (last > 0 && option + 1 + last >= at).then(|| strategy.iter().take(last + 1).copied().collect())
+    (last > 0 && start + last >= at).then(|| strategy.iter().take(last + 1).copied().collect())
 }
 
 #[cfg(test)]
@@ -47,6 +55,7 @@ mod tests {
         for (line, joined) in [
             ("raycl render a.toml --strategy naive, epsilons=paper", "naive,epsilons=paper"),
             ("raycl render a.toml --strategy naive ,epsilons=paper --verify", "naive,epsilons=paper"),
+            ("raycl render a.toml --strategy=naive, epsilons=paper", "naive,epsilons=paper"),
             (
                 "raycl compile a.toml --strategy bvh --strategy naive, width=4, math=fast",
                 "naive,width=4,math=fast",

@@ -117,8 +117,12 @@ fn invisible(mesh: &Mesh) -> Option<String> {
         ab.cross(ac).length() > THIN * ab.length() * ac.length()
     };
     let triangles = mesh.triangles.len();
-    let note = || {
-        format!("nothing is visible, since the mesh has only {} without area", counted(triangles, "triangle"))
+    let note = || match triangles {
+        1 => "nothing is visible, since the mesh's only triangle has no area".to_owned(),
+        _ => format!(
+            "nothing is visible, since none of the mesh's {} has an area",
+            counted(triangles, "triangle")
+        ),
     };
     (!mesh.triangles.iter().any(has_area)).then(note)
 }

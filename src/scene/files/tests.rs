@@ -54,20 +54,20 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
     };
     assert_eq!(
         notes("f 1 2 3\nf 1 1 2\n"),
-        ["nothing is visible, since the mesh has only 2 triangles without area"]
+        ["nothing is visible, since none of the mesh's 2 triangles has an area"]
     );
     assert_eq!(notes("f 1 2 3\nf 1 2 4\n"), Vec::<String>::new());
     // In both triangles, the angle at the first corner has the sine 1e-7. The sides at this corner are
     // equally long in the first triangle, and 1 and 10000 units long in the second.
     for thin in ["v 0 0 0\nv 10000 0 0\nv 10000 0.001 0\n", "v 0 0 0\nv 1 0 0\nv 10000 0.001 0\n"] {
         let noted = notes(&format!("{thin}f 5 6 7\n"));
-        assert_eq!(noted, ["nothing is visible, since the mesh has only 1 triangle without area"], "{thin}");
+        assert_eq!(noted, ["nothing is visible, since the mesh's only triangle has no area"], "{thin}");
     }
     // None of these corners is at the origin.
     let shifted = "v 1 1 0\nv 2 1 0\nv 4 1 0\n";
     assert_eq!(
         notes(&format!("{shifted}f 5 6 7\n")),
-        ["nothing is visible, since the mesh has only 1 triangle without area"]
+        ["nothing is visible, since the mesh's only triangle has no area"]
     );
 }
 
