@@ -69,6 +69,8 @@ typedef struct {
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: of depth 1 from the eye, of length 1 from a light
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
+    // The intervals of the vectors' directions, one lane per vector: their middles, and half their widths (slices.cl).
+    varying middle[3][PARTS], half_width[3][PARTS];
     uint scattered;             // vectors of shadow rays whose hits lie far apart (scattered.cl), one bit each
     varying per[3][VECTORS];    // the reciprocals of the directions of scattered vectors
 #if WATERTIGHT

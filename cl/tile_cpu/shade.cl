@@ -314,7 +314,8 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         if (!IS_UNOCCLUDED(&lighting->soft))
 #endif
         {
-            const TileInterval interval = finish_slices(&slices);
+            const TileInterval interval = interval_of_tile(&slices);
+            finish_slices(bundle, &slices);
             walk(bundle, &slices, &interval, tree, open, 1);
         }
         for (uint left = open; left; left &= left - 1) {

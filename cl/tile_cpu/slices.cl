@@ -75,14 +75,12 @@ void whole_tile(const float16 *low, const float16 *high, float *least, float *mo
     *most = most_lane(h);
 }
 
-// Converts `slices` from intervals of directions to intervals of reciprocals, and computes the whole tile's interval
-// around them.
-TileInterval finish_slices(Slices *slices) {
+// Returns the interval of a whole tile, around its vectors' intervals of directions.
+TileInterval interval_of_tile(const Slices *directions) {
     TileInterval interval;
     for (int axis = 0; axis < 3; axis++) {
         float least, most;
-        whole_tile(slices->low[axis], slices->high[axis], &least, &most);
-        // The tile's interval is computed from the directions, which are still in the slices.
+        whole_tile(directions->low[axis], directions->high[axis], &least, &most);
         interval.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
         interval.negative[axis] = !interval.mixed[axis] && most < 0.0f;
         float16 low = (float16)(least), high = (float16)(most);
@@ -90,10 +88,33 @@ TileInterval finish_slices(Slices *slices) {
         interval.low[axis] = low.s0;
         interval.high[axis] = high.s0;
     }
-    // Now the intervals of the tile's vectors are converted, one vector of rays per lane.
-    for (int axis = 0; axis < 3; axis++)
-        for (int part = 0; part < PARTS; part++) invert_intervals(&slices->low[axis][part], &slices->high[axis][part]);
     return interval;
+}
+
+// The half widths of intervals of directions are increased by this part of the largest direction. This is more than the
+// rounding errors of a direction's product with a normal and of its bound, largest_product.
+#define PRODUCT_ROUNDING 2e-6f
+
+// Converts `slices` from intervals of directions to intervals of reciprocals. Before, the middles and half widths of
+// the intervals of directions are stored in the bundle.
+void finish_slices(Bundle *bundle, Slices *slices) {
+    for (int axis = 0; axis < 3; axis++) {
+        for (int part = 0; part < PARTS; part++) {
+            float16 *low = &slices->low[axis][part], *high = &slices->high[axis][part];
+            bundle->middle[axis][part] = 0.5f * *high + 0.5f * *low;
+            bundle->half_width[axis][part] = 0.5f * *high - 0.5f * *low + PRODUCT_ROUNDING * max(fabs(*low), fabs(*high));
+            invert_intervals(low, high);
+        }
+    }
+}
+
+// Returns a bound of the products of a normal (x, y, z) and the directions of 16 vectors' rays, one lane per vector.
+INLINED float16 largest_product(const Bundle *bundle, int part, float x, float y, float z) {
+    // The product is largest at a corner of the interval: along each axis, at the end on the normal's side.
+    const float16 middle =
+        x * bundle->middle[0][part] + (y * bundle->middle[1][part] + z * bundle->middle[2][part]);
+    return middle + fabs(x) * bundle->half_width[0][part] +
+           (fabs(y) * bundle->half_width[1][part] + fabs(z) * bundle->half_width[2][part]);
 }
 
 // Returns the children of a node that the tile's rays may enter before t = `reach`, one bit each.
