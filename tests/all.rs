@@ -63,6 +63,7 @@ mod schemas;
 mod scripts;
 mod session;
 mod settings;
+mod shade_once;
 #[cfg(unix)]
 mod shards;
 mod soft;

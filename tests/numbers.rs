@@ -277,7 +277,7 @@ fn shadow_rays_of_very_different_lengths_are_right_in_one_tile() {
     }
     let work_folder = WorkFolder::new();
     let folder =
-        work_folder.kernels("tile_cpu/shade.cl", "bundle->longest = 1.0f;", "bundle->longest = 3e4f;");
+        work_folder.kernels("tile_cpu/light_rays.cl", "bundle->longest = 1.0f;", "bundle->longest = 3e4f;");
     let verdict = verdict_of(&Sources::Folder(work_folder.path(&folder)), &strategies[0]);
     assert!(!verdict.ok, "with bounds for longer directions: {verdict:?}");
 }

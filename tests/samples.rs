@@ -174,23 +174,18 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let vectors = [
         ("tile_cpu/camera.cl", "(LANE_Y & last) * (1 << bits)", "(LANE_Y & last) * 2", "14"),
+        ("tile_cpu/camera.cl", "filled = samples->filled;", "filled = (Mask)(-1);", "14"),
+        ("tile_cpu/camera.cl", "TO_FLOAT(row) + samples->y", "TO_FLOAT(row) + samples->x", "16"),
+        ("tile_cpu/store_tile.cl", "missing * background.z, count);", "missing * background.z, 1.0f);", "16"),
         (
-            "tile_cpu/camera.cl",
-            "pixels.inside &= samples->filled",
-            "pixels.inside &= samples->count > 0",
-            "14",
-        ),
-        ("tile_cpu/camera.cl", "pixels.sample_y = samples->y", "pixels.sample_y = samples->x", "16"),
-        ("tile_cpu/shade.cl", "sum_of_lanes(hit)", "sum_of_lanes(hit) * 0.0f", "16"),
-        (
-            "tile_cpu/shade.cl",
+            "tile_cpu/store_tile.cl",
             "const float2 c = b.lo + b.hi;\n    return c.x + c.y;\n}\n\n// Returns four sums",
             "const float2 c = b.lo + b.hi;\n    return c.x + c.x;\n}\n\n// Returns four sums",
             "16",
         ),
-        ("tile_cpu/shade.cl", "across.s0145 + across.s2367", "across.s0145 + across.s0167", "4"),
-        ("tile_cpu/shade.cl", "(sum - (float)count * *mean)", "(sum - *mean)", "20"),
-        ("tile_cpu/shade.cl", "(float4)(r.w, g.w, b.w, h.w)", "(float4)(r.z, g.z, b.z, h.z)", "4"),
+        ("tile_cpu/store_tile.cl", "across.s0145 + across.s2367", "across.s0145 + across.s0167", "4"),
+        ("tile_cpu/store_tile.cl", "(sum - (float)count * *mean)", "(sum - *mean)", "20"),
+        ("tile_cpu/store_tile.cl", "(float4)(r.w, g.w, b.w, h.w)", "(float4)(r.z, g.z, b.z, h.z)", "4"),
     ];
     let shared = [
         ("tile_gpu/frame.cl", "(at.y & last) << group->bits", "(at.y & last) << 1", "14"),

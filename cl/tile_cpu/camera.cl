@@ -2,6 +2,11 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
+// The column and row of a vector's first pixel. The arguments may be vectors of numbers.
+#define FIRST_COLUMN(vector) \
+    (((int)get_global_id(0) * TILE_X + (vector) % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS)
+#define FIRST_ROW(vector) (((int)get_global_id(1) * TILE_Y + (vector) / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS)
+
 #if SAMPLED
 // Returns the number of each lane's sample among the samples of the lane's pixel in this frame. A pixel has 2^bits
 // sub-pixels across and 2^bits down.
@@ -76,8 +81,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
     for (int part = 0; part < PARTS; part++) {
         // Each lane computes the interval of one vector of rays, so sixteen intervals are computed together.
         const int16 vector = LANES + 16 * part;
-        const int16 px = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS;
-        const int16 py = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS;
+        const int16 px = FIRST_COLUMN(vector), py = FIRST_ROW(vector);
         const float16 x = convert_float16(px) + rays.x, y = convert_float16(py) + rays.y;
         slice_axis(corner.x, step_x.x, step_y.x, &rays, x, y, &slices->low[0][part], &slices->high[0][part]);
         slice_axis(corner.y, step_x.y, step_y.y, &rays, x, y, &slices->low[1][part], &slices->high[1][part]);
@@ -102,9 +106,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
 uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
-        // `x` and `y` are the position of the vector's first pixel.
-        const int x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS;
-        const int y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS;
+        const int x = FIRST_COLUMN(vector), y = FIRST_ROW(vector);
         const int inside = x < image_size.x && y < image_size.y;
         cast |= inside && is_wanted(wanted, samples->earlier, image_size, x, y) ? 1u << vector : 0;
     }
@@ -114,36 +116,47 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
 // Gives the vectors that are not in `cast` an empty interval, which overlaps no box, and a reach (largest t) below 0.
 void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
-        // Each lane takes the bit of its vector in `cast`.
-        const int16 is_cast = (int16)((int)(cast >> (16 * part))) >> LANES & 1;
+        const int16 is_cast = LANES_OF(cast, part);
         for (int axis = 0; axis < 3; axis++) {
-            slices->low[axis][part] = SELECT(is_cast != 0, slices->low[axis][part], (float16)(FAR));
-            slices->high[axis][part] = SELECT(is_cast != 0, slices->high[axis][part], (float16)(-FAR));
+            slices->low[axis][part] = SELECT(is_cast, slices->low[axis][part], (float16)(FAR));
+            slices->high[axis][part] = SELECT(is_cast, slices->high[axis][part], (float16)(-FAR));
         }
-        slices->reach[part] = SELECT(is_cast != 0, slices->reach[part], (float16)(-1.0f));
+        slices->reach[part] = SELECT(is_cast, slices->reach[part], (float16)(-1.0f));
     }
 }
 #endif
 
 // Computes the rays of the tile's vectors. Returns the vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
-    uint inside = 0;
+    // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
+    // A direction is corner + x step_x + y step_y. It is computed as the sum of the direction to this corner, which is
+    // the same for all lanes, and of the vector `within`, which is the same for all vectors of rays.
+    const varying_int column = LANE_X >> SUBPIXEL_BITS, row = LANE_Y >> SUBPIXEL_BITS;
 #if SAMPLED
+    const varying right = TO_FLOAT(column) + samples->x, below = TO_FLOAT(row) + samples->y;
+    const Mask filled = samples->filled;
     for (int vector = 0; vector < VECTORS; vector++) bundle->leaf_index[vector] = (varying_int)(NO_HIT);
+#else
+    const varying right = TO_FLOAT(column) + 0.5f, below = TO_FLOAT(row) + 0.5f;
+    const Mask filled = (Mask)(-1);
 #endif
+    const Vec3 across = splat(LOAD3((const float *)&step_x)), down = splat(LOAD3((const float *)&step_y));
+    const Vec3 within = add(scale(across, right), scale(down, below));
+    uint inside = 0;
     EACH_CAST(vector) {
-        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
-        const varying x = RAY_X(pixels), y = RAY_Y(pixels);
+        const int x = FIRST_COLUMN(vector), y = FIRST_ROW(vector);
+        const Mask rays = filled & (column < image_size.x - x) & (row < image_size.y - y);
+        const float4 first = corner + (float)x * step_x + (float)y * step_y;
         // Directions have depth 1 (a component of 1 along the view direction), not length 1.
-        bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
-        bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
-        bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;
+        bundle->x[vector] = first.x + within.x;
+        bundle->y[vector] = first.y + within.y;
+        bundle->z[vector] = first.z + within.z;
         // No ray has hit anything yet, so the nearest hit is at infinity. Lanes outside the image are finished from the
         // start.
-        bundle->inv_t[vector] = SELECT(pixels.inside, (varying)(LEAST_INV_T), (varying)(FAR));
+        bundle->inv_t[vector] = SELECT(rays, (varying)(LEAST_INV_T), (varying)(FAR));
         bundle->leaf_index[vector] = (varying_int)(NO_HIT);
-        prepare_rays(bundle, vector, pixels.inside);
-        inside |= ANY(pixels.inside) ? 1u << vector : 0;
+        prepare_rays(bundle, vector, rays);
+        inside |= ANY(rays) ? 1u << vector : 0;
     }
     return inside;
 }

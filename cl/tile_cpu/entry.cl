@@ -9,6 +9,8 @@
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
 #endif
+// Whether a pixel whose samples hardly differ is shaded once (shade_once.cl).
+#define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES)
 #include "common/tile.cl"
 #if WATERTIGHT // tile_cpu/intersect/watertight.cl also uses this test, for vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"
@@ -41,6 +43,8 @@
 // Slices, to one vector of the tile. PARTS is the number of float16 that hold one value for each vector of the tile.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+// Returns a mask of the lanes of one part, from a word with one bit for each vector of the tile.
+#define LANES_OF(word, part) (((int16)((int)((word) >> 16 * (part))) >> LANES & 1) != 0)
 
 #ifndef PREFETCH
 #error "PREFETCH: 1 where the compiler has __builtin_prefetch and non-temporal stores for global memory, else 0"
@@ -113,6 +117,8 @@ typedef struct {
 #define CAST_PARAMETERS const FrameSamples *samples,
 #define CAST_ARGUMENTS samples,
 #define SUBPIXEL_BITS (samples->bits)
+// Whether all rays of a vector are samples of one pixel.
+#define IS_PIXEL_A_VECTOR(samples) ((samples)->bits == 2)
 #define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++) if (samples->cast >> vector & 1u)
 #else
 #define CAST_PARAMETERS
@@ -143,5 +149,8 @@ float most_lane(float16 v) {
 #include "tile_cpu/leaf.cl"
 #include "tile_cpu/walk.cl"
 #include "tile_cpu/camera.cl"
+#include "tile_cpu/surface.cl"
+#include "tile_cpu/store_tile.cl"
+#include "tile_cpu/light_rays.cl"
 #include "tile_cpu/shade.cl"
 #include "tile_cpu/frame.cl"

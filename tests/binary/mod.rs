@@ -182,11 +182,23 @@ impl WorkFolder {
     }
 
     /// Fails unless verification notices that a part of a kernel file was replaced: rendering `scene.toml` must
-    /// report a wrong picture.
+    /// report a wrong picture. Neither side of the picture is a multiple of a tile or of a block of rays.
     #[track_caller]
-    pub fn notices(&self, (file, from, to): (&str, &str, &str), strategy: &str, options: &[&str]) {
+    pub fn notices(&self, change: (&str, &str, &str), strategy: &str, options: &[&str]) {
+        self.notices_in(["61", "43"], change, strategy, options);
+    }
+
+    /// Like `notices`, in a picture of another width and height.
+    #[track_caller]
+    pub fn notices_in(
+        &self,
+        [width, height]: [&str; 2],
+        (file, from, to): (&str, &str, &str),
+        strategy: &str,
+        options: &[&str],
+    ) {
         let (kernels, device) = (self.kernels(file, from, to), device());
-        let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+        let usual = ["render", "scene.toml", "--width", width, "--height", height, "--device", &device];
         let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
         // The folder of changed kernels is removed, because it would add this change to the change of the next call,

@@ -1,0 +1,120 @@
+// The light on pixels that are shaded once (shade_once.cl).
+
+// Adds the shadow rays' intervals of directions to the slices, and stores the lengths of these rays: a light's rays to a
+// pixel have the length 1 / per_reach, and end at 1 / t = end. Returns the pixels that the light can reach.
+uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light, Slices *slices, varying *per_reach,
+                     varying *end) {
+    const Vec3 from = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light));
+    uint open = 0;
+    for (int part = 0; part < PARTS; part++) {
+        Mask lit = LANES_OF(once->vectors, part);
+        if (!ANY(lit)) continue;
+        const LightDirection direction = direction_to_light(lighting, light, once->mean + part);
+        lit &= direction.cosine > 0.0f;
+        open |= LANE_BITS16(lit) << (16 * part);
+        // All samples of a pixel have the same reach, which is longer than their distances from the light. So their
+        // directions need no square root, and are at most 1 long.
+        const varying reach = direction.distance + once->radius[part];
+        per_reach[part] = 1.0f / reach;
+        const varying gap = gap_before_hit(lighting->bias * direction.per_distance, 1.0f / direction.cosine);
+        end[part] = per_reach[part] / (1.0f - gap);
+        const varying rounding = 1e-6f * (fabs(from.x) + fabs(from.y) + fabs(from.z)) * per_reach[part];
+        const Vec3 low = scale(subtract(once->low[part], from), per_reach[part]);
+        const Vec3 high = scale(subtract(once->high[part], from), per_reach[part]);
+        slices->low[0][part] = SELECT(lit, low.x - rounding, slices->low[0][part]);
+        slices->low[1][part] = SELECT(lit, low.y - rounding, slices->low[1][part]);
+        slices->low[2][part] = SELECT(lit, low.z - rounding, slices->low[2][part]);
+        slices->high[0][part] = SELECT(lit, high.x + rounding, slices->high[0][part]);
+        slices->high[1][part] = SELECT(lit, high.y + rounding, slices->high[1][part]);
+        slices->high[2][part] = SELECT(lit, high.z + rounding, slices->high[2][part]);
+        slices->reach[part] = SELECT(lit, reach, slices->reach[part]);
+    }
+    return open;
+}
+
+// Returns the number of one vector, from an array with one lane per vector.
+#define NUMBER_OF(array, vector) (((const float *)(array))[vector])
+
+// Computes the rays from a light to the samples of pixels that are shaded once. For the first light, computes the hits
+// of the samples, and stores them in `shaded` for the other lights. Returns the vectors with rays, one bit each.
+uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle *bundle, Slices *slices,
+                    const Lighting *lighting, int light, float4 eye, Shaded *shaded) {
+    if (!once->vectors) return 0;
+    const Vec3 from = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), origin = splat(LOAD3((const float *)&eye));
+    varying per_reach[PARTS], end[PARTS];
+    const uint open = bound_rays_once(once, lighting, light, slices, per_reach, end);
+    const int several = lighting->light_count > 1;
+    for (uint left = several && light == 0 ? once->vectors : open; left; left &= left - 1) {
+        const int vector = LOWEST_BIT(left);
+        Vec3 *hit = &shaded[several ? vector : 0].point; // with a single light, hits are not stored
+        if (light == 0) {
+            const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
+            const varying inv_t = d.x * NUMBER_OF(once->inverse_depth[0], vector) +
+                                  d.y * NUMBER_OF(once->inverse_depth[1], vector) +
+                                  d.z * NUMBER_OF(once->inverse_depth[2], vector);
+            *hit = along(origin, 1.0f / inv_t, d);
+        }
+        if (!(open >> vector & 1u)) continue;
+        const Vec3 direction = scale(subtract(*hit, from), (varying)(NUMBER_OF(per_reach, vector)));
+        bundle->x[vector] = direction.x, bundle->y[vector] = direction.y, bundle->z[vector] = direction.z;
+        bundle->inv_t[vector] = SELECT(samples->filled, (varying)(NUMBER_OF(end, vector)), (varying)(FAR));
+        prepare_rays(bundle, vector, samples->filled);
+    }
+    return open;
+}
+
+// Adds a light to the samples in `reached` of a vector, one by one.
+void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting,
+                    int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached, Vec3 *sum) {
+    // The bundle has the rays of the light, so the directions from the eye are computed again.
+    const Pixels pixels = tile_pixels(samples, vector, image_size);
+    const varying x = RAY_X(pixels), y = RAY_Y(pixels);
+    const Vec3 across = splat(LOAD3((const float *)&step_x)), down = splat(LOAD3((const float *)&step_y));
+    const Vec3 d = along(along(splat(LOAD3((const float *)&corner)), x, across), y, down);
+    Shaded shaded;
+    find_surface_points(tree, lighting, eye, &d, bundle->leaf_index[vector], reached, &shaded);
+    const LightDirection direction = direction_to_light(lighting, light, &shaded);
+    const Vec3 arriving = unblocked_radiance(lighting, light, &shaded, &direction, reached);
+    *sum = select3(reached, add(*sum, arriving), *sum);
+}
+
+// Adds a light to the pixels that are shaded once. `open` has a bit for each vector to which this light casts rays.
+// Pixels of which the light reaches some samples get its light in `sum`, sample by sample.
+void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
+                    const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
+    const uint all = LANE_BITS16(samples->filled);
+    uint whole = 0;
+    for (uint left = open & once->vectors; left; left &= left - 1) {
+        const int vector = LOWEST_BIT(left);
+        const Mask reached = bundle->inv_t[vector] < FAR; // of other samples, the rays are blocked
+        const uint bits = LANE_BITS16(reached);
+        if (bits == all) whole |= 1u << vector;
+        if (bits == all || !bits) continue;
+        once->split |= 1u << vector;
+        add_to_samples(samples, bundle, tree, lighting, light, eye, corner, step_x, step_y, image_size, vector, reached,
+                       sum + vector);
+    }
+    for (int part = 0; part < PARTS; part++) {
+        const Mask pixels = LANES_OF(whole, part);
+        if (!ANY(pixels)) continue;
+        const Shaded *mean = once->mean + part;
+        const LightDirection direction = direction_to_light(lighting, light, mean);
+        const Vec3 arriving = unblocked_radiance(lighting, light, mean, &direction, pixels);
+        once->sum[0][part] += SELECT(pixels, arriving.x, (varying)(0.0f));
+        once->sum[1][part] += SELECT(pixels, arriving.y, (varying)(0.0f));
+        once->sum[2][part] += SELECT(pixels, arriving.z, (varying)(0.0f));
+    }
+}
+
+// Computes the sums of the samples of pixels that are shaded once. Returns these pixels, except those that have samples
+// of their own in `sum`; the radiance of these is added to each of their samples.
+uint sum_once(const OncePixels *once, const FrameSamples *samples, float4 *sums, Vec3 *sum) {
+    for (uint left = once->vectors; left; left &= left - 1) {
+        const int vector = LOWEST_BIT(left);
+        const Uniform3 mean = uniform3(NUMBER_OF(once->sum[0], vector), NUMBER_OF(once->sum[1], vector),
+                                       NUMBER_OF(once->sum[2], vector));
+        if (once->split >> vector & 1u) sum[vector] = add(sum[vector], splat(mean));
+        else sums[vector] = (float)samples->count * (float4)(mean.x, mean.y, mean.z, 1.0f);
+    }
+    return once->vectors & ~once->split;
+}

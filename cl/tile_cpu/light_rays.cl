@@ -1,0 +1,104 @@
+// The rays from a light to a tile's hits.
+
+// The direction from hits to a light.
+typedef struct {
+    Vec3 to_light;                  // of length 1
+    varying distance, per_distance; // the light's distance and its reciprocal
+    varying cosine;                 // of the direction and the normal
+} LightDirection;
+
+INLINED LightDirection direction_to_light(const Lighting *lighting, int light, const Shaded *shaded) {
+    const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
+    LightDirection direction;
+    direction.distance = sqrt(dot3(offset, offset));
+    direction.per_distance = 1.0f / direction.distance;
+    direction.to_light = scale(offset, direction.per_distance);
+    direction.cosine = dot3(direction.to_light, shaded->normal);
+    return direction;
+}
+
+// Returns the radiance that the hits in `lit` reflect to the eye if nothing blocks the light.
+INLINED Vec3 unblocked_radiance(const Lighting *lighting, int light, const Shaded *shaded,
+                                const LightDirection *direction, Mask lit) {
+    const Vec3 f = reflectance(&shaded->surface, direction->to_light, shaded->to_eye, shaded->normal, lit);
+    const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
+    // The radiance is power / (4 pi r^2) times f times the cosine.
+    const varying per_distance = direction->per_distance;
+    return scale(multiply(power, f), direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
+}
+
+#if SHADES_ONCE
+#include "tile_cpu/shade_once.cl"
+#include "tile_cpu/light_once.cl"
+#endif
+
+// Computes the rays from a light to a vector's hits, the interval of their directions, and (in `arriving`) the radiance
+// that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can reach.
+Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
+                  Mask hits, Vec3 *arriving) {
+    const LightDirection direction = direction_to_light(lighting, light, shaded);
+    // A light that is behind the surface, or nearer to the hit than the bias, contributes nothing.
+    const Mask lit = hits & (direction.cosine > 0.0f) & (direction.distance > lighting->bias);
+    if (!ANY(lit)) return lit;
+    *arriving = unblocked_radiance(lighting, light, shaded, &direction, lit);
+    // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have
+    // length 1: bounds of rounding errors are relative to the longest direction of the tile, and would be far too large
+    // for rays to hits near the light if directions had the lengths of the rays.
+    bundle->x[vector] = -direction.to_light.x;
+    bundle->y[vector] = -direction.to_light.y;
+    bundle->z[vector] = -direction.to_light.z;
+    // The shadow ray ends shortly before t = distance, which is the hit.
+    const varying gap = gap_before_hit(lighting->bias * direction.per_distance, 1.0f / direction.cosine);
+    bundle->inv_t[vector] = SELECT(lit, direction.per_distance / (1.0f - gap), (varying)(FAR));
+    ((float *)slices->reach)[vector] = most_lane(SELECT(lit, direction.distance, (varying)(0.0f)));
+    const varying *components[3] = {bundle->x, bundle->y, bundle->z};
+    for (int axis = 0; axis < 3; axis++) {
+        const varying component = components[axis][vector];
+        // The vector's interval of directions is one lane of the slices.
+        ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
+        ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
+    }
+    prepare_rays(bundle, vector, lit);
+    return lit;
+}
+
+// Prepares the tile's rays from a light: they start at the light, and no vector has a ray yet.
+void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, int light) {
+    for (int part = 0; part < PARTS; part++) {
+        for (int axis = 0; axis < 3; axis++) {
+            slices->low[axis][part] = (float16)(FAR);
+            slices->high[axis][part] = (float16)(-FAR);
+        }
+        slices->reach[part] = (float16)(0.0f);
+    }
+    bundle->longest = 1.0f;
+    bundle->origin = LOAD3(lighting->lights + LIGHT_FLOATS * light);
+    bundle->too_near = FAR;
+}
+
+// Computes the rays from a light to the hits of the vectors in `hit`. Without soft light, the hits are computed for the
+// first light, and stored for the other lights. Returns the vectors with at least one ray, one bit each.
+uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
+                     float4 eye, uint hit, Shaded *shaded, Vec3 *arriving) {
+    uint open = 0;
+    for (uint left = hit; left; left &= left - 1) {
+        const int vector = LOWEST_BIT(left);
+        const Mask hits = bundle->leaf_index[vector] != NO_HIT;
+#if SOFT
+        const Shaded *surface = shaded + vector; // computed by shade_tile, before all lights
+#else
+        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not stored
+        if (light == 0) find_hits_of_vector(tree, lighting, eye, bundle, vector, hits, surface);
+#endif
+        const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
+        open |= ANY(lit) ? 1u << vector : 0;
+    }
+    return open;
+}
+
+// Finds the scattered vectors among those in `open`, after all rays from a light have been made.
+void find_scattered(CAST_PARAMETERS Bundle *bundle, const Slices *slices, CAMERA_PARAMETERS, uint open) {
+    const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
+    const float block_side = (BLOCK_X >> SUBPIXEL_BITS) * pixel_side(step_x, step_y);
+    set_scattered(bundle, open & scattered_vectors(slices, eye_to_light, block_side));
+}

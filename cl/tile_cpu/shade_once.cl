@@ -1,0 +1,234 @@
+// Pixels that are shaded once. If a frame casts up to 16 samples of each pixel, the rays of a vector are the samples of
+// one pixel. Mostly, they all hit the same triangle, and their radiance hardly differs. Such a pixel is shaded only at
+// the mean of its samples, together with other pixels: in most variables of this file, a lane is a pixel of the tile
+// (a vector of rays, as in Slices), and not a ray.
+//
+//     samples shaded one by one: a vector per pixel     pixels shaded once: a vector for 16 pixels
+//     pixel 0:   lane    0 1 2 3 4 ...                  lane    0 1 2 3 4 ...
+//                sample  0 1 2 3 4 ...                  pixel   0 1 2 3 4 ...
+//     pixel 1:   lane    0 1 2 3 4 ...
+//                sample  0 1 2 3 4 ...
+//
+// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, these are shaded one by
+// one (light_once.cl).
+
+// A pixel is shaded once if this changes its radiance by at most this part, a tenth of what verification accepts.
+#define ONCE_ERROR 1e-4f
+// A part has at least this many pixels to be shaded once; otherwise, it takes less time to shade their samples.
+#define LEAST_ONCE 3
+
+// The positions of a frame's samples in their pixel, in pixels. The bounds are relative to the mean.
+typedef struct {
+    float x, y;                     // the mean
+    float variance;                 // across or down, whichever is larger
+    float left, right, top, bottom; // the bounds
+} SamplePositions;
+
+// The pixels that are shaded once.
+typedef struct {
+    uint vectors;                    // one bit each
+    uint split;                      // those of `vectors` of which a light reaches some samples, but not all
+    varying sum[3][PARTS];           // red, green and blue from the lights that reach all samples
+    varying inverse_depth[3][PARTS]; // the product of a ray's direction and this vector is 1 / t of its hit
+    Shaded mean[PARTS];              // the hit in the mean of the samples
+    Vec3 low[PARTS], high[PARTS];    // the box that contains the hits of all samples
+    varying radius[PARTS];           // the largest distance of a sample's hit from the mean
+} OncePixels;
+
+// The triangles of 16 pixels, one per lane, as columns (gather_rows).
+typedef struct {
+    varying corner[12], normal[12];
+} Triangles;
+
+// How much a pixel's hit differs from that of the next pixel, across or down.
+typedef struct {
+    Vec3 point;    // the difference of the hits
+    varying depth; // of t, relative to t
+    varying eye;   // of the rays' directions, in radian
+    varying turn;  // of the normals, in radian
+} PixelStep;
+
+SamplePositions sample_positions(const FrameSamples *samples) {
+    const Mask filled = samples->filled;
+    const varying zero = (varying)(0.0f);
+    const float per_sample = 1.0f / (float)samples->count;
+    SamplePositions positions;
+    positions.x = per_sample * sum_of_lanes(SELECT(filled, samples->x, zero));
+    positions.y = per_sample * sum_of_lanes(SELECT(filled, samples->y, zero));
+    const varying x = SELECT(filled, samples->x - positions.x, zero), y = SELECT(filled, samples->y - positions.y, zero);
+    positions.variance = per_sample * max(sum_of_lanes(x * x), sum_of_lanes(y * y));
+    positions.left = least_lane(x), positions.right = most_lane(x);
+    positions.top = least_lane(y), positions.bottom = most_lane(y);
+    return positions;
+}
+
+// Returns those of the vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives the
+// triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too.
+uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
+    IntLanes index[PARTS];
+    uint found = 0;
+    int last = 0;
+    for (; hit; hit &= hit - 1) {
+        const int vector = LOWEST_BIT(hit);
+        const varying_int hits = bundle->leaf_index[vector];
+        const int first = hits.s0; // lane 0 has the frame's first sample
+        if (first == NO_HIT || ANY(samples->filled & (hits != first))) continue;
+        found |= 1u << vector;
+        index[vector / 16].each[vector % 16] = last = first;
+    }
+    for (int part = 0; part < PARTS; part++)
+        triangles[part] = SELECT(LANES_OF(found, part), index[part].all, (varying_int)(last));
+    return found;
+}
+
+varying length_of(Vec3 a) { return sqrt(dot3(a, a)); }
+varying largest_of(Vec3 a) { return max(max(a.x, a.y), a.z); }
+
+// Computes the planes of the pixels' triangles and the steps between pixels. `d` are the directions to the means of the
+// samples, and `across` and `down` the steps of directions between pixels. Returns the pixels for which this is accurate.
+Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const SamplePositions *samples, Vec3 origin,
+                 Vec3 d, Vec3 across, Vec3 down, PixelStep *right, PixelStep *below) {
+    const varying *corner = triangles->corner, *normal = triangles->normal;
+    const Shaded *mean = once->mean + part;
+    const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
+    const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
+    const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
+    const Vec3 n = cross3(e1, e2);
+    // A point origin + t d of the plane satisfies n . (t d) = n . (hit - origin), so 1 / t = d . m.
+    const Vec3 m = scale(n, 1.0f / dot3(n, subtract(mean->point, origin)));
+    once->inverse_depth[0][part] = m.x, once->inverse_depth[1][part] = m.y, once->inverse_depth[2][part] = m.z;
+    const varying inv_t = dot3(d, m), t = 1.0f / inv_t, length = length_of(d);
+    // From one pixel to the next, 1 / t changes by across . m.
+    right->depth = -t * dot3(across, m), below->depth = -t * dot3(down, m);
+    right->point = scale(along(across, right->depth, d), t), below->point = scale(along(down, below->depth, d), t);
+    right->eye = length_of(across) / length, below->eye = length_of(down) / length;
+    // The weights of the second and third corner change by the products of the hit's change and these vectors, divided
+    // by n . n.
+    const Vec3 g1 = cross3(e2, n), g2 = cross3(n, e1);
+    const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
+    const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
+    // The interpolated normal is at least this long.
+    const varying least = min(min(dot3(n0, mean->normal), dot3(n1, mean->normal)), dot3(n2, mean->normal));
+    const varying squared = dot3(n, n), per = 1.0f / (squared * least);
+    right->turn = per * length_of(add(scale(turn1, dot3(right->point, g1)), scale(turn2, dot3(right->point, g2))));
+    below->turn = per * length_of(add(scale(turn1, dot3(below->point, g1)), scale(turn2, dot3(below->point, g2))));
+    // Rounding would matter in needles, and where rays graze the plane. Where t differs much between samples, hits are
+    // no linear function of positions.
+    const varying reach = (varying)(max(max(-samples->left, samples->right), max(-samples->top, samples->bottom)));
+    return (least > 0.0f) & (squared > 0.0625f * dot3(e1, e1) * dot3(e2, e2)) &
+           (fabs(d.x * m.x) + fabs(d.y * m.y) + fabs(d.z * m.z) < 20.0f * inv_t) &
+           ((fabs(right->depth) + fabs(below->depth)) * reach < 0.1f);
+}
+
+// Computes the boxes that contain the hits of all samples. Positions of samples lie in a rectangle, so their hits lie
+// between the hits of its four corners.
+void bound_hits(OncePixels *once, int part, const SamplePositions *samples, varying depth, const PixelStep *right,
+                const PixelStep *below) {
+    const Vec3 mean = once->mean[part].point;
+    Vec3 low = mean, high = mean;
+    varying squared = (varying)(0.0f);
+    for (int corner = 0; corner < 4; corner++) {
+        const varying x = (varying)(corner & 1 ? samples->right : samples->left);
+        const varying y = (varying)(corner & 2 ? samples->bottom : samples->top);
+        const varying t = 1.0f / (1.0f - x * right->depth - y * below->depth); // relative to that of the mean
+        const Vec3 away = scale(add(scale(right->point, x), scale(below->point, y)), t);
+        squared = max(squared, dot3(away, away));
+        const Vec3 hit = add(mean, away);
+        low = vec3(min(low.x, hit.x), min(low.y, hit.y), min(low.z, hit.z));
+        high = vec3(max(high.x, hit.x), max(high.y, hit.y), max(high.z, hit.z));
+    }
+    // find_planes limits the rounding error of hits: of 1 / t to 20 times that of one product.
+    const varying rounding = 1e-5f * depth + 1e-6f * (fabs(mean.x) + fabs(mean.y) + fabs(mean.z));
+    const Vec3 wider = vec3(rounding, rounding, rounding);
+    once->low[part] = subtract(low, wider), once->high[part] = add(high, wider);
+    once->radius[part] = sqrt(squared);
+}
+
+// What shade_alike needs of the light at a pixel.
+typedef struct {
+    varying per_distance, per_cosine; // 1 / distance of the light, 1 / cosine of the light and the normal
+    varying per_half;                 // 1 / length of the sum of the directions to the light and to the eye
+    varying shininess;                // s
+    varying tangent_squared;          // tan^2 of the angle between this sum and the normal
+    varying glossy;                   // the highlight's part of the reflectance
+} LightAtPixel;
+
+// Returns a bound of the second derivative of the radiance along the step between two pixels, relative to the radiance.
+// The radiance is the product of the reflectance, the cosine of light and normal, and 1 / r^2.
+varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
+    // How much the directions turn to the light, and to the half vector between light and eye.
+    const varying to_light = length_of(step->point) * light->per_distance;
+    const varying half_vector = (to_light + step->eye) * light->per_half + step->turn;
+    const varying s = light->shininess;
+    // The first derivative of cosine / r^2, and its second derivative. If only the normal turns, the latter is the
+    // square of the angle. The hit's place is no linear function of the pixel, by the change of depth.
+    const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
+    const varying second = step->turn * step->turn +
+                           (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
+    // The highlight is the power s of a cosine. Its first derivative is s tan, its second at most s + s^2 tan^2. The
+    // product of both first derivatives is at most the mean of their squares.
+    const varying power = s + 2.0f * s * s * light->tangent_squared;
+    return second + light->glossy * (half_vector * half_vector * power + first * first);
+}
+
+// Returns the pixels to which a light can be added once: the light is behind the surface for all samples, or in front
+// for all, and shading once changes the radiance little.
+Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, float variance,
+                 const PixelStep *right, const PixelStep *below) {
+    const Shaded *mean = once->mean + part;
+    const LightDirection direction = direction_to_light(lighting, number, mean);
+    const Mask lit = direction.cosine > 0.0f;
+    const Vec3 f = reflectance(&mean->surface, direction.to_light, mean->to_eye, mean->normal, lit);
+    const Vec3 highlight = subtract(f, scale(mean->surface.lambertian, (varying)(M_1_PI_F)));
+    const Vec3 half_vector = add(direction.to_light, mean->to_eye);
+    const varying along_normal = dot3(half_vector, mean->normal);
+    // Small numbers are added to keep divisions finite.
+    const varying squared = dot3(half_vector, half_vector) + 1e-6f;
+    LightAtPixel light;
+    light.per_distance = direction.per_distance;
+    light.per_cosine = 1.0f / max(fabs(direction.cosine), (varying)(1e-6f));
+    light.per_half = 1.0f / sqrt(squared);
+    light.shininess = mean->surface.shininess;
+    light.tangent_squared = max(squared / max(along_normal * along_normal, 1e-6f * squared) - 1.0f, (varying)(0.0f));
+    light.glossy = largest_of(highlight) / max(largest_of(f), (varying)(FLT_MIN));
+    const varying second = second_derivative(&light, right) + second_derivative(&light, below);
+    const varying turn = right->turn + below->turn + 2.0f * once->radius[part] * direction.per_distance;
+    const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
+    // The mean of a function differs from its value in the mean by half its second derivative times the variance.
+    return one_side & (direction.distance > 2.0f * lighting->bias) & (!lit | (0.5f * variance * second < ONCE_ERROR));
+}
+
+// Finds the pixels that can be shaded once, and computes the hits in the means of their samples. `hit` has a bit for
+// each vector with a hit.
+void find_once(CAST_PARAMETERS OncePixels *once, const Bundle *bundle, const SurfaceTree *tree,
+               const Lighting *lighting, CAMERA_PARAMETERS, uint hit) {
+    once->vectors = once->split = 0;
+    if (!IS_PIXEL_A_VECTOR(samples)) return;
+    varying_int triangles[PARTS];
+    const uint found = vectors_on_one_triangle(samples, bundle, hit, triangles);
+    if (popcount(found) < LEAST_ONCE) return;
+    const SamplePositions positions = sample_positions(samples);
+    const Vec3 origin = splat(LOAD3((const float *)&eye));
+    const Vec3 across = splat(LOAD3((const float *)&step_x)), down = splat(LOAD3((const float *)&step_y));
+    for (int part = 0; part < PARTS; part++) {
+        Mask pixels = LANES_OF(found, part);
+        if (popcount(LANE_BITS16(pixels)) < LEAST_ONCE) continue;
+        const varying x = TO_FLOAT(FIRST_COLUMN(LANES + 16 * part)) + positions.x;
+        const varying y = TO_FLOAT(FIRST_ROW(LANES + 16 * part)) + positions.y;
+        const Vec3 d = along(along(splat(LOAD3((const float *)&corner)), x, across), y, down);
+        const varying length = length_of(d);
+        Triangles columns;
+        gather_rows(tree->tree.leaves, ROW_FLOATS / 3, triangles[part], columns.corner);
+        gather_normals(&tree->normals, triangles[part], AS_INT(columns.corner[3]), columns.normal);
+        compute_surface_points(lighting, origin, scale(d, 1.0f / length), columns.corner, columns.normal, pixels,
+                               once->mean + part);
+        PixelStep right, below;
+        pixels &= find_planes(once, part, &columns, &positions, origin, d, across, down, &right, &below);
+        bound_hits(once, part, &positions, length_of(subtract(once->mean[part].point, origin)), &right, &below);
+        right.depth = fabs(right.depth), below.depth = fabs(below.depth);
+        for (int light = 0; light < lighting->light_count; light++)
+            pixels &= shade_alike(once, part, lighting, light, positions.variance, &right, &below);
+        once->vectors |= LANE_BITS16(pixels) << (16 * part);
+        for (int channel = 0; channel < 3; channel++) once->sum[channel][part] = (varying)(0.0f);
+    }
+}

@@ -1,0 +1,64 @@
+//! Pixels that tiles on a CPU shade once, although they have several samples (cl/tile_cpu/shade_once.cl).
+
+use crate::binary::WorkFolder;
+use crate::common::due;
+
+/// Coloured lights shine on a smooth, shiny ball on the ground. Most pixels can be shaded once, but not those at edges, at
+/// edges of shadows, in highlights, and where light grazes the surface. The lights are distant, and the camera has a long
+/// focal length, so that light hardly differs within a pixel, as in a large picture.
+const BALL: &str = "[camera]
+position = [0, 1, 3]
+look_at = [-0.5, -0.35, -2.3]
+fov_x_degrees = 16
+[[light]]
+position = [40, 60, 40]
+power = [30e3, 20e3, 10e3]
+[[light]]
+position = [-60, 10, 60]
+power = [5e3, 15e3, 25e3]
+[[object]]
+shape = \"sphere\"
+triangles = 300
+translation = [0, 0, -3]
+material = { k_l = [0.5, 0.7, 0.9], k_g = 0.4, shininess = 300 }
+[[object]]
+shape = \"ground\"
+";
+
+/// The picture's size is no multiple of a tile's 8 x 4 pixels. A frame casts up to 16 samples of each pixel; 13 samples
+/// leave some rays out, and 35 need three frames.
+#[test]
+fn pixels_shaded_once_agree_with_the_reference() {
+    let folder = WorkFolder::with(&[("scene.toml", BALL)]);
+    for strategy in ["tile", "tile,intersector=watertight"] {
+        for samples in ["13", "16", "35"] {
+            folder.picture(&["--strategy", strategy, "--samples", samples, "--verify"]);
+        }
+        folder.picture(&["--strategy", strategy, "--samples", "16", "--adaptive", "--verify"]);
+    }
+}
+
+/// Each change shades pixels once that must not be, or shades, bounds or stores pixels that are shaded once wrongly.
+#[test]
+fn a_mistake_in_shading_once_is_a_wrong_picture() {
+    let folder = WorkFolder::with(&[("scene.toml", BALL)]);
+    let (find, light) = ("tile_cpu/shade_once.cl", "tile_cpu/light_once.cl");
+    for (file, from, to) in due([
+        (light, "if (bits == all) whole |=", "if (bits) whole |="),
+        (find, "ONCE_ERROR 1e-4f", "ONCE_ERROR 1.0f"),
+        (find, "return one_side & (direction", "return (direction"),
+        (find, "ANY(samples->filled & (hits != first))", "0"),
+        (light, "if (bits == all || !bits) continue;", "continue;"),
+        (light, "add(sum[vector], splat(mean))", "sum[vector]"),
+        (light, "SELECT(pixels, arriving.y, ", "SELECT(pixels, arriving.x, "),
+        (light, "NUMBER_OF(once->inverse_depth[1], vector)", "NUMBER_OF(once->inverse_depth[0], vector)"),
+        (light, "SELECT(lit, low.x - rounding,", "SELECT(lit, high.x + rounding,"),
+        (light, "end[part] = per_reach[part] / (1.0f - gap);", "end[part] = 0.9f * per_reach[part];"),
+        (light, "&corner)), x, across), y, down)", "&corner)), y, across), x, down)"),
+        (find, "high = vec3(max(high.x, hit.x)", "high = vec3(min(high.x, hit.x)"),
+        ("tile_cpu/store_tile.cl", "vload16(0, (const float *)(sums + vector))", "vload16(0, (const float *)sums)"),
+    ]) {
+        // Four pixels of a row are stored together if the width is a multiple of four.
+        folder.notices_in(["60", "43"], (file, from, to), "tile", &["--verify", "--samples", "16"]);
+    }
+}
