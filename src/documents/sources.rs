@@ -82,4 +82,16 @@ mod tests {
         let Source::Json(value) = &*sources.get("gpu/sweeps/one").unwrap() else { panic!("no file") };
         assert_eq!(value["a"], 1);
     }
+
+    #[test]
+    fn a_json_file_that_cannot_be_read_is_named() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("one.json");
+        let sources = Sources::new(root.path(), BTreeMap::from([("gpu".to_owned(), String::new())]));
+        for contents in [&b"{"[..], b"\xff"] {
+            std::fs::write(&path, contents).unwrap();
+            let error = sources.get("gpu/one").err().unwrap();
+            assert!(error.starts_with(&format!("{}: ", path.display())), "{error}");
+        }
+    }
 }

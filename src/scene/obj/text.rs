@@ -483,6 +483,14 @@ mod tests {
     }
 
     #[test]
+    fn a_comment_may_begin_right_after_a_number() {
+        for line in [" 1 2.5", " 1 2.5 # left", " 1 2.5# left", " 1 2.5#"] {
+            let numbers: Vec<&[u8]> = tokens(line.as_bytes()).collect();
+            assert_eq!(numbers, [&b"1"[..], b"2.5"], "{line}");
+        }
+    }
+
+    #[test]
     fn only_characters_that_cannot_be_printed_are_escaped() {
         assert_eq!(quoted(b"C:\\a'b\"c"), "`C:\\a'b\"c`");
         assert_eq!(quoted(b"a\x1b[31m"), "`a\\u{1b}[31m`");

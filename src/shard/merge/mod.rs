@@ -596,7 +596,9 @@ mod tests {
         write_launches(&first, None, [5, 6]);
         write_launches(&second, Some(&first), [0, 1]);
         let journal = second.folder.join(RECORDS);
-        JsonLines::append_to(&journal).unwrap().append(&measured("x 0", [0, 1])).unwrap();
+        // An attempt's record names the attempt's own machine.
+        let record = Record { host: Some("n1".into()), ..measured("x 0", [0, 1]) };
+        JsonLines::append_to(&journal).unwrap().append(&record).unwrap();
         let merged = merge(out, &[]).unwrap();
         assert_eq!(merged.samples, [2, 2, 0]);
         for (name, key) in [(RECORDS, "x 0"), (CONTROLS, "control")] {

@@ -55,6 +55,19 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
 }
 
 #[test]
+fn several_samples_per_pixel_take_two_words_per_block_and_with_a_picture_of_the_sky_one_per_pixel() {
+    let more = |sky_texels| {
+        let [one, many] = [false, true].map(|many_samples| {
+            let w = Workload { many_samples, sky_texels, image_size: [801, 502], ..workload(1, 1) };
+            needs_of(&of("naive"), &w).global_bytes
+        });
+        many - one
+    };
+    // There are 201 x 126 blocks of 4 x 4 pixels, some of which reach beyond the picture.
+    assert_eq!([more(0), more(8)], [2 * 4 * 201 * 126, 2 * 4 * 201 * 126 + 4 * 801 * 502]);
+}
+
+#[test]
 fn what_a_heap_takes_is_held_to_global_memory() {
     let (strategy, w) = (of("naive"), workload(1, 8));
     let needs = needs_of(&strategy, &w);
