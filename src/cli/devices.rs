@@ -202,4 +202,13 @@ mod tests {
         assert_eq!(json["default"], json["devices"][0]["slug"]);
         assert!(json["devices"][0]["unusable"].is_null());
     }
+
+    #[test]
+    fn json_tells_platforms_without_devices_from_those_that_failed() {
+        let [empty, failed] = ["Hollow", "Broken: a reason"].map(|platform| [platform.to_owned()]);
+        let json = serde_json::to_value(listing(&[], [&empty, &failed], None)).unwrap();
+        assert_eq!(json["empty_platforms"], serde_json::json!(empty));
+        assert_eq!(json["failed_platforms"], serde_json::json!(failed));
+        assert!(json["default"].is_null());
+    }
 }

@@ -186,4 +186,11 @@ mod tests {
             icd_files(to.path()).iter().map(|copy| std::fs::read_to_string(copy).expect("a copy")).collect();
         assert_eq!(texts, ["libone.so\n", "libtwo.so\n", "/three.so\n"]);
     }
+
+    #[test]
+    fn a_driver_whose_file_cannot_be_copied_is_not_left_out_silently() {
+        let [from, to] = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
+        let missing = [Driver::Icd(from.path().join("missing.icd"))];
+        assert_eq!(only(&missing, to.path()).expect_err("no copy").kind(), io::ErrorKind::NotFound);
+    }
 }

@@ -137,4 +137,12 @@ mod tests {
             assert_eq!(pieces, expected);
         }
     }
+
+    #[test]
+    fn a_buffer_without_rows_has_one_value() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let queue = Queue { shares_memory: true, ..Queue::open(&device).unwrap() };
+        let buffer: Buffer<u32> = upload_rows(&queue, [0, ROW], |_, _| ()).unwrap();
+        assert_eq!(buffer.len(), 1);
+    }
 }

@@ -175,6 +175,15 @@ mod tests {
     }
 
     #[test]
+    fn a_test_that_is_set_and_is_not_watertight_changes_only_the_test_of_the_fastest_strategy() {
+        let limits = crate::device::EXAMPLE_LIMITS;
+        let (best, _) = fastest(&limits, &Task::default()).unwrap();
+        let set = [("intersector".to_owned(), Intersector::MOLLER_TRUMBORE.name().to_owned())];
+        let (chosen, _) = chosen_strategy(None, &set, &limits, Task::default()).unwrap();
+        assert_eq!(chosen, Strategy { intersector: Intersector::MOLLER_TRUMBORE, ..best });
+    }
+
+    #[test]
     fn strategies() -> Result<()> {
         assert_eq!(parse_strategy("naive")?, preset("naive")?.strategy);
         let mut wide = preset("deferred")?.strategy;

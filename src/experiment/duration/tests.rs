@@ -137,6 +137,31 @@ fn a_point_for_another_kind_of_device_takes_no_time_and_is_no_control_point() {
 }
 
 #[test]
+fn the_cost_of_a_point_is_the_time_of_all_its_launches() {
+    let cost_ms = |launches: u32| {
+        let timing = format!("timing = {{ launches = {launches}, warmup = 0 }}");
+        let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let plan = run.plan();
+        let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+        let measured = |pending: &PendingPoint| Record {
+            outcome: Outcome::Measured,
+            host_median_ms: Some(1000.0),
+            samples_ms: vec![1000.0; 5 * launches as usize],
+            ..pending.record.clone()
+        };
+        let earlier: Vec<Record> = groups.iter().flatten().map(measured).collect();
+        let costs = run.costs(&earlier).unwrap().concat();
+        costs.iter().map(|cost| cost.ms).sum::<f64>()
+    };
+    // A launch consists of the start of a worker, a check with one frame, and five rounds.
+    let launch_ms = START_MS + 6.0 * 1000.0;
+    assert_eq!([cost_ms(1), cost_ms(3)], [launch_ms, 3.0 * launch_ms]);
+}
+
+#[test]
 fn a_control_point_is_measured_again_only_beside_unfinished_points_of_its_block() {
     let pending = |key: &str, is_control| {
         let record = Record { key: key.into(), control: Some("c".into()), is_control, ..Record::default() };

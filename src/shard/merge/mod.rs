@@ -613,6 +613,27 @@ mod tests {
         assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [0, 1]);
     }
 
+    /// The second attempt was killed after it had measured a control point that belongs to another block.
+    #[test]
+    fn launches_that_only_a_control_point_uses_get_new_numbers_too() {
+        use crate::shard::About;
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        one_shard(out, ShardPlan::default());
+        write_kind(out, "gpu", "x", 0);
+        write_attempt(out, "n1", "x 0", "gpu");
+        let about = About { shard: 1, of: 1, host: "n2".into(), ..About::default() };
+        write_launches(&Attempt::begin(out, &about).unwrap(), None, [0, 1]);
+        merge(out, &[]).unwrap();
+        let launches = |name: &str| {
+            let records = read_lines::<Record>(&out.join(name)).unwrap().lines;
+            records.into_iter().map(|record| record.sample_launches).collect::<Vec<_>>()
+        };
+        assert_eq!((launches(RECORDS), launches(CONTROLS)), (vec![vec![0, 0]], vec![vec![1, 2]]));
+        let rounds = read_lines::<RoundLoad>(&out.join(ROUNDS)).unwrap().lines;
+        assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [1, 2]);
+    }
+
     /// Merges an attempt that has one record.
     fn merge_one_record(out: &Path) {
         one_shard(out, ShardPlan::default());
