@@ -335,7 +335,10 @@ mod tests {
             }
         }
         assert_eq!(visited, 1000);
-        assert_ne!(next, (0..32_000).map(|i| (i + 32) % 32_000).collect::<Vec<_>>());
+        // A device may fetch neighbouring lines ahead. In a random cycle, about one line is followed by its neighbour.
+        let is_neighbour = |line: &usize| next[32 * line] as usize == 32 * ((line + 1) % 1000);
+        let in_order = (0..1000).filter(is_neighbour).count();
+        assert!(in_order < 10, "{in_order} of 1000 lines are followed by their neighbours");
     }
 
     #[test]

@@ -284,6 +284,22 @@ mod tests {
         assert!(note(&listing).contains("or its table has no line for this kernel"), "{}", note(&listing));
     }
 
+    /// The output of `ptxas` is not the code about which the driver reports.
+    #[test]
+    fn what_the_driver_reports_of_a_kernel_is_shown_with_the_drivers_own_code_alone() {
+        let mut kernel =
+            CompiledKernel { local_bytes: Some(64), occupancy: Some(0.5), ..CompiledKernel::default() };
+        kernel.resources.spill_store_bytes = Some(12);
+        let reported = |is_drivers| facts(&Listing { is_drivers, ..listing() }, Some(&kernel))[3..].to_vec();
+        let expected = [
+            ("bytes of spilled registers", "12"),
+            ("bytes of __local memory per work-group", "64"),
+            ("predicted occupancy", "50%"),
+        ];
+        assert_eq!(reported(true), expected.map(|(name, value)| (name, value.to_owned())));
+        assert!(reported(false).is_empty(), "{:?}", reported(false));
+    }
+
     #[test]
     fn the_command_names_the_point_and_can_be_pasted_into_a_shell() {
         let record = Record {

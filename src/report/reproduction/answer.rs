@@ -359,7 +359,8 @@ fn sure(contest: &Contest<'_>) -> String {
 mod tests {
     use super::*;
     use crate::program::CompiledKernel;
-    use crate::record::fixtures::{few, infeasible, judged, measured, sampled};
+    use crate::program::compiled::InstructionCounts;
+    use crate::record::fixtures::{few, in_memory, infeasible, judged, measured, sampled};
     use crate::record::{Folder, Outcome, groups};
 
     fn of(records: &[Record]) -> Answer {
@@ -507,6 +508,31 @@ mod tests {
             answer.sure
         );
         assert_eq!(answer.plots.len(), 1);
+    }
+
+    /// A kernel without instructions on `.local` memory has all private arrays in registers.
+    #[test]
+    fn the_reason_names_the_memory_from_which_the_best_kernel_reads_rays() {
+        let why = |vectors: &str, on_local: Option<u32>| {
+            let instruction_counts = on_local.map(|count| InstructionCounts {
+                instructions: [("ld.local".to_owned(), count), ("ld.global".to_owned(), 7)].into(),
+                ..InstructionCounts::default()
+            });
+            let name = "cast_frame".to_owned();
+            let kernel = CompiledKernel { name, instruction_counts, ..CompiledKernel::default() };
+            let best = Record { kernels: vec![kernel], ..measured("gpu", "private", 8, 2.0) };
+            of(&[in_memory(best, vectors), in_memory(measured("gpu", "naive", 8, 9.0), "heap")]).why
+        };
+        for (vectors, on_local, memory) in [
+            ("private", Some(0), "registers"),
+            ("private", Some(3), "registers or the stack"),
+            ("private", None, "registers or the stack"),
+            ("local", None, "__local memory"),
+            ("global", None, "global memory as well"),
+        ] {
+            let why = why(vectors, on_local);
+            assert!(why.contains(&format!("; private reads the ray from {memory}; ")), "{why}");
+        }
     }
 
     #[test]

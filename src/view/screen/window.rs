@@ -45,10 +45,8 @@ impl Window {
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
         // The connection to the display must stay open until the window is open.
         let display = checked_display(size)?;
-        let options =
-            WindowOptions { resize: true, scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
         let [width, height] = size.map(|side| side as usize);
-        let mut window = minifb::Window::new(title, width, height, options).map_err(|error| {
+        let mut window = minifb::Window::new(title, width, height, options()).map_err(|error| {
             Error::input(format!("the window cannot be opened: {error}")).with_help(format!(
                 "a window needs a display, and on Debian the packages libx11-6 and libxcursor1; {REMEDY}"
             ))
@@ -137,6 +135,12 @@ impl Screen for Window {
             closed: !self.window.is_open(),
         })
     }
+}
+
+/// Returns the options of the window. Until a picture of the window's new size is cast, the last picture lies unscaled
+/// in the upper left corner, so that the pointer's position in the window is also its position in the picture.
+fn options() -> WindowOptions {
+    WindowOptions { resize: true, scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() }
 }
 
 /// Returns how far the pointer moved during a drag from `from` to `at`: first to the right, then down. The
@@ -299,6 +303,12 @@ mod tests {
             assert_eq!(error.exit_code(), 2);
             assert!(error.to_string().contains(&format!("{option}, ")), "{error}");
         }
+    }
+
+    #[test]
+    fn a_picture_of_another_size_than_the_window_is_not_stretched() {
+        let WindowOptions { resize, scale_mode, .. } = options();
+        assert_eq!((resize, scale_mode), (true, ScaleMode::UpperLeft));
     }
 
     #[test]

@@ -113,8 +113,9 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
         parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
     };
     // In OBJ, the second coordinate in a texture is measured upwards from the texture's lower edge; if this
-    // coordinate is missing, it is 0.
-    let coordinates = "vt 0.25 0\nvt 0.5\nvt 0 0.75\n";
+    // coordinate is missing, it is 0. The fourth vertex makes the number of vertices differ from the number of texture
+    // coordinates, from whose end negative indices count.
+    let coordinates = "v 0 0 1\nvt 0.25 0\nvt 0.5\nvt 0 0.75\n";
     for face in ["f 1/1 2/2 3/3", "f 1/-3 2/-2 3/-1", "f 1/1/ 2/2/ 3/3/"] {
         let rows = mapped(&format!("{coordinates}{face}\n"));
         assert_eq!(rows[0].corners, [[0.25, 1.0], [0.5, 1.0], [0.0, 0.25]], "{face}");
