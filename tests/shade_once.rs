@@ -56,7 +56,11 @@ fn a_mistake_in_shading_once_is_a_wrong_picture() {
         (light, "end[part] = per_reach[part] / (1.0f - gap);", "end[part] = 0.9f * per_reach[part];"),
         (light, "&corner)), x, across), y, down)", "&corner)), y, across), x, down)"),
         (find, "high = vec3(max(high.x, hit.x)", "high = vec3(min(high.x, hit.x)"),
-        ("tile_cpu/store_tile.cl", "vload16(0, (const float *)(sums + vector))", "vload16(0, (const float *)sums)"),
+        (
+            "tile_cpu/store_tile.cl",
+            "vload16(0, (const float *)(sums + vector))",
+            "vload16(0, (const float *)sums)",
+        ),
     ]) {
         // Four pixels of a row are stored together if the width is a multiple of four.
         folder.notices_in(["60", "43"], (file, from, to), "tile", &["--verify", "--samples", "16"]);

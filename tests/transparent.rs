@@ -68,7 +68,8 @@ fn edges_of_a_dark_surface_get_more_samples() {
 #[test]
 fn a_wrong_alpha_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
-    let halved = ("tile_cpu/store_tile.cl", "(float4)(r.x, g.x, b.x, h.x)", "(float4)(r.x, g.x, b.x, 0.5f * h.x)");
+    let halved =
+        ("tile_cpu/store_tile.cl", "(float4)(r.x, g.x, b.x, h.x)", "(float4)(r.x, g.x, b.x, 0.5f * h.x)");
     folder.notices(halved, "tile", &["--background", "transparent", "--samples", "4", "--verify"]);
 }
 

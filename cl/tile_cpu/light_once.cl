@@ -9,7 +9,8 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
     for (int part = 0; part < PARTS; part++) {
         Mask lit = LANES_OF(once->vectors, part);
         if (!ANY(lit)) continue;
-        const LightDirection direction = direction_to_light(lighting, light, once->mean + part);
+        LightDirection direction;
+        find_light_direction(lighting, light, once->mean + part, &direction);
         lit &= direction.cosine > 0.0f;
         open |= LANE_BITS16(lit) << (16 * part);
         // All samples of a pixel have the same reach, which is longer than their distances from the light. So their
@@ -73,8 +74,10 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
     const Vec3 d = along(along(splat(LOAD3((const float *)&corner)), x, across), y, down);
     Shaded shaded;
     find_surface_points(tree, lighting, eye, &d, bundle->leaf_index[vector], reached, &shaded);
-    const LightDirection direction = direction_to_light(lighting, light, &shaded);
-    const Vec3 arriving = unblocked_radiance(lighting, light, &shaded, &direction, reached);
+    LightDirection direction;
+    find_light_direction(lighting, light, &shaded, &direction);
+    Vec3 arriving;
+    find_unblocked_radiance(lighting, light, &shaded, &direction, reached, &arriving);
     *sum = select3(reached, add(*sum, arriving), *sum);
 }
 
@@ -98,8 +101,10 @@ void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle 
         const Mask pixels = LANES_OF(whole, part);
         if (!ANY(pixels)) continue;
         const Shaded *mean = once->mean + part;
-        const LightDirection direction = direction_to_light(lighting, light, mean);
-        const Vec3 arriving = unblocked_radiance(lighting, light, mean, &direction, pixels);
+        LightDirection direction;
+        find_light_direction(lighting, light, mean, &direction);
+        Vec3 arriving;
+        find_unblocked_radiance(lighting, light, mean, &direction, pixels, &arriving);
         once->sum[0][part] += SELECT(pixels, arriving.x, (varying)(0.0f));
         once->sum[1][part] += SELECT(pixels, arriving.y, (varying)(0.0f));
         once->sum[2][part] += SELECT(pixels, arriving.z, (varying)(0.0f));

@@ -1,46 +1,48 @@
 // The rays from a light to a tile's hits.
 
-// The direction from hits to a light.
+// The direction from hits to a light. (Functions that are inlined return no structures: Oclgrind lacks an instruction
+// that LLVM then inserts.)
 typedef struct {
     Vec3 to_light;                  // of length 1
     varying distance, per_distance; // the light's distance and its reciprocal
     varying cosine;                 // of the direction and the normal
 } LightDirection;
 
-INLINED LightDirection direction_to_light(const Lighting *lighting, int light, const Shaded *shaded) {
+INLINED void find_light_direction(const Lighting *lighting, int light, const Shaded *shaded, LightDirection *direction) {
     const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
-    LightDirection direction;
-    direction.distance = sqrt(dot3(offset, offset));
-    direction.per_distance = 1.0f / direction.distance;
-    direction.to_light = scale(offset, direction.per_distance);
-    direction.cosine = dot3(direction.to_light, shaded->normal);
-    return direction;
+    direction->distance = sqrt(dot3(offset, offset));
+    direction->per_distance = 1.0f / direction->distance;
+    direction->to_light = scale(offset, direction->per_distance);
+    direction->cosine = dot3(direction->to_light, shaded->normal);
 }
 
-// Returns the radiance that the hits in `lit` reflect to the eye if nothing blocks the light.
-INLINED Vec3 unblocked_radiance(const Lighting *lighting, int light, const Shaded *shaded,
-                                const LightDirection *direction, Mask lit) {
+// Computes the radiance that the hits in `lit` reflect to the eye if nothing blocks the light.
+INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const Shaded *shaded,
+                                     const LightDirection *direction, Mask lit, Vec3 *radiance) {
     const Vec3 f = reflectance(&shaded->surface, direction->to_light, shaded->to_eye, shaded->normal, lit);
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
     // The radiance is power / (4 pi r^2) times f times the cosine.
     const varying per_distance = direction->per_distance;
-    return scale(multiply(power, f), direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
+    *radiance = scale(multiply(power, f), direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
 }
 
+#if SAMPLED
 #if SHADES_ONCE
 #include "tile_cpu/shade_once.cl"
 #include "tile_cpu/light_once.cl"
+#endif
 #endif
 
 // Computes the rays from a light to a vector's hits, the interval of their directions, and (in `arriving`) the radiance
 // that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
-    const LightDirection direction = direction_to_light(lighting, light, shaded);
+    LightDirection direction;
+    find_light_direction(lighting, light, shaded, &direction);
     // A light that is behind the surface, or nearer to the hit than the bias, contributes nothing.
     const Mask lit = hits & (direction.cosine > 0.0f) & (direction.distance > lighting->bias);
     if (!ANY(lit)) return lit;
-    *arriving = unblocked_radiance(lighting, light, shaded, &direction, lit);
+    find_unblocked_radiance(lighting, light, shaded, &direction, lit, arriving);
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have
     // length 1: bounds of rounding errors are relative to the longest direction of the tile, and would be far too large
     // for rays to hits near the light if directions had the lengths of the rays.

@@ -176,7 +176,8 @@ varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
 Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, float variance,
                  const PixelStep *right, const PixelStep *below) {
     const Shaded *mean = once->mean + part;
-    const LightDirection direction = direction_to_light(lighting, number, mean);
+    LightDirection direction;
+    find_light_direction(lighting, number, mean, &direction);
     const Mask lit = direction.cosine > 0.0f;
     const Vec3 f = reflectance(&mean->surface, direction.to_light, mean->to_eye, mean->normal, lit);
     const Vec3 highlight = subtract(f, scale(mean->surface.lambertian, (varying)(M_1_PI_F)));

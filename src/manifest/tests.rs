@@ -180,6 +180,7 @@ fn every_file_belongs_to_a_family_or_serves_all() {
     named.extend(SAMPLE_FILES.map(str::to_owned));
     named.extend([HALF_LIGHT_FILE, "common/pixel_rows.cl"].map(str::to_owned));
     named.extend(["tile_cpu/sky.cl", "tile_cpu/single_ray.cl"].map(str::to_owned));
+    named.extend(["tile_cpu/shade_once.cl", "tile_cpu/light_once.cl"].map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
 }
