@@ -32,8 +32,8 @@ pub struct FrameTimes {
     /// `None`, this time includes shading.
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose work-items
-    /// share tiles have this time. With fused passes and one sample per pixel, this time includes the leftover shadow
-    /// rays.
+    /// share tiles have this time. If passes are fused, and a frame casts one ray per pixel at a time, the shading kernel
+    /// also casts the leftover shadow rays, so this time includes them.
     pub shade_ms: Option<f64>,
     /// Time for the frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,

@@ -7,7 +7,8 @@ use crate::scene::Mesh;
 use ocl::{Buffer, MemFlags, OclPrm};
 use std::sync::Arc;
 
-/// A read-only buffer that contains a list of a mesh.
+/// A read-only buffer for one of a mesh's lists. If the device shares the host's memory, the mesh lends its list: the
+/// buffer uses the list's memory, and nothing is copied.
 #[derive(Debug)]
 pub(super) struct Lent<T: OclPrm> {
     buffer: Buffer<T>,

@@ -27,7 +27,7 @@ const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// The ground is a square that is surrounded by square frames. The numbers are the distances of the squares'
+/// The ground is a square that is surrounded by square rings. The numbers are the distances of the squares'
 /// edges from the middle, in radii of the mesh's ball. The last distance is so large that a usual view does
 /// not reach it. The triangles near the middle are small, because rounding errors of a ray-triangle test grow
 /// with the triangle's size. If the ground had only large triangles, shadow rays at a low angle would hit the
@@ -107,9 +107,9 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     })
 }
 
-/// Returns the corners of the ground's triangles. The first two triangles are the inner square. After them,
-/// each frame has eight triangles, two for each side. The picture shows the inner square and the first frame,
-/// with the corners' indices.
+/// Returns the corners of the ground's triangles. The first two triangles are the inner square. Around it lie square
+/// rings of eight triangles each, two for each side. The drawing shows the inner square and the first ring, with the
+/// corners' indices.
 ///
 /// ```text
 ///  7 ------------- 6
@@ -122,13 +122,13 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
 ///  4 ------------- 5
 /// ```
 fn ground_faces() -> impl Iterator<Item = [u32; 3]> {
-    let sides = (1..GROUND_RADII.len() as u32).flat_map(|frame| (0..4).map(move |side| (4 * frame, side)));
-    let frames = sides.flat_map(|(outer, side)| {
+    let sides = (1..GROUND_RADII.len() as u32).flat_map(|ring| (0..4).map(move |side| (4 * ring, side)));
+    let rings = sides.flat_map(|(outer, side)| {
         let [this, next] = [side, (side + 1) % 4];
         let inner = outer - 4;
         [[inner + this, outer + this, outer + next], [inner + this, outer + next, inner + next]]
     });
-    [[0, 1, 2], [0, 2, 3]].into_iter().chain(frames)
+    [[0, 1, 2], [0, 2, 3]].into_iter().chain(rings)
 }
 
 #[cfg(test)]

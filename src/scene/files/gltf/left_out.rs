@@ -76,7 +76,7 @@ impl LeftOut {
                 "camera without a viewing direction",
                 "left out: expected a scale other than 0",
             ),
-            (self.other_cameras, "camera without a place in the shown scene", "not used"),
+            (self.other_cameras, "camera outside the shown scene", "not used"),
             (
                 self.odd_lights,
                 "light of an unknown type",

@@ -657,7 +657,7 @@ fn a_camera_outside_the_shown_scene_is_noted() {
     let text = triangle().replacen('{', camera, 1).replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"camera": 0}"#);
     let file = read(&text).unwrap();
     assert!(file.camera.is_none());
-    assert_eq!(file.notes, ["1 camera without a place in the shown scene is not used"]);
+    assert_eq!(file.notes, ["1 camera outside the shown scene is not used"]);
     let shown = read(&text.replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)).unwrap();
     assert!(shown.camera.is_some() && shown.notes.is_empty(), "{:?}", shown.notes);
 }
