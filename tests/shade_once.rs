@@ -51,7 +51,7 @@ fn a_mistake_in_shading_once_is_a_wrong_picture() {
         (light, "if (bits == all || !bits) continue;", "continue;"),
         (light, "add(sum[vector], splat(mean))", "sum[vector]"),
         (light, "SELECT(pixels, arriving.y, ", "SELECT(pixels, arriving.x, "),
-        (light, "NUMBER_OF(once->inverse_depth[1], vector)", "NUMBER_OF(once->inverse_depth[0], vector)"),
+        (light, "VALUE_OF(once->inverse_depth[1], vector)", "VALUE_OF(once->inverse_depth[0], vector)"),
         (light, "SELECT(lit, low.x - rounding,", "SELECT(lit, high.x + rounding,"),
         (light, "end[part] = per_reach[part] / (1.0f - gap);", "end[part] = 0.9f * per_reach[part];"),
         (light, "&corner)), x, across), y, down)", "&corner)), y, across), x, down)"),

@@ -1,7 +1,8 @@
 // The light on pixels that are shaded once (shade_once.cl).
 
-// Adds the shadow rays' intervals of directions to the slices, and stores the lengths of these rays: a light's rays to a
-// pixel have the length 1 / per_reach, and end at 1 / t = end. Returns the pixels that the light can reach.
+// Adds the shadow rays' intervals of directions to the slices, and stores two numbers per pixel: the rays from the
+// light meet the pixel's hits at t = 1 / per_reach, and end shortly before, at t = 1 / end. Returns the pixels that the
+// light can reach.
 uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light, Slices *slices, varying *per_reach,
                      varying *end) {
     const Vec3 from = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light));
@@ -13,7 +14,7 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
         find_light_direction(lighting, light, once->mean + part, &direction);
         lit &= direction.cosine > 0.0f;
         open |= LANE_BITS16(lit) << (16 * part);
-        // All samples of a pixel have the same reach, which is longer than their distances from the light. So their
+        // All hits of a pixel get the same t, `reach`, which is at least their distance from the light. So the rays'
         // directions need no square root, and are at most 1 long.
         const varying reach = direction.distance + once->radius[part];
         per_reach[part] = 1.0f / reach;
@@ -33,11 +34,12 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
     return open;
 }
 
-// Returns the number of one vector, from an array with one lane per vector.
-#define NUMBER_OF(array, vector) (((const float *)(array))[vector])
+// Returns one vector's value in an array with one lane per vector.
+#define VALUE_OF(array, vector) (((const float *)(array))[vector])
 
-// Computes the rays from a light to the samples of pixels that are shaded once. For the first light, computes the hits
-// of the samples, and stores them in `shaded` for the other lights. Returns the vectors with rays, one bit each.
+// Computes the rays from a light to the samples of pixels that are shaded once. For the first light, the bundle still
+// has the directions from the eye: the samples' hits are computed from them and, if there are more lights, kept in
+// `shaded`. Returns the vectors with rays, one bit each.
 uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle *bundle, Slices *slices,
                     const Lighting *lighting, int light, float4 eye, Shaded *shaded) {
     if (!once->vectors) return 0;
@@ -47,26 +49,26 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
     const int several = lighting->light_count > 1;
     for (uint left = several && light == 0 ? once->vectors : open; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        Vec3 *hit = &shaded[several ? vector : 0].point; // with a single light, hits are not stored
+        Vec3 *hit = &shaded[several ? vector : 0].point; // with a single light, no hit is needed later
         if (light == 0) {
             const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
-            const varying inv_t = d.x * NUMBER_OF(once->inverse_depth[0], vector) +
-                                  d.y * NUMBER_OF(once->inverse_depth[1], vector) +
-                                  d.z * NUMBER_OF(once->inverse_depth[2], vector);
+            const varying inv_t = d.x * VALUE_OF(once->inverse_depth[0], vector) +
+                                  d.y * VALUE_OF(once->inverse_depth[1], vector) +
+                                  d.z * VALUE_OF(once->inverse_depth[2], vector);
             *hit = along(origin, 1.0f / inv_t, d);
         }
         if (!(open >> vector & 1u)) continue;
-        const Vec3 direction = scale(subtract(*hit, from), (varying)(NUMBER_OF(per_reach, vector)));
+        const Vec3 direction = scale(subtract(*hit, from), (varying)(VALUE_OF(per_reach, vector)));
         bundle->x[vector] = direction.x, bundle->y[vector] = direction.y, bundle->z[vector] = direction.z;
-        bundle->inv_t[vector] = SELECT(samples->filled, (varying)(NUMBER_OF(end, vector)), (varying)(FAR));
+        bundle->inv_t[vector] = SELECT(samples->filled, (varying)(VALUE_OF(end, vector)), (varying)(FAR));
         prepare_rays(bundle, vector, samples->filled);
     }
     return open;
 }
 
-// Adds a light to the samples in `reached` of a vector, one by one.
-void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting,
-                    int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached, Vec3 *sum) {
+// Shades the samples in `reached` of one vector, each at its own hit, and adds the light's radiance to `sum`.
+void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
+                    const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached, Vec3 *sum) {
     // The bundle has the rays of the light, so the directions from the eye are computed again.
     const Pixels pixels = tile_pixels(samples, vector, image_size);
     const varying x = RAY_X(pixels), y = RAY_Y(pixels);
@@ -81,15 +83,16 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
     *sum = select3(reached, add(*sum, arriving), *sum);
 }
 
-// Adds a light to the pixels that are shaded once. `open` has a bit for each vector to which this light casts rays.
-// Pixels of which the light reaches some samples get its light in `sum`, sample by sample.
+// Adds a light to the pixels that are shaded once. `open` has a bit for each vector to which this light casts rays. If
+// the light reaches all samples of a pixel, its radiance is added to the pixel (`once->sum`); if it reaches only some,
+// to these samples (`sum`).
 void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
     const uint all = LANE_BITS16(samples->filled);
     uint whole = 0;
     for (uint left = open & once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const Mask reached = bundle->inv_t[vector] < FAR; // of other samples, the rays are blocked
+        const Mask reached = bundle->inv_t[vector] < FAR; // other lanes have a blocked ray, or none
         const uint bits = LANE_BITS16(reached);
         if (bits == all) whole |= 1u << vector;
         if (bits == all || !bits) continue;
@@ -111,13 +114,14 @@ void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle 
     }
 }
 
-// Computes the sums of the samples of pixels that are shaded once. Returns these pixels, except those that have samples
-// of their own in `sum`; the radiance of these is added to each of their samples.
+// Computes the sums of the samples of those pixels that are shaded once and are not in `split`, and returns these
+// pixels. In a pixel of `split`, samples differ: the pixel's radiance (`once->sum`) is added to each sample in `sum`,
+// and the caller adds up the samples.
 uint sum_once(const OncePixels *once, const FrameSamples *samples, float4 *sums, Vec3 *sum) {
     for (uint left = once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const Uniform3 mean = uniform3(NUMBER_OF(once->sum[0], vector), NUMBER_OF(once->sum[1], vector),
-                                       NUMBER_OF(once->sum[2], vector));
+        const Uniform3 mean = uniform3(VALUE_OF(once->sum[0], vector), VALUE_OF(once->sum[1], vector),
+                                       VALUE_OF(once->sum[2], vector));
         if (once->split >> vector & 1u) sum[vector] = add(sum[vector], splat(mean));
         else sums[vector] = (float)samples->count * (float4)(mean.x, mean.y, mean.z, 1.0f);
     }

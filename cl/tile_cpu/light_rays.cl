@@ -8,7 +8,8 @@ typedef struct {
     varying cosine;                 // of the direction and the normal
 } LightDirection;
 
-INLINED void find_light_direction(const Lighting *lighting, int light, const Shaded *shaded, LightDirection *direction) {
+INLINED void find_light_direction(const Lighting *lighting, int light, const Shaded *shaded,
+                                  LightDirection *direction) {
     const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
     direction->distance = sqrt(dot3(offset, offset));
     direction->per_distance = 1.0f / direction->distance;

@@ -1,20 +1,21 @@
-// Pixels that are shaded once. If a frame casts up to 16 samples of each pixel, the rays of a vector are the samples of
-// one pixel. Mostly, they all hit the same triangle, and their radiance hardly differs. Such a pixel is shaded only at
-// the mean of its samples, together with other pixels: in most variables of this file, a lane is a pixel of the tile
-// (a vector of rays, as in Slices), and not a ray.
+// Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), the rays of a
+// vector are the samples of one pixel. Mostly, they all hit the same triangle, and their radiance hardly differs. Such
+// a pixel is shaded only at the mean position of its samples, together with other pixels: in most variables of this
+// file, a lane belongs to a pixel, and not to a ray. (A pixel is one vector of rays, so the lanes are those of Slices.)
 //
-//     samples shaded one by one: a vector per pixel     pixels shaded once: a vector for 16 pixels
-//     pixel 0:   lane    0 1 2 3 4 ...                  lane    0 1 2 3 4 ...
-//                sample  0 1 2 3 4 ...                  pixel   0 1 2 3 4 ...
+//     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
+//     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...
+//                sample  0 1 2 3 4 ...           pixel   0 1 2 3 4 ...
 //     pixel 1:   lane    0 1 2 3 4 ...
 //                sample  0 1 2 3 4 ...
 //
-// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, these are shaded one by
-// one (light_once.cl).
+// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, each of these is shaded
+// at its own hit for this light (light_once.cl).
 
-// A pixel is shaded once if this changes its radiance by at most this part, a tenth of what verification accepts.
+// The largest relative change of radiance that shading once may cause: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// A part has at least this many pixels to be shaded once; otherwise, it takes less time to shade their samples.
+// A part (16 vectors, see PARTS) in which fewer pixels than this show a single triangle is skipped: shading the samples
+// of so few pixels takes less time.
 #define LEAST_ONCE 3
 
 // The positions of a frame's samples in their pixel, in pixels. The bounds are relative to the mean.
@@ -27,12 +28,12 @@ typedef struct {
 // The pixels that are shaded once.
 typedef struct {
     uint vectors;                    // one bit each
-    uint split;                      // those of `vectors` of which a light reaches some samples, but not all
+    uint split;                      // those of `vectors` for which some light reaches only a part of the samples
     varying sum[3][PARTS];           // red, green and blue from the lights that reach all samples
-    varying inverse_depth[3][PARTS]; // the product of a ray's direction and this vector is 1 / t of its hit
-    Shaded mean[PARTS];              // the hit in the mean of the samples
+    varying inverse_depth[3][PARTS]; // the dot product of this vector and a sample's direction is 1 / t of its hit
+    Shaded mean[PARTS];              // the hit at the mean position of the samples
     Vec3 low[PARTS], high[PARTS];    // the box that contains the hits of all samples
-    varying radius[PARTS];           // the largest distance of a sample's hit from the mean
+    varying radius[PARTS];           // an upper bound of the distance of a sample's hit from that at the mean position
 } OncePixels;
 
 // The triangles of 16 pixels, one per lane, as columns (gather_rows).
@@ -40,12 +41,12 @@ typedef struct {
     varying corner[12], normal[12];
 } Triangles;
 
-// How much a pixel's hit differs from that of the next pixel, across or down.
+// How a hit changes from one pixel to the next, across or down, to first order.
 typedef struct {
-    Vec3 point;    // the difference of the hits
-    varying depth; // of t, relative to t
-    varying eye;   // of the rays' directions, in radian
-    varying turn;  // of the normals, in radian
+    Vec3 point;    // the change of the hit
+    varying depth; // the change of t, divided by t; later, its absolute value
+    varying eye;   // the rays' directions turn by at most this angle, in radians
+    varying turn;  // the normals turn by at most this angle, in radians
 } PixelStep;
 
 SamplePositions sample_positions(const FrameSamples *samples) {
@@ -55,7 +56,8 @@ SamplePositions sample_positions(const FrameSamples *samples) {
     SamplePositions positions;
     positions.x = per_sample * sum_of_lanes(SELECT(filled, samples->x, zero));
     positions.y = per_sample * sum_of_lanes(SELECT(filled, samples->y, zero));
-    const varying x = SELECT(filled, samples->x - positions.x, zero), y = SELECT(filled, samples->y - positions.y, zero);
+    const varying x = SELECT(filled, samples->x - positions.x, zero);
+    const varying y = SELECT(filled, samples->y - positions.y, zero);
     positions.variance = per_sample * max(sum_of_lanes(x * x), sum_of_lanes(y * y));
     positions.left = least_lane(x), positions.right = most_lane(x);
     positions.top = least_lane(y), positions.bottom = most_lane(y);
@@ -63,7 +65,8 @@ SamplePositions sample_positions(const FrameSamples *samples) {
 }
 
 // Returns those of the vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives the
-// triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too.
+// triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too, so
+// that every address is valid.
 uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
     IntLanes index[PARTS];
     uint found = 0;
@@ -84,8 +87,9 @@ uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, 
 varying length_of(Vec3 a) { return sqrt(dot3(a, a)); }
 varying largest_of(Vec3 a) { return max(max(a.x, a.y), a.z); }
 
-// Computes the planes of the pixels' triangles and the steps between pixels. `d` are the directions to the means of the
-// samples, and `across` and `down` the steps of directions between pixels. Returns the pixels for which this is accurate.
+// Computes `inverse_depth` from the planes of the pixels' triangles, and how hits change from pixel to pixel (`right`,
+// `below`). `d` has the directions to the mean positions; `across` or `down` added to one gives the next pixel's.
+// Returns the pixels for which all this is accurate enough.
 Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const SamplePositions *samples, Vec3 origin,
                  Vec3 d, Vec3 across, Vec3 down, PixelStep *right, PixelStep *below) {
     const varying *corner = triangles->corner, *normal = triangles->normal;
@@ -94,7 +98,8 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
     const Vec3 n = cross3(e1, e2);
-    // A point origin + t d of the plane satisfies n . (t d) = n . (hit - origin), so 1 / t = d . m.
+    // Points origin + t d of the plane satisfy n . (t d) = n . (mean - origin), so 1 / t = d . m with the vector
+    // m = n / (n . (mean - origin)).
     const Vec3 m = scale(n, 1.0f / dot3(n, subtract(mean->point, origin)));
     once->inverse_depth[0][part] = m.x, once->inverse_depth[1][part] = m.y, once->inverse_depth[2][part] = m.z;
     const varying inv_t = dot3(d, m), t = 1.0f / inv_t, length = length_of(d);
@@ -102,26 +107,26 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     right->depth = -t * dot3(across, m), below->depth = -t * dot3(down, m);
     right->point = scale(along(across, right->depth, d), t), below->point = scale(along(down, below->depth, d), t);
     right->eye = length_of(across) / length, below->eye = length_of(down) / length;
-    // The weights of the second and third corner change by the products of the hit's change and these vectors, divided
-    // by n . n.
+    // If the hit moves by p, the weights of the second and third corner change by p . g1 / n . n and p . g2 / n . n.
     const Vec3 g1 = cross3(e2, n), g2 = cross3(n, e1);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
-    // The interpolated normal is at least this long.
+    // The normal turns by at most its change divided by its length. The interpolated normal is at least `least` long,
+    // since each corner's normal has at least this component along the normal of the mean.
     const varying least = min(min(dot3(n0, mean->normal), dot3(n1, mean->normal)), dot3(n2, mean->normal));
     const varying squared = dot3(n, n), per = 1.0f / (squared * least);
     right->turn = per * length_of(add(scale(turn1, dot3(right->point, g1)), scale(turn2, dot3(right->point, g2))));
     below->turn = per * length_of(add(scale(turn1, dot3(below->point, g1)), scale(turn2, dot3(below->point, g2))));
-    // Rounding would matter in needles, and where rays graze the plane. Where t differs much between samples, hits are
-    // no linear function of positions.
+    // Rounding would matter if e1 and e2 were nearly parallel, or if rays grazed the plane. If t differed by more than
+    // about a tenth between samples, their hits would be too far from a linear function of their positions.
     const varying reach = (varying)(max(max(-samples->left, samples->right), max(-samples->top, samples->bottom)));
     return (least > 0.0f) & (squared > 0.0625f * dot3(e1, e1) * dot3(e2, e2)) &
            (fabs(d.x * m.x) + fabs(d.y * m.y) + fabs(d.z * m.z) < 20.0f * inv_t) &
            ((fabs(right->depth) + fabs(below->depth)) * reach < 0.1f);
 }
 
-// Computes the boxes that contain the hits of all samples. Positions of samples lie in a rectangle, so their hits lie
-// between the hits of its four corners.
+// Computes the boxes that contain the hits of all samples. The samples' positions lie in a rectangle, so their hits lie
+// in the quadrilateral in which the rays through the rectangle's corners meet the plane.
 void bound_hits(OncePixels *once, int part, const SamplePositions *samples, varying depth, const PixelStep *right,
                 const PixelStep *below) {
     const Vec3 mean = once->mean[part].point;
@@ -137,42 +142,47 @@ void bound_hits(OncePixels *once, int part, const SamplePositions *samples, vary
         low = vec3(min(low.x, hit.x), min(low.y, hit.y), min(low.z, hit.z));
         high = vec3(max(high.x, hit.x), max(high.y, hit.y), max(high.z, hit.z));
     }
-    // find_planes limits the rounding error of hits: of 1 / t to 20 times that of one product.
+    // find_planes returns only pixels for which rounding changes 1 / t by at most about 20 times the rounding error of
+    // one product.
     const varying rounding = 1e-5f * depth + 1e-6f * (fabs(mean.x) + fabs(mean.y) + fabs(mean.z));
     const Vec3 wider = vec3(rounding, rounding, rounding);
     once->low[part] = subtract(low, wider), once->high[part] = add(high, wider);
     once->radius[part] = sqrt(squared);
 }
 
-// What shade_alike needs of the light at a pixel.
+// What second_derivative needs to know of a light at a pixel.
 typedef struct {
-    varying per_distance, per_cosine; // 1 / distance of the light, 1 / cosine of the light and the normal
-    varying per_half;                 // 1 / length of the sum of the directions to the light and to the eye
-    varying shininess;                // s
-    varying tangent_squared;          // tan^2 of the angle between this sum and the normal
-    varying glossy;                   // the highlight's part of the reflectance
+    varying per_distance;    // 1 / distance of the light
+    varying per_cosine;      // 1 / |cosine| of the angle between the normal and the direction to the light
+    varying per_half;        // 1 / length of the sum of the directions to the light and to the eye
+    varying shininess;       // the exponent s of the highlight (reflectance.cl)
+    varying tangent_squared; // tan^2 of the angle between this sum and the normal
+    varying glossy;          // the highlight's fraction of the reflectance
 } LightAtPixel;
 
-// Returns a bound of the second derivative of the radiance along the step between two pixels, relative to the radiance.
-// The radiance is the product of the reflectance, the cosine of light and normal, and 1 / r^2.
+// Returns an upper bound of the second derivative of the radiance, per squared step from pixel to pixel and relative to
+// the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
 varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
-    // How much the directions turn to the light, and to the half vector between light and eye.
+    // Upper bounds of two angles, per step: by which the direction to the light turns, and by which the half vector
+    // (between the directions to light and eye) turns relative to the normal.
     const varying to_light = length_of(step->point) * light->per_distance;
     const varying half_vector = (to_light + step->eye) * light->per_half + step->turn;
     const varying s = light->shininess;
-    // The first derivative of cosine / r^2, and its second derivative. If only the normal turns, the latter is the
-    // square of the angle. The hit's place is no linear function of the pixel, by the change of depth.
+    // Upper bounds of the first and second derivative of cosine / r^2, relative to its value. If only the normal turns,
+    // the second is the square of the angle `turn`. The term with step->depth is there because hits are not a linear
+    // function of the pixel where depth changes. The factors 3, 8 and 4 are upper bounds, too.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
     const varying second = step->turn * step->turn +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
-    // The highlight is the power s of a cosine. Its first derivative is s tan, its second at most s + s^2 tan^2. The
-    // product of both first derivatives is at most the mean of their squares.
+    // The highlight h is cos^s of the angle between half vector and normal. Relative to h, its first derivative is s
+    // tan, and its second at most s + s^2 tan^2. The second derivative of h g, with g = cosine / r^2, also has the term
+    // 2 h' g', which is at most h'^2 + g'^2 (both relative).
     const varying power = s + 2.0f * s * s * light->tangent_squared;
     return second + light->glossy * (half_vector * half_vector * power + first * first);
 }
 
-// Returns the pixels to which a light can be added once: the light is behind the surface for all samples, or in front
-// for all, and shading once changes the radiance little.
+// Returns the pixels for which a light can be shaded once: the light is on the same side of the surface for all
+// samples, and farther away than the bias, and shading once changes the radiance little.
 Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, float variance,
                  const PixelStep *right, const PixelStep *below) {
     const Shaded *mean = once->mean + part;
@@ -183,7 +193,7 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     const Vec3 highlight = subtract(f, scale(mean->surface.lambertian, (varying)(M_1_PI_F)));
     const Vec3 half_vector = add(direction.to_light, mean->to_eye);
     const varying along_normal = dot3(half_vector, mean->normal);
-    // Small numbers are added to keep divisions finite.
+    // Small numbers keep divisions finite.
     const varying squared = dot3(half_vector, half_vector) + 1e-6f;
     LightAtPixel light;
     light.per_distance = direction.per_distance;
@@ -193,14 +203,17 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     light.tangent_squared = max(squared / max(along_normal * along_normal, 1e-6f * squared) - 1.0f, (varying)(0.0f));
     light.glossy = largest_of(highlight) / max(largest_of(f), (varying)(FLT_MIN));
     const varying second = second_derivative(&light, right) + second_derivative(&light, below);
+    // The light stays on one side if the angle between normal and light changes by less than the cosine. The factor 4
+    // leaves a margin.
     const varying turn = right->turn + below->turn + 2.0f * once->radius[part] * direction.per_distance;
     const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
-    // The mean of a function differs from its value in the mean by half its second derivative times the variance.
+    // The mean of a function differs from the function's value at the mean position by about half its second derivative
+    // times the variance of the positions.
     return one_side & (direction.distance > 2.0f * lighting->bias) & (!lit | (0.5f * variance * second < ONCE_ERROR));
 }
 
-// Finds the pixels that can be shaded once, and computes the hits in the means of their samples. `hit` has a bit for
-// each vector with a hit.
+// Finds the pixels that can be shaded once, and computes the hits at the mean positions of their samples. `hit` has a
+// bit for each vector with a hit.
 void find_once(CAST_PARAMETERS OncePixels *once, const Bundle *bundle, const SurfaceTree *tree,
                const Lighting *lighting, CAMERA_PARAMETERS, uint hit) {
     once->vectors = once->split = 0;

@@ -102,7 +102,8 @@ void finish_slices(Bundle *bundle, Slices *slices) {
         for (int part = 0; part < PARTS; part++) {
             float16 *low = &slices->low[axis][part], *high = &slices->high[axis][part];
             bundle->middle[axis][part] = 0.5f * *high + 0.5f * *low;
-            bundle->half_width[axis][part] = 0.5f * *high - 0.5f * *low + PRODUCT_ROUNDING * max(fabs(*low), fabs(*high));
+            bundle->half_width[axis][part] =
+                0.5f * *high - 0.5f * *low + PRODUCT_ROUNDING * max(fabs(*low), fabs(*high));
             invert_intervals(low, high);
         }
     }

@@ -97,8 +97,8 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
 }
 
 // Computes the hits of a vector's rays, whose directions and nearest triangles are in the bundle.
-void find_hits_of_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle, int vector,
-                         Mask hits, Shaded *shaded) {
+void find_hits_of_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
+                         int vector, Mask hits, Shaded *shaded) {
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     find_surface_points(tree, lighting, eye, &d, bundle->leaf_index[vector], hits, shaded);
 }

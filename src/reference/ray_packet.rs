@@ -74,7 +74,7 @@ impl RayPacket {
         let slack = self.angle * normal.length() + error_of_slope;
         let error_of_height = part * sizes[0] * sizes[2];
         match self.side(normal, error_of_slope) {
-            // The triangle is seen edge-on, or is so small that nothing is certain.
+            // The triangle is seen edge-on, or is so small that rounding may decide which of its sides the rays meet.
             Side::Between => {
                 PacketHit::Some([(height.abs() - error_of_height) / (slope.abs() + slack), f64::INFINITY])
             }

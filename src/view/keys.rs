@@ -198,7 +198,8 @@ mod tests {
         assert_eq!(of("SsS"), [Action::Strategy(-1)]);
         assert_eq!(of("wwW+w"), [Action::LocalSize(2), Action::Zoom(1.0)]);
         assert!(of("sSwW").is_empty());
-        // A new strategy has its own local size, and a new device its own strategy and local size.
+        // Steps before and after a change of strategy or device stay separate, because the change also sets another
+        // local size (and, with a device, another strategy).
         assert_eq!(of("wwsw"), [Action::LocalSize(2), Action::Strategy(1), Action::LocalSize(1)]);
         assert_eq!(
             of("s+dds"),
