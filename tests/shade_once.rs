@@ -38,6 +38,51 @@ fn pixels_shaded_once_agree_with_the_reference() {
     }
 }
 
+/// A ball that is green without its red highlight, under a red light: the radiance is that of the highlight alone.
+const COLOURED: &str = "[camera]
+position = [0, 1, 3]
+look_at = [0.2, 0, -3]
+fov_x_degrees = 10
+[[light]]
+position = [40, 60, 40]
+power = [30e3, 0, 0]
+[[object]]
+shape = \"sphere\"
+triangles = 300
+translation = [0, 0, -3]
+material = { k_l = [0, 10, 0], k_g = [0.4, 0, 0], shininess = 30 }
+";
+
+/// A plane seen from behind, with a light on its other side. The highlight ends in a line, where the half vector leaves
+/// the surface.
+const BEHIND: &str = "[camera]
+position = [0, 1, 3]
+look_at = [0.8, -1, 1]
+fov_x_degrees = 12
+[[light]]
+position = [0.3, -2, 0.2]
+power = 30
+[[object]]
+vertices = [[-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]]
+normals = [[0, -1, 0]]
+faces = [[3, 2, 1, 0]]
+face_normals = [[0, 0, 0, 0]]
+material = { k_l = 0.001, k_g = 1, shininess = 2 }
+";
+
+/// In these scenes, the highlight differs within a pixel much more than the bound of the rest of the radiance says.
+#[test]
+fn pixels_with_the_end_of_a_highlight_or_nothing_but_a_highlight_agree_with_the_reference() {
+    for scene in [COLOURED, BEHIND] {
+        let folder = WorkFolder::with(&[("scene.toml", scene)]);
+        folder.picture(&["--strategy", "tile", "--samples", "16", "--verify"]);
+    }
+    let folder = WorkFolder::with(&[("scene.toml", COLOURED)]);
+    let white =
+        ("tile_cpu/shade_once.cl", "multiply(colour, mean->surface.lambertian)", "mean->surface.lambertian");
+    folder.notices_in(["60", "43"], white, "tile", &["--verify", "--samples", "16"]);
+}
+
 /// Each change shades pixels once that must not be, or shades, bounds or stores pixels that are shaded once wrongly.
 #[test]
 fn a_mistake_in_shading_once_is_a_wrong_picture() {
@@ -52,7 +97,7 @@ fn a_mistake_in_shading_once_is_a_wrong_picture() {
         (light, "add(sum[vector], splat(mean))", "sum[vector]"),
         (light, "SELECT(pixels, arriving.y, ", "SELECT(pixels, arriving.x, "),
         (light, "VALUE_OF(once->inverse_depth[1], vector)", "VALUE_OF(once->inverse_depth[0], vector)"),
-        (light, "SELECT(lit, low.x - rounding,", "SELECT(lit, high.x + rounding,"),
+        (light, "SELECT(lit, least[axis] - rounding,", "SELECT(lit, most[axis] + rounding,"),
         (light, "end[part] = per_reach[part] / (1.0f - gap);", "end[part] = 0.9f * per_reach[part];"),
         (light, "&corner)), x, across), y, down)", "&corner)), y, across), x, down)"),
         (find, "high = vec3(max(high.x, hit.x)", "high = vec3(min(high.x, hit.x)"),

@@ -23,12 +23,11 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
         const varying rounding = 1e-6f * (fabs(from.x) + fabs(from.y) + fabs(from.z)) * per_reach[part];
         const Vec3 low = scale(subtract(once->low[part], from), per_reach[part]);
         const Vec3 high = scale(subtract(once->high[part], from), per_reach[part]);
-        slices->low[0][part] = SELECT(lit, low.x - rounding, slices->low[0][part]);
-        slices->low[1][part] = SELECT(lit, low.y - rounding, slices->low[1][part]);
-        slices->low[2][part] = SELECT(lit, low.z - rounding, slices->low[2][part]);
-        slices->high[0][part] = SELECT(lit, high.x + rounding, slices->high[0][part]);
-        slices->high[1][part] = SELECT(lit, high.y + rounding, slices->high[1][part]);
-        slices->high[2][part] = SELECT(lit, high.z + rounding, slices->high[2][part]);
+        const varying least[3] = {low.x, low.y, low.z}, most[3] = {high.x, high.y, high.z};
+        for (int axis = 0; axis < 3; axis++) {
+            slices->low[axis][part] = SELECT(lit, least[axis] - rounding, slices->low[axis][part]);
+            slices->high[axis][part] = SELECT(lit, most[axis] + rounding, slices->high[axis][part]);
+        }
         slices->reach[part] = SELECT(lit, reach, slices->reach[part]);
     }
     return open;
@@ -68,7 +67,8 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
 
 // Shades the samples in `reached` of one vector, each at its own hit, and adds the light's radiance to `sum`.
 void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
-                    const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached, Vec3 *sum) {
+                    const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached,
+                    Vec3 *sum) {
     // The bundle has the rays of the light, so the directions from the eye are computed again.
     const Pixels pixels = tile_pixels(samples, vector, image_size);
     const varying x = RAY_X(pixels), y = RAY_Y(pixels);

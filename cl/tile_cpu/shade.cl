@@ -30,7 +30,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #endif
 #if SHADES_ONCE
     OncePixels once;
-    find_once(CAST_ARGUMENTS &once, bundle, tree, lighting, eye, corner, step_x, step_y, hit);
+    find_once(&once, samples, bundle, tree, lighting, eye, corner, step_x, step_y, hit);
 #endif
     for (int light = 0; light < lighting->light_count; light++) {
 #if SOFT

@@ -21,8 +21,9 @@
 // The positions of a frame's samples in their pixel, in pixels. The bounds are relative to the mean.
 typedef struct {
     float x, y;                     // the mean
-    float variance;                 // across or down, whichever is larger
+    float variance;                 // an upper bound of the variance along any line
     float left, right, top, bottom; // the bounds
+    float reach;                    // the largest distance of a bound from the mean
 } SamplePositions;
 
 // The pixels that are shaded once.
@@ -43,10 +44,11 @@ typedef struct {
 
 // How a hit changes from one pixel to the next, across or down, to first order.
 typedef struct {
-    Vec3 point;    // the change of the hit
-    varying depth; // the change of t, divided by t; later, its absolute value
-    varying eye;   // the rays' directions turn by at most this angle, in radians
-    varying turn;  // the normals turn by at most this angle, in radians
+    Vec3 point;      // the change of the hit
+    varying depth;   // the change of t, divided by t; later, its absolute value
+    varying eye;     // the rays' directions turn by at most this angle, in radians
+    varying turn;    // the normals turn by at most this angle, in radians
+    varying stretch; // the change of the interpolated normal's length, divided by this length
 } PixelStep;
 
 SamplePositions sample_positions(const FrameSamples *samples) {
@@ -58,9 +60,11 @@ SamplePositions sample_positions(const FrameSamples *samples) {
     positions.y = per_sample * sum_of_lanes(SELECT(filled, samples->y, zero));
     const varying x = SELECT(filled, samples->x - positions.x, zero);
     const varying y = SELECT(filled, samples->y - positions.y, zero);
-    positions.variance = per_sample * max(sum_of_lanes(x * x), sum_of_lanes(y * y));
+    positions.variance =
+        per_sample * (max(sum_of_lanes(x * x), sum_of_lanes(y * y)) + fabs(sum_of_lanes(x * y)));
     positions.left = least_lane(x), positions.right = most_lane(x);
     positions.top = least_lane(y), positions.bottom = most_lane(y);
+    positions.reach = max(max(-positions.left, positions.right), max(-positions.top, positions.bottom));
     return positions;
 }
 
@@ -115,14 +119,16 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     // since each corner's normal has at least this component along the normal of the mean.
     const varying least = min(min(dot3(n0, mean->normal), dot3(n1, mean->normal)), dot3(n2, mean->normal));
     const varying squared = dot3(n, n), per = 1.0f / (squared * least);
-    right->turn = per * length_of(add(scale(turn1, dot3(right->point, g1)), scale(turn2, dot3(right->point, g2))));
-    below->turn = per * length_of(add(scale(turn1, dot3(below->point, g1)), scale(turn2, dot3(below->point, g2))));
+    const Vec3 to_right = add(scale(turn1, dot3(right->point, g1)), scale(turn2, dot3(right->point, g2)));
+    const Vec3 to_below = add(scale(turn1, dot3(below->point, g1)), scale(turn2, dot3(below->point, g2)));
+    right->turn = per * length_of(to_right), below->turn = per * length_of(to_below);
+    right->stretch = per * fabs(dot3(to_right, mean->normal));
+    below->stretch = per * fabs(dot3(to_below, mean->normal));
     // Rounding would matter if e1 and e2 were nearly parallel, or if rays grazed the plane. If t differed by more than
     // about a tenth between samples, their hits would be too far from a linear function of their positions.
-    const varying reach = (varying)(max(max(-samples->left, samples->right), max(-samples->top, samples->bottom)));
     return (least > 0.0f) & (squared > 0.0625f * dot3(e1, e1) * dot3(e2, e2)) &
            (fabs(d.x * m.x) + fabs(d.y * m.y) + fabs(d.z * m.z) < 20.0f * inv_t) &
-           ((fabs(right->depth) + fabs(below->depth)) * reach < 0.1f);
+           ((fabs(right->depth) + fabs(below->depth)) * samples->reach < 0.1f);
 }
 
 // Computes the boxes that contain the hits of all samples. The samples' positions lie in a rectangle, so their hits lie
@@ -157,51 +163,83 @@ typedef struct {
     varying per_half;        // 1 / length of the sum of the directions to the light and to the eye
     varying shininess;       // the exponent s of the highlight (reflectance.cl)
     varying tangent_squared; // tan^2 of the angle between this sum and the normal
-    varying glossy;          // the highlight's fraction of the reflectance
+    varying glossy;          // the highlight's fraction of the radiance, where the highlight is brightest
 } LightAtPixel;
+
+// Returns an upper bound of the angle, per step, by which the direction to the light turns.
+varying light_turn(const LightAtPixel *light, const PixelStep *step) {
+    return length_of(step->point) * light->per_distance;
+}
+
+// Returns an upper bound of the angle, per step, by which the half vector between the directions to light and eye turns
+// relative to the normal.
+varying half_turn(const LightAtPixel *light, const PixelStep *step) {
+    return (light_turn(light, step) + step->eye) * light->per_half + step->turn;
+}
 
 // Returns an upper bound of the second derivative of the radiance, per squared step from pixel to pixel and relative to
 // the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
 varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
-    // Upper bounds of two angles, per step: by which the direction to the light turns, and by which the half vector
-    // (between the directions to light and eye) turns relative to the normal.
-    const varying to_light = length_of(step->point) * light->per_distance;
-    const varying half_vector = (to_light + step->eye) * light->per_half + step->turn;
-    const varying s = light->shininess;
+    const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
     // Upper bounds of the first and second derivative of cosine / r^2, relative to its value. If only the normal turns,
-    // the second is the square of the angle `turn`. The term with step->depth is there because hits are not a linear
-    // function of the pixel where depth changes. The factors 3, 8 and 4 are upper bounds, too.
+    // the second is the square of the angle `turn`, and more if the interpolated normal's length changes too. The term
+    // with step->depth is there because hits are not a linear function of the pixel where depth changes. The factors 3,
+    // 8 and 4 are upper bounds, too.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
-    const varying second = step->turn * step->turn +
+    const varying second = step->turn * (step->turn + 2.0f * step->stretch * light->per_cosine) +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
-    // The highlight h is cos^s of the angle between half vector and normal. Relative to h, its first derivative is s
-    // tan, and its second at most s + s^2 tan^2. The second derivative of h g, with g = cosine / r^2, also has the term
-    // 2 h' g', which is at most h'^2 + g'^2 (both relative).
-    const varying power = s + 2.0f * s * s * light->tangent_squared;
-    return second + light->glossy * (half_vector * half_vector * power + first * first);
+    // The highlight h is cos^s of the angle between half vector and normal. Relative to h and to the turn, its first
+    // derivative is s tan, and its second at most s + s^2 tan^2. Two more products are at most the sums of the squares
+    // of their factors: 2 h' g' of the second derivative of h g, with g = cosine / r^2, and 2 s tan turn * bend, where
+    // `bend` is there because half vector and normal are no linear functions of the pixel.
+    const varying power = s + 3.0f * s * s * light->tangent_squared, bend = step->stretch + step->depth;
+    return second + light->glossy * (turn * turn * power + first * first + bend * bend);
+}
+
+// Computes glossy and tangent_squared of a light that shines on the pixels in `lit`. `power` is the light's power, and
+// `reach` the largest distance of a sample from the mean position, across or down. Returns the pixels in which the
+// highlight does not end.
+Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float reach, const PixelStep *right,
+                     const PixelStep *below, Mask lit, LightAtPixel *light) {
+    light->tangent_squared = light->glossy = (varying)(0.0f);
+    const Mask glossy = lit & (mean->surface.kind > 0.0f);
+    if (!ANY(glossy)) return (Mask)(-1);
+    // A small highlight can be much brighter at a sample than at the mean. `nearest` is the largest cosine at a sample:
+    // the half vector turns by at most `turn` within the pixel. The factor 1.1 allows for its second derivative.
+    const varying turn = 1.1f * reach * (half_turn(light, right) + half_turn(light, below));
+    const varying cosine = dot3(add(to_light, mean->to_eye), mean->normal) * light->per_half;
+    const varying here = max(cosine, (varying)(0.0f)), sine = sqrt(max(1.0f - cosine * cosine, (varying)(0.0f)));
+    const varying nearest = clamp(cosine + turn * (sine + turn), (varying)(0.0f), (varying)(1.0f));
+    const varying s = light->shininess, factor = 0.125f * (s + 8.0f);
+    const varying most = factor * power_of(nearest * nearest, 0.5f * s);
+    const varying at_mean = factor * power_of(here * here, 0.5f * s);
+    // Reflectances are multiplied by the light's colour, since the light may be dark where the surface is bright.
+    const Vec3 colour = splat(uniform_scale(power, 1.0f / max(max(power.x, max(power.y, power.z)), FLT_MIN)));
+    const Vec3 k_g = multiply(colour, mean->surface.glossy);
+    const Vec3 all = add(multiply(colour, mean->surface.lambertian), scale(k_g, at_mean));
+    light->glossy =
+        SELECT(glossy, most * largest_of(k_g) / max(largest_of(all), (varying)(FLT_MIN)), (varying)(0.0f));
+    light->tangent_squared = 1.0f / max(here * here, (varying)(1e-6f)) - 1.0f + turn * turn;
+    return !glossy | (fabs(cosine) > 2.0f * turn); // the highlight ends where the half vector leaves the surface
 }
 
 // Returns the pixels for which a light can be shaded once: the light is on the same side of the surface for all
 // samples, and farther away than the bias, and shading once changes the radiance little.
-Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, float variance,
+Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, const SamplePositions *samples,
                  const PixelStep *right, const PixelStep *below) {
     const Shaded *mean = once->mean + part;
     LightDirection direction;
     find_light_direction(lighting, number, mean, &direction);
     const Mask lit = direction.cosine > 0.0f;
-    const Vec3 f = reflectance(&mean->surface, direction.to_light, mean->to_eye, mean->normal, lit);
-    const Vec3 highlight = subtract(f, scale(mean->surface.lambertian, (varying)(M_1_PI_F)));
     const Vec3 half_vector = add(direction.to_light, mean->to_eye);
-    const varying along_normal = dot3(half_vector, mean->normal);
-    // Small numbers keep divisions finite.
-    const varying squared = dot3(half_vector, half_vector) + 1e-6f;
     LightAtPixel light;
     light.per_distance = direction.per_distance;
+    // Small numbers keep divisions finite.
     light.per_cosine = 1.0f / max(fabs(direction.cosine), (varying)(1e-6f));
-    light.per_half = 1.0f / sqrt(squared);
+    light.per_half = 1.0f / sqrt(dot3(half_vector, half_vector) + 1e-6f);
     light.shininess = mean->surface.shininess;
-    light.tangent_squared = max(squared / max(along_normal * along_normal, 1e-6f * squared) - 1.0f, (varying)(0.0f));
-    light.glossy = largest_of(highlight) / max(largest_of(f), (varying)(FLT_MIN));
+    const Uniform3 power = LOAD3(lighting->lights + LIGHT_FLOATS * number + 3);
+    const Mask smooth = bound_highlight(mean, direction.to_light, power, samples->reach, right, below, lit, &light);
     const varying second = second_derivative(&light, right) + second_derivative(&light, below);
     // The light stays on one side if the angle between normal and light changes by less than the cosine. The factor 4
     // leaves a margin.
@@ -209,12 +247,13 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
     // The mean of a function differs from the function's value at the mean position by about half its second derivative
     // times the variance of the positions.
-    return one_side & (direction.distance > 2.0f * lighting->bias) & (!lit | (0.5f * variance * second < ONCE_ERROR));
+    const Mask alike = smooth & (0.5f * samples->variance * second < ONCE_ERROR);
+    return one_side & (direction.distance > 2.0f * lighting->bias) & (!lit | alike);
 }
 
 // Finds the pixels that can be shaded once, and computes the hits at the mean positions of their samples. `hit` has a
 // bit for each vector with a hit.
-void find_once(CAST_PARAMETERS OncePixels *once, const Bundle *bundle, const SurfaceTree *tree,
+void find_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                const Lighting *lighting, CAMERA_PARAMETERS, uint hit) {
     once->vectors = once->split = 0;
     if (!IS_PIXEL_A_VECTOR(samples)) return;
@@ -241,7 +280,7 @@ void find_once(CAST_PARAMETERS OncePixels *once, const Bundle *bundle, const Sur
         bound_hits(once, part, &positions, length_of(subtract(once->mean[part].point, origin)), &right, &below);
         right.depth = fabs(right.depth), below.depth = fabs(below.depth);
         for (int light = 0; light < lighting->light_count; light++)
-            pixels &= shade_alike(once, part, lighting, light, positions.variance, &right, &below);
+            pixels &= shade_alike(once, part, lighting, light, &positions, &right, &below);
         once->vectors |= LANE_BITS16(pixels) << (16 * part);
         for (int channel = 0; channel < 3; channel++) once->sum[channel][part] = (varying)(0.0f);
     }

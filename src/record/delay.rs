@@ -71,7 +71,11 @@ mod tests {
         assert_eq!(factor(&record(2.0, [1.0, 1.0])), 0.5, "only the anchor was delayed");
         assert_eq!(factor(&record(1.0, [1.0, 1.0])), 1.0, "both were delayed");
         assert_eq!(factor(&record(1.0, [2.0, 1.0])), 2.0, "all samples of the point were delayed");
-        assert_eq!(factor(&record(1.0, [2.0, 1.6])), 1.25, "other programs delayed the anchor by 1.25, and the point is assumed to be delayed no more");
+        assert_eq!(
+            factor(&record(1.0, [2.0, 1.6])),
+            1.25,
+            "other programs delayed the anchor by 1.25, and the point is assumed to be delayed no more"
+        );
         assert_eq!(factor(&record(1.0, [2.0, 2.0])), 1.0, "on a quiet machine, the kernel changed");
     }
 

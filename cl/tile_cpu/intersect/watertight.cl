@@ -97,38 +97,35 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// The triangle is tested first against the vectors' intervals of directions if more than FEW_VECTORS are to be tested: a
-// test of sixteen intervals takes about as long as the tests of four vectors of rays.
+// The triangle is tested first against the vectors' intervals of directions if more than FEW_VECTORS are to be tested:
+// a test of sixteen intervals takes about as long as the tests of four vectors of rays.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of the rounding errors of a product of a direction and two corners, relative to the product of their sizes.
-#define VOLUME_ROUNDING 2e-6f
+// A bound of the rounding errors of a volume (the determinant of three vectors, relative to the product of their
+// sizes), and of the same errors in the sheared test, which grow if rays run at a flat angle to their common axis.
+#define VOLUME_ROUNDING 2e-5f
 
-// Returns those of the vectors in `live` whose rays do not all lie outside the plane through the origin and the corners
-// p and q. Rays inside the triangle are on the side to which `sign` times the plane's normal p x q points.
-uint vectors_inside(const Bundle *bundle, const float *p, const float *q, float sign, uint live) {
-    const Uniform3 a = uniform3(p[0], p[1], p[2]), b = uniform3(q[0], q[1], q[2]);
-    const Uniform3 normal = uniform_scale(uniform_cross(a, b), sign);
-    const float rounding = VOLUME_ROUNDING * uniform_size(a) * uniform_size(b) * bundle->longest;
+// Returns those of the vectors in `live` of which a ray may be on the side of a plane through the origin to which its
+// normal points. `size` is the product of the sizes of the two vectors whose cross product the normal is.
+uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = largest_product(bundle, part, normal.x, normal.y, normal.z);
-        live &= ~(LANE_BITS16(inside < -rounding) << (16 * part));
+        live &= ~(LANE_BITS16(inside < -VOLUME_ROUNDING * size * bundle->longest) << (16 * part));
     }
     return live;
 }
 
 // Returns those of the vectors in `live` whose rays do not all lie outside the same edge of the triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, uint live) {
-    const float *a = prepared->a, *b = prepared->b, *c = prepared->c;
-    const Uniform3 from_a = uniform3(a[0], a[1], a[2]), from_b = uniform3(b[0], b[1], b[2]);
-    const Uniform3 from_c = uniform3(c[0], c[1], c[2]);
-    const float volume = uniform_dot(uniform_cross(from_a, from_b), from_c);
-    const float size = uniform_size(from_a) * uniform_size(from_b) * uniform_size(from_c);
+    const Uniform3 a = LOAD3(prepared->a), b = LOAD3(prepared->b), c = LOAD3(prepared->c);
+    const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);
+    const Uniform3 ab = uniform_cross(a, b);
+    const float volume = uniform_dot(ab, c);
     // If the origin lies nearly in the triangle's plane, the side of its edges is uncertain.
-    if (fabs(volume) < VOLUME_ROUNDING * size) return live;
+    if (fabs(volume) <= VOLUME_ROUNDING * (size_a * size_b * size_c)) return live;
     const float sign = volume > 0.0f ? 1.0f : -1.0f;
-    live = vectors_inside(bundle, a, b, sign, live);
-    live = vectors_inside(bundle, b, c, sign, live);
-    return vectors_inside(bundle, c, a, sign, live);
+    live = vectors_inside(bundle, uniform_scale(ab, sign), size_a * size_b, live);
+    live = vectors_inside(bundle, uniform_scale(uniform_cross(b, c), sign), size_b * size_c, live);
+    return vectors_inside(bundle, uniform_scale(uniform_cross(c, a), sign), size_c * size_a, live);
 }
 
 // Tests the prepared triangle against the rays of the vectors in `live`, like test_triangle in edge_planes.cl.
