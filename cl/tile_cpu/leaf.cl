@@ -25,17 +25,15 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns vectors, one bit each: those in
-// which a ray hit or, with `any`, those whose rays are all finished.
-uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
-    Prepared prepared;
-    // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to other leaves or to the
-    // padding.
-    uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
+// Tests the prepared triangles in `worth` against the vectors in `live`. With `many`, each triangle is tested against the
+// vectors' intervals of directions first. Returns the same vectors as test_prepared.
+INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared, uint worth, int first,
+                        uint live, const int any, const int many) {
     uint changed = 0;
     for (; worth; worth &= worth - 1) {
         const int lane = LOWEST_BIT(worth);
-        const uint now = test_triangle(bundle, &prepared, lane, first + lane, live, any);
+        const uint near = many ? vectors_near(bundle, prepared, lane, live) : live;
+        const uint now = test_triangle(bundle, prepared, lane, first + lane, near, any);
         if (any) {
             // A vector is removed from `live` when all its shadow rays are blocked.
             const uint done = vectors_done(bundle, now);
@@ -49,6 +47,24 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
         }
     }
     return changed;
+}
+
+// Does the same as test_worth with `many`. The function is not inlined, so that the loop for few vectors has all
+// registers to itself.
+__attribute__((noinline)) uint test_with_many(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared,
+                                              uint worth, int first, uint live, const int any) {
+    return test_worth(bundle, tree, prepared, worth, first, live, any, 1);
+}
+
+// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns vectors, one bit each: those in
+// which a ray hit or, with `any`, those whose rays are all finished.
+uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
+    Prepared prepared;
+    // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to other leaves or to the
+    // padding.
+    const uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
+    return popcount(live) > FEW_VECTORS ? test_with_many(bundle, tree, &prepared, worth, first, live, any)
+                                        : test_worth(bundle, tree, &prepared, worth, first, live, any, 0);
 }
 
 // Tests all of a leaf's triangles against the vectors in `live`. Returns the same vectors as test_prepared.

@@ -98,9 +98,8 @@ INLINED float16 largest_inside(const Bundle *bundle, int part, const float edge[
     return largest_product(bundle, part, edge[0][lane], edge[1][lane], edge[2][lane]);
 }
 
-// Returns those of the vectors in `live` whose rays do not all lie outside the same edge of a prepared triangle. The
-// function is not inlined, since that would take registers from the loop of test_triangle.
-__attribute__((noinline)) uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
+// Returns those of the vectors in `live` whose rays do not all lie outside the same edge of a prepared triangle.
+uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     uint outside = 0;
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = min(min(largest_inside(bundle, part, prepared->edges[0], lane),
@@ -116,7 +115,6 @@ __attribute__((noinline)) uint vectors_near(const Bundle *bundle, const Prepared
 // `index` its index in leaf order. With `any`, a ray that hits the triangle is finished; otherwise the hit becomes the
 // ray's nearest hit. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
-    if (popcount(live) > FEW_VECTORS) live = vectors_near(bundle, prepared, lane, live);
     // The floats of the triangle are loaded into registers once, for the tests of all vectors in `live`.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];

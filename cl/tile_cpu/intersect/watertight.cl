@@ -115,7 +115,7 @@ uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live
 }
 
 // Returns those of the vectors in `live` whose rays do not all lie outside the same edge of the triangle.
-uint vectors_near(const Bundle *bundle, const Prepared *prepared, uint live) {
+uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     const Uniform3 a = LOAD3(prepared->a), b = LOAD3(prepared->b), c = LOAD3(prepared->c);
     const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);
     const Uniform3 ab = uniform_cross(a, b);
@@ -130,7 +130,6 @@ uint vectors_near(const Bundle *bundle, const Prepared *prepared, uint live) {
 
 // Tests the prepared triangle against the rays of the vectors in `live`, like test_triangle in edge_planes.cl.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
-    if (popcount(live) > FEW_VECTORS) live = vectors_near(bundle, prepared, live);
     uint changed = 0;
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
