@@ -54,6 +54,36 @@ fn linear_formats_hold_radiance_and_not_what_is_displayed() {
 }
 
 #[test]
+fn exposure_and_tone_change_what_is_displayed_and_not_the_radiance() {
+    let folder = new_folder();
+    let brightest = |options: &[&str]| {
+        let (picture, _) = folder.picture(options);
+        picture.pixels().map(|pixel| pixel.0[0]).max().expect("a pixel")
+    };
+    // The usual curve cuts what is brighter than white; the filmic curve keeps shades.
+    let usual = brightest(&[]);
+    assert_eq!(brightest(&["--exposure", "200", "--verify"]), 255);
+    let filmic = brightest(&["--exposure", "200", "--tone", "filmic", "--verify"]);
+    assert!(usual < 200 && (201..255).contains(&filmic), "{usual} {filmic}");
+    let radiance = |name: &str, tone: &str| {
+        folder.output(&[
+            "render",
+            "scene.toml",
+            "--width",
+            "40",
+            "--tone",
+            tone,
+            "-o",
+            name,
+            "--device",
+            &device(),
+        ]);
+        std::fs::read(folder.path(name)).expect("a picture")
+    };
+    assert_eq!(radiance("clip.exr", "clip"), radiance("filmic.exr", "filmic"));
+}
+
+#[test]
 fn json_has_every_field() {
     let size = ["--width", "64", "--height", "40"];
     let separate = ["scene.toml", "--repeat", "3", "--strategy", "wide-common-origin"];

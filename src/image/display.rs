@@ -5,7 +5,7 @@ use crate::scene::Display;
 use image::{RgbImage, RgbaImage};
 use rayon::prelude::*;
 
-/// Returns the 8-bit picture: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))` of each channel, evaluated
+/// Returns the 8-bit picture: `trunc(255 * tone(exposure * L)^(1/gamma))` of each channel, evaluated
 /// in double precision. NaN becomes 0.
 pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     let shown = Shown::new(display);
@@ -69,8 +69,8 @@ impl Shown {
 
 /// Computes the display transform of one channel.
 pub fn transform(radiance: f32, display: Display) -> u8 {
-    let exposed = (f64::from(display.exposure) * f64::from(radiance)).clamp(0.0, 1.0);
-    (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates, and turns NaN into 0
+    let brightness = display.tone.apply(f64::from(display.exposure) * f64::from(radiance));
+    (255.0 * brightness.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates
 }
 
 /// The display transform of one channel, as tables. Without the tables, each channel of each pixel would need a
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn known_values() {
-        let plain = Display { exposure: 1.0, gamma: 1.0 };
+        let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };
         let white = 1.0 / 15.0_f32;
         for (radiance, display, value) in [
             (0.5, plain, 127),
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_partly_covered_pixel_has_the_colour_of_its_covered_part() {
-        let plain = Display { exposure: 1.0, gamma: 1.0 };
+        let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };
         let pixels = vec![[0.25, 0.125, 0.0], [0.25; 3]];
         let image = Radiance { width: 2, height: 1, pixels, coverage: vec![0.25, 0.0] };
         let shown = to_rgba8(&image, plain).map(RgbaImage::into_raw);
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn the_table_is_the_formula() {
-        let of = |exposure, gamma| Display { exposure, gamma };
+        let of = |exposure, gamma| Display { exposure, gamma, ..Display::default() };
         for display in [Display::default(), of(0.7, 1.0), of(0.0, 2.2), of(1e30, 0.1), of(1e-30, 9.0)] {
             let thresholds = Thresholds::new(display);
             for step in 0..200_000 {
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn a_colour_of_eight_bits_is_displayed_unchanged() {
-        let plain = Display { exposure: 1.0, gamma: 1.0 };
+        let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };
         // With these exposures, the radiance of white is rounded down in single precision.
         let rounded = [1e-5, 0.001, 0.01, 100.0].map(|exposure| Display { exposure, ..Display::default() });
         for display in [Display::default(), plain].into_iter().chain(rounded) {

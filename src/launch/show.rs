@@ -175,7 +175,7 @@ mod tests {
     }
 
     fn display(exposure: f32, gamma: f32) -> Display {
-        Display { exposure, gamma }
+        Display { exposure, gamma, ..Display::default() }
     }
 
     /// Returns the displayed bytes, and the number of pixels that hit something; `None` if a pixel is not

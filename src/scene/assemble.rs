@@ -145,6 +145,7 @@ fn display(wire: &SceneWire) -> Display {
     let usual = Display::default();
     Display {
         exposure: wire.display.exposure.map_or(usual.exposure, |value| value.0),
+        tone: wire.display.tone.unwrap_or(usual.tone),
         gamma: wire.display.gamma.map_or(usual.gamma, |value| value.0),
     }
 }
@@ -177,7 +178,7 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
     let note = || {
         let name = |[red, green, blue]: [u8; 3]| format!("#{red:02x}{green:02x}{blue:02x}");
         let [wanted, shown] = [colour, shown].map(name);
-        let Display { exposure, gamma } = display;
+        let Display { exposure, gamma, .. } = display;
         format!(
             "{}: the background {wanted} is displayed as {shown}, since with display.exposure = {exposure:?} and \
              display.gamma = {gamma:?}, no radiance that a background may have is displayed as {wanted}",

@@ -31,6 +31,7 @@ mod shapes;
 mod sky;
 mod studio;
 mod texture;
+mod tone;
 mod transform;
 mod validate;
 mod wire;
@@ -48,6 +49,7 @@ pub use setting::Setting;
 pub use shapes::{Shape, generate};
 pub use sky::{Sky, SkyPicture};
 pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};
+pub use tone::Tone;
 
 use glam::Vec3;
 use std::sync::Arc;
@@ -69,20 +71,22 @@ pub struct Light {
     pub radius: f32,
 }
 
-/// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
+/// How radiance becomes 8-bit values: `trunc(255 * tone(exposure * L)^(1/gamma))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// The factor by which radiance is multiplied before the exponent is applied; the paper's
+    /// The factor by which radiance is multiplied before the tone curve is applied; the paper's
     /// factor is 15.
     pub exposure: f32,
-    /// The gamma of the formula: after the exposure, values are raised to the power 1 / gamma. In the paper,
+    /// The tone curve; the paper's is [`Tone::Clip`].
+    pub tone: Tone,
+    /// The gamma of the formula: after the tone curve, values are raised to the power 1 / gamma. In the paper,
     /// gamma is 2.2.
     pub gamma: f32,
 }
 
 impl Default for Display {
     fn default() -> Self {
-        Self { exposure: 15.0, gamma: 2.2 }
+        Self { exposure: 15.0, tone: Tone::Clip, gamma: 2.2 }
     }
 }
 
@@ -94,10 +98,12 @@ impl Display {
         // Half a step is added, since displayed values are rounded down.
         let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
         let radiance = |value| {
-            let nearest = (shown(value).powf(self.gamma.into()) / f64::from(self.exposure)) as f32;
+            let exposed = self.tone.inverse(shown(value).powf(self.gamma.into()));
+            let nearest = (exposed / f64::from(self.exposure)) as f32;
             // No half step is added for 255, the largest value. If the radiance of 255 was rounded down, it
             // would be displayed as 254.
-            let is_too_dark = value == u8::MAX && f64::from(self.exposure) * f64::from(nearest) < 1.0;
+            let brightness = self.tone.apply(f64::from(self.exposure) * f64::from(nearest));
+            let is_too_dark = value == u8::MAX && brightness < 1.0;
             if is_too_dark { nearest.next_up() } else { nearest }
         };
         let radiance = Vec3::from_array(colour.map(radiance));
@@ -168,6 +174,9 @@ impl Scene {
         hash_words(&mut hasher, lights.chain(view).flat_map(|vector| vector.to_array()).map(f32::to_bits));
         let vertical = f32::from(camera.fov_is_vertical);
         let display = [self.display.exposure, self.display.gamma];
+        // Scenes with the usual tone curve keep the hash that they had before there were others.
+        let tone = (self.display.tone != Tone::Clip).then_some(self.display.tone as u32);
+        hash_words(&mut hasher, tone.into_iter());
         let numbers = [camera.tan_half_fov, vertical, camera.z_near, self.shadow_bias];
         hash_words(&mut hasher, numbers.into_iter().chain(display).map(f32::to_bits));
         let indices = mesh.triangles.iter().flat_map(|t| {
@@ -255,12 +264,13 @@ mod tests {
 
     #[test]
     fn a_displayed_colour_is_the_radiance_of_the_middle_of_its_step() {
-        let display = Display { exposure: 2.0, gamma: 2.0 };
+        let display = Display { exposure: 2.0, tone: Tone::Clip, gamma: 2.0 };
         // Displayed values are rounded down, so the middle of the values that are displayed as 127 is 127.5,
         // which is half of 255.
         assert_eq!(display.radiance_of([0, 127, 255]), Vec3::new(0.0, 0.125, 0.5));
         assert_eq!(Display { exposure: 0.0, ..display }.radiance_of([0, 127, 255]), Vec3::ZERO);
-        assert_eq!(Display::default(), Display { exposure: 15.0, gamma: 2.2 }, "as in the paper");
+        let paper = Display { exposure: 15.0, tone: Tone::Clip, gamma: 2.2 };
+        assert_eq!(Display::default(), paper, "as in the paper");
     }
 
     #[test]
@@ -274,7 +284,7 @@ mod tests {
         };
         assert!(!changed(&|scene| scene.name.push('a')));
         type Change = &'static dyn Fn(&mut Scene);
-        let changes: [(&str, Change); 22] = [
+        let changes: [(&str, Change); 23] = [
             ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
             ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
             ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
@@ -294,6 +304,7 @@ mod tests {
             ("bias", &|scene| scene.shadow_bias *= 2.0),
             ("exposure", &|scene| scene.display.exposure = 7.0),
             ("gamma", &|scene| scene.display.gamma = 1.0),
+            ("tone", &|scene| scene.display.tone = Tone::Filmic),
             ("sky", &|scene| scene.sky = None),
             ("horizon", &|scene| scene.sky.as_mut().unwrap().horizon = Vec3::Z),
             ("reach", &|scene| scene.sky.as_mut().unwrap().reach = 6.0),

@@ -10,6 +10,7 @@ pub(super) use numbers::*;
 use super::animation::AnimationWire;
 use super::schema::{ShapeName, both_names_of_mesh};
 use super::shapes::{MAX_FINENESS, MAX_TRIANGLES};
+use super::tone::Tone;
 use schemars::JsonSchema;
 use toml::Spanned;
 
@@ -184,12 +185,14 @@ pub(super) struct SkyWire {
     pub reach: Option<Number<Positive>>,
 }
 
-/// How radiance is converted to 8-bit colours: 255 * clamp(exposure * L, 0, 1)^(1 / gamma).
+/// How radiance is converted to 8-bit colours: 255 * tone(exposure * L)^(1 / gamma).
 #[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DisplayWire {
-    /// The factor by which radiance L is multiplied, before the exponent is applied [default: 15].
+    /// The factor by which radiance L is multiplied, before the tone curve is applied [default: 15].
     pub exposure: Option<Number<NonNegative>>,
+    /// The tone curve: clip cuts what is brighter than 1; filmic keeps shades in bright parts [default: clip].
+    pub tone: Option<Tone>,
     /// The exponent is 1 / gamma [default: 2.2].
     pub gamma: Option<Number<Positive>>,
 }

@@ -266,7 +266,7 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
 /// a gamma of 4, they are displayed with a difference of eight 8-bit steps, which makes the pixel wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
-    let display = Display { exposure: 1.0, gamma: 4.0 };
+    let display = Display { exposure: 1.0, gamma: 4.0, ..Display::default() };
     let mut reference = judged();
     reference.certain.fill(true);
     reference.doubts.clear();
@@ -296,7 +296,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     reference.radiance.pixels[0] = [0.5; 3];
     image.pixels[0] = [0.5 * 1.0009; 3];
     image.pixels[1] = [5e-7; 3];
-    let verdict = verify(&image, None, &reference, Display { exposure: 1.0, gamma: 4.0 });
+    let verdict =
+        verify(&image, None, &reference, Display { exposure: 1.0, gamma: 4.0, ..Display::default() });
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
@@ -372,7 +373,7 @@ fn of_a_large_image_more_pixels_may_be_unexplained() {
 
 #[test]
 fn a_certain_pixel_that_is_off_by_two_steps_as_displayed_is_wrong() {
-    let display = Display { exposure: 1.0, gamma: 4.0 };
+    let display = Display { exposure: 1.0, gamma: 4.0, ..Display::default() };
     let shown = |radiance: f32| {
         let image = Radiance { pixels: vec![[radiance; 3]], ..Radiance::new(1, 1) };
         to_rgb8(&image, display).get_pixel(0, 0).0[0]

@@ -1,6 +1,6 @@
 //! Options for the view of a mesh or a scene. Each option except `--plain` sets a value of the scene.
 
-use crate::scene::Setting;
+use crate::scene::{Setting, Tone};
 use toml::Value;
 
 /// The help lists the options of [`Look`] under this heading. Every option names the heading itself: if the group of
@@ -26,6 +26,14 @@ pub struct Look {
     /// instead
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
+    /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed [default:
+    /// 15, as in the paper; a scene file may set another]
+    #[arg(long, help_heading = HEADING, value_name = "FACTOR")]
+    exposure: Option<f64>,
+    /// The tone curve: clip cuts what is brighter than white; filmic has more contrast in dark parts, and keeps shades
+    /// in bright ones [default: clip; a scene file may set another]
+    #[arg(long, help_heading = HEADING, value_name = "CURVE", value_parser = Tone::NAMES)]
+    tone: Option<String>,
     /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this, 0 to 180
     /// [default for a bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
@@ -51,12 +59,15 @@ impl Look {
         let up = self.up.as_deref().map(|up| (format!("--up {up}"), axis(up)));
         let background = self.background.as_ref();
         let background = background.map(|colour| (format!("--background {colour}"), Value::from(&**colour)));
+        let tone = self.tone.as_ref().map(|tone| (format!("--tone {tone}"), Value::from(&**tone)));
         let two_sided = self.two_sided.then(|| ("--two-sided".to_owned(), Value::Boolean(true)));
         let values = [
             ("camera.up", up),
             ("camera.azimuth_degrees", number("azimuth", self.azimuth)),
             ("camera.elevation_degrees", number("elevation", self.elevation)),
             ("background", background),
+            ("display.exposure", number("exposure", self.exposure)),
+            ("display.tone", tone),
             ("crease", number("crease", self.crease)),
             ("two_sided", two_sided),
         ];
@@ -102,6 +113,8 @@ mod tests {
             azimuth: Some(1.0),
             elevation: Some(2.5),
             background: Some("white".to_owned()),
+            exposure: Some(8.0),
+            tone: Some("filmic".to_owned()),
             crease: Some(3.0),
             two_sided: true,
             ..Look::default()
@@ -111,6 +124,8 @@ mod tests {
             ("camera.azimuth_degrees", Value::Float(1.0), "--azimuth 1"),
             ("camera.elevation_degrees", Value::Float(2.5), "--elevation 2.5"),
             ("background", Value::from("white"), "--background white"),
+            ("display.exposure", Value::Float(8.0), "--exposure 8"),
+            ("display.tone", Value::from("filmic"), "--tone filmic"),
             ("crease", Value::Float(3.0), "--crease 3"),
             ("two_sided", Value::Boolean(true), "--two-sided"),
         ];
