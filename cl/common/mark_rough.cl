@@ -8,10 +8,13 @@
 #endif
 
 // Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. The last channel is
-// the pixel's alpha times `alpha_scale`. Beyond the image, the pixels at its border repeat.
-float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure, float alpha_scale) {
+// the pixel's alpha times `alpha_scale`. Beyond the image, the pixels at its border repeat. `tone` has the coefficients
+// of the tone curve (src/scene/tone.rs): exposed radiance v is displayed as v (x v + y) / (v (z v + w) + 1).
+float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure, float4 tone,
+                 float alpha_scale) {
     const float4 mean = image[(size_t)clamp(y, 0, image_size.y - 1) * image_size.x + clamp(x, 0, image_size.x - 1)];
-    const float4 shown = 255.0f * sqrt(clamp(exposure * mean, 0.0f, 1.0f));
+    const float4 v = clamp(exposure * mean, 0.0f, 1e6f);
+    const float4 shown = 255.0f * sqrt(min(v * (tone.x * v + tone.y) / (v * (tone.z * v + tone.w) + 1.0f), 1.0f));
     return (float4)(shown.xyz, alpha_scale * mean.w);
 }
 
@@ -26,9 +29,9 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int left = block % across * SAMPLED_BLOCK - 1, top = block / across * SAMPLED_BLOCK - 1;
     float4 above[SAMPLED_BLOCK + 2], most_apart = (float4)(0.0f);
     for (int row = 0; row < SAMPLED_BLOCK + 2; row++) {
-        float4 before = displayed(means, image_size, left, top + row, exposure, alpha_scale);
+        float4 before = displayed(means, image_size, left, top + row, exposure, tone, alpha_scale);
         for (int column = 0; column < SAMPLED_BLOCK + 2; column++) {
-            const float4 own = displayed(means, image_size, left + column, top + row, exposure, alpha_scale);
+            const float4 own = displayed(means, image_size, left + column, top + row, exposure, tone, alpha_scale);
             most_apart = max(most_apart, fabs(own - before));
             if (row) most_apart = max(most_apart, fabs(own - above[column]));
             above[column] = before = own;

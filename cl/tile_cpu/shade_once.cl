@@ -12,7 +12,7 @@
 // Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, each of these is shaded
 // at its own hit for this light (light_once.cl).
 
-// The largest relative change of radiance that shading once may cause: a tenth of the tolerance of verification.
+// The largest estimated relative change of radiance by shading once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
 // A part (16 vectors, see PARTS) in which fewer pixels than this show a single triangle is skipped: shading the samples
 // of so few pixels takes less time.

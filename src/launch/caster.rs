@@ -156,11 +156,11 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Sets the background, the shadow bias and the exposure to those of a scene, starting with the next frame. The
-    /// exposure decides which blocks of pixels are rough and get more samples.
+    /// Sets the background, the shadow bias, the exposure and the tone curve to those of a scene, starting with the next
+    /// frame. Exposure and tone curve decide which blocks of pixels are rough and get more samples.
     pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         if let Some(samples) = &self.samples {
-            samples.show(scene.display.exposure)?;
+            samples.show(scene.display)?;
         }
         if let Some(half) = &self.half_light {
             half.show_background(scene)?;

@@ -11,7 +11,7 @@ use super::subpixels::{positions, subpixel_arguments};
 use super::{LaunchError, Queue};
 use crate::clock::ms_since;
 use crate::manifest::Role;
-use crate::scene::{Sample, SampleCounts, Sampling};
+use crate::scene::{Display, Sample, SampleCounts, Sampling, Tone};
 use crate::strategy::Workload;
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
@@ -68,7 +68,7 @@ impl Samples {
         let setup = &parts.setup;
         let arguments = parts.arguments.clone().with("means", image);
         let alpha_scale = if setup.scene.transparent { 255.0_f32 } else { 0.0 };
-        let arguments = arguments.with("exposure", setup.scene.display.exposure);
+        let arguments = display_arguments(arguments, setup.scene.display);
         let arguments = arguments.with("alpha_scale", alpha_scale);
         let arguments = arguments.with("first", 0_u32).with("most", 0_u32);
         setup.row_kernel(setup.kernel_for(Role::Mark)?, &arguments, [self.wanted.len(), 1])
@@ -80,10 +80,10 @@ impl Samples {
         Self { mark: Some(Step::Run(kernel)), ..self }
     }
 
-    /// Changes the exposure with which pixels are compared to find rough blocks.
-    pub fn show(&self, exposure: f32) -> Result<(), LaunchError> {
+    /// Changes the exposure and the tone curve with which pixels are compared to find rough blocks.
+    pub fn show(&self, display: Display) -> Result<(), LaunchError> {
         let kernel = self.mark.as_ref().and_then(Step::kernel);
-        kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
+        kernel.map_or(Ok(()), |kernel| display_arguments(Arguments::default(), display).rebind(kernel))
     }
 
     /// Sets the positions of the next frame's samples within their pixels.
@@ -119,9 +119,20 @@ impl Samples {
     }
 }
 
+/// Adds the exposure and the tone curve, with which rough blocks are found, to the arguments.
+fn display_arguments(arguments: Arguments<'_>, display: Display) -> Arguments<'_> {
+    arguments.with("exposure", display.exposure).with("tone", coefficients(display.tone))
+}
+
+/// Returns the coefficients of a tone curve as the kernel reads them.
+fn coefficients(tone: Tone) -> Float4 {
+    Float4::from(tone.coefficients().map(|coefficient| coefficient as f32))
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
+    use super::coefficients;
     use crate::device::discover;
     use crate::image::Radiance;
     use crate::launch::alone::Alone;
@@ -130,7 +141,7 @@ mod tests {
     use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
     use crate::program::Sources;
     use crate::reference::rough::{rough_steps, steps_of_blocks};
-    use crate::scene::{SampleCounts, Sampling, Scene, load_scene};
+    use crate::scene::{Display, SampleCounts, Sampling, Scene, Tone, load_scene};
     use crate::strategy::preset;
     use ocl::Buffer;
     use ocl::prm::{Float4, Int2};
@@ -140,20 +151,20 @@ mod tests {
     /// A width and a height that are not multiples of a block's side.
     const SIZE: [u32; 2] = [75, 61];
 
-    fn cast(sampling: Sampling) -> (Radiance, SampleCounts, f32) {
+    fn cast(sampling: Sampling) -> (Radiance, SampleCounts, Display) {
         cast_in_turn(sampling, &[sampling])
     }
 
     /// Casts one picture for each sampling, all with the same caster. Returns the last picture, the numbers
-    /// of samples of its blocks, and the scene's exposure.
-    fn cast_in_turn(prepared_for: Sampling, samplings: &[Sampling]) -> (Radiance, SampleCounts, f32) {
+    /// of samples of its blocks, and how the scene is displayed.
+    fn cast_in_turn(prepared_for: Sampling, samplings: &[Sampling]) -> (Radiance, SampleCounts, Display) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let caster = caster_of(&scene, SIZE, prepared_for);
         for sampling in samplings {
             caster.cast_samples(&scene.camera, sampling).unwrap();
         }
-        (caster.read().unwrap().0, caster.sample_counts().unwrap().unwrap(), scene.display.exposure)
+        (caster.read().unwrap().0, caster.sample_counts().unwrap().unwrap(), scene.display)
     }
 
     fn caster_of(scene: &Arc<Scene>, size: [u32; 2], prepared_for: Sampling) -> Caster {
@@ -247,9 +258,9 @@ mod tests {
     #[test]
     fn the_blocks_that_get_more_samples_are_those_where_the_first_ones_differ() {
         let adaptive = Sampling { first: 2, ..Sampling::all(8) };
-        let (means, _, exposure) = cast(Sampling::all(2));
+        let (means, _, display) = cast(Sampling::all(2));
         let counts = cast(adaptive).1;
-        let steps = steps_of_blocks(&means, exposure);
+        let steps = steps_of_blocks(&means, display);
         let blocks = (0..61_u32).step_by(4).flat_map(|y| (0..75_u32).step_by(4).map(move |x| [x, y]));
         let limit = rough_steps(adaptive.first);
         for (block, steps) in blocks.zip(&steps).filter(|(_, steps)| (**steps - limit).abs() > 1e-2) {
@@ -277,6 +288,7 @@ mod tests {
         device: Alone,
         /// The number of samples that each pixel gets before rough blocks are marked.
         first: u32,
+        tone: Tone,
     }
 
     impl Marking {
@@ -288,11 +300,11 @@ mod tests {
 
         fn new() -> Self {
             let before = "#define MARK_ROUGH_PARAMETERS __global uint *wanted, const __global float4 *means, \
-                          int2 image_size, float exposure, float alpha_scale, uint first, uint most, \
+                          int2 image_size, float exposure, float4 tone, float alpha_scale, uint first, uint most, \
                           __global uint *rough, volatile __global uint *rough_counter";
             let options = format!("-D SAMPLED_BLOCK={SAMPLED_BLOCK} -D ROUGH_STEPS={ROUGH_STEPS}");
             let files = ["common/samples.cl", "common/mark_rough.cl"];
-            Self { device: Alone::of([before, ""], &files, &options), first: 1 }
+            Self { device: Alone::of([before, ""], &files, &options), first: 1, tone: Tone::Clip }
         }
 
         /// Returns the columns and rows of the blocks that get more samples in an opaque picture.
@@ -321,7 +333,13 @@ mod tests {
             let counter: Buffer<u32> = upload(&self.device.queue, &[0]).unwrap();
             let wanted: Vec<u32> = self.device.results(blocks, |wanted| {
                 let mut kernel = self.device.kernel("mark_rough", blocks);
-                kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(alpha_scale);
+                kernel
+                    .arg(wanted)
+                    .arg(&means)
+                    .arg(size)
+                    .arg(Self::EXPOSURE)
+                    .arg(coefficients(self.tone))
+                    .arg(alpha_scale);
                 kernel.arg(self.first).arg(Self::MOST).arg(&listed).arg(&counter).build()
             });
             assert!(wanted.iter().all(|wanted| [self.first, Self::MOST].contains(wanted)), "{wanted:?}");
@@ -388,6 +406,20 @@ mod tests {
                 assert!(!steps(shown + limit - 0.1, shown) && steps(shown + limit + 0.1, shown), "{shown}");
             }
             assert!(!steps(255.0, 1000.0) && !steps(1000.0, 255.0 - limit + 0.1));
+        }
+    }
+
+    /// Exposed radiances of 1.05 and 7 are both white with the usual curve. With the filmic curve, they are displayed as
+    /// 230 and 255.
+    #[test]
+    fn a_tone_curve_that_keeps_shades_makes_blocks_of_bright_pixels_rough() {
+        let mut marking = Marking::new();
+        marking.first = 16; // the limit is then a quarter of ROUGH_STEPS
+        for (tone, rough) in [(Tone::Clip, false), (Tone::Filmic, true)] {
+            marking.tone = tone;
+            let colours = [1.05, 7.0].map(|exposed: f32| [exposed / Marking::EXPOSURE; 3]);
+            let listed = marking.rough(|x, _| colours[usize::from(x == 6)]);
+            assert_eq!(!listed.is_empty(), rough, "{tone:?}");
         }
     }
 

@@ -178,11 +178,13 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
     let note = || {
         let name = |[red, green, blue]: [u8; 3]| format!("#{red:02x}{green:02x}{blue:02x}");
         let [wanted, shown] = [colour, shown].map(name);
-        let Display { exposure, gamma, .. } = display;
+        let Display { exposure, tone, gamma } = display;
         format!(
-            "{}: the background {wanted} is displayed as {shown}, since with display.exposure = {exposure:?} and \
-             display.gamma = {gamma:?}, no radiance that a background may have is displayed as {wanted}",
-            document.name
+            "{}: the background {wanted} is displayed as {shown}, since with display.exposure = {exposure:?}, \
+             display.gamma = {gamma:?} and display.tone = {:?}, no radiance that a background may have is displayed as \
+             {wanted}",
+            document.name,
+            tone.name()
         )
     };
     (shown != colour).then(note)

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 
-/// A tone curve. It maps exposed radiance, from 0 on, to brightness from 0 to 1.
+/// The tone curve [default: clip]. It maps exposed radiance, from 0 on, to brightness from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
@@ -14,38 +14,41 @@ pub enum Tone {
     Filmic,
 }
 
-/// The coefficients of Narkowicz's curve, (x (A x + B)) / (x (C x + D) + E).
-const A: f64 = 2.51;
-const B: f64 = 0.03;
-const C: f64 = 2.43;
-const D: f64 = 0.59;
-const E: f64 = 0.14;
+/// Exposed radiance is cut at this value, which all curves display as the brightest: larger values could overflow.
+const MOST: f64 = 1e6;
 
 impl Tone {
     /// The names of all tone curves, as in scene files.
     pub const NAMES: [&str; 2] = ["clip", "filmic"];
 
-    /// Returns the brightness of exposed radiance, from 0 to 1; 0 for NaN and for values below 0.
-    pub fn apply(self, exposed: f64) -> f64 {
-        let x = exposed.max(0.0);
+    /// Returns the curve's name in scene files.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+
+    /// Returns the coefficients a, b, c and d of the curve: exposed radiance x has the brightness
+    /// min(x (a x + b) / (x (c x + d) + 1), 1). `cl/common/mark_rough.cl` computes the same in single precision.
+    pub fn coefficients(self) -> [f64; 4] {
         match self {
-            Self::Clip => x.min(1.0),
-            // The quotient of two infinite numbers is NaN; such values are the brightest.
-            Self::Filmic if x > 1e6 => 1.0,
-            Self::Filmic => ((x * (A * x + B)) / (x * (C * x + D) + E)).min(1.0),
+            Self::Clip => [0.0, 1.0, 0.0, 0.0],
+            // Narkowicz's coefficients, divided by his last one, so that the constant becomes 1.
+            Self::Filmic => [2.51, 0.03, 2.43, 0.59].map(|coefficient| coefficient / 0.14),
         }
     }
 
-    /// Returns the smallest exposed radiance with a brightness from 0 to 1.
+    /// Returns the brightness of exposed radiance, from 0 to 1; 0 for NaN and for values below 0.
+    pub fn apply(self, exposed: f64) -> f64 {
+        let [a, b, c, d] = self.coefficients();
+        let x = if exposed > 0.0 { exposed.min(MOST) } else { 0.0 }; // NaN is not above 0
+        (x * (a * x + b) / (x * (c * x + d) + 1.0)).min(1.0)
+    }
+
+    /// Returns the smallest exposed radiance that has this brightness, which is from 0 to 1.
     pub fn inverse(self, brightness: f64) -> f64 {
-        match self {
-            Self::Clip => brightness,
-            // The positive root of (A - C y) x^2 + (B - D y) x - E y = 0.
-            Self::Filmic => {
-                let (a, b, c) = (A - C * brightness, B - D * brightness, -E * brightness);
-                ((b * b - 4.0 * a * c).sqrt() - b) / (2.0 * a)
-            }
-        }
+        // The positive root of (a - c y) x^2 + (b - d y) x - y = 0, in a form that needs no division by a - c y.
+        let ([a, b, c, d], y) = (self.coefficients(), brightness);
+        let (square, linear) = (a - c * y, b - d * y);
+        2.0 * y / (linear + (linear * linear + 4.0 * square * y).sqrt())
     }
 }
 
@@ -83,5 +86,6 @@ mod tests {
     fn each_curve_has_its_name_in_scene_files() {
         let read = |name: &str| serde_json::from_value::<Tone>(name.into()).expect("a tone curve");
         assert_eq!(Tone::NAMES.map(read), [Tone::Clip, Tone::Filmic]);
+        assert_eq!(Tone::NAMES.map(|name| read(name).name()), Tone::NAMES);
     }
 }

@@ -288,14 +288,16 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
         notes.into_iter().find(|note| note.contains("the background #")).unwrap_or_default()
     };
     let black = note("background = \"white\"\ndisplay.exposure = 0\n");
-    let start = "the background #ffffff is displayed as #000000, since with display.exposure = 0.0 and display.gamma =";
-    assert!(black.contains(start), "{black}");
+    let start = "the background #ffffff is displayed as #000000, since with display.exposure = 0.0, ";
+    let rest = "display.gamma = 2.2 and display.tone = \"clip\", no radiance";
+    assert!(black.contains(&format!("{start}{rest}")), "{black}");
     // White would need a radiance of 1e30, which exceeds the limit for backgrounds. The dark grey would need
     // a radiance that rounds to 0 in single precision.
     assert_ne!(note("background = \"white\"\ndisplay.exposure = 1e-30\n"), "");
     assert_ne!(note("background = \"#202020\"\ndisplay.gamma = 100\n"), "");
     for colour in ["#000000", "#203040", "#ffffff"] {
         assert_eq!(note(&format!("background = \"{colour}\"\n")), "", "{colour}");
+        assert_eq!(note(&format!("background = \"{colour}\"\ndisplay.tone = \"filmic\"\n")), "", "{colour}");
     }
     assert_eq!(note("background = 0.5\ndisplay.exposure = 0\n"), "");
 }
