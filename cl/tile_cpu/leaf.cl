@@ -14,6 +14,9 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
 #endif
 
 #include "tile_cpu/intersect/{intersector}.cl"
+#ifndef FEW_VECTORS
+#error "FEW_VECTORS: up to so many vectors, a triangle is tested against rays without testing vectors_near first"
+#endif
 
 // Returns those of `vectors` whose rays are all finished, one bit each.
 uint vectors_done(const Bundle *bundle, uint vectors) {
@@ -25,8 +28,8 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests the prepared triangles in `worth` against the vectors in `live`. With `many`, each triangle is tested against the
-// vectors' intervals of directions first. Returns the same vectors as test_prepared.
+// Tests the prepared triangles in `worth` against the vectors in `live`. With `many`, each triangle is tested against
+// the vectors' intervals of directions first. Returns the same vectors as test_prepared.
 INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared, uint worth, int first,
                         uint live, const int any, const int many) {
     uint changed = 0;

@@ -27,7 +27,7 @@ INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const 
     *radiance = scale(multiply(power, f), direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
 }
 
-#if SAMPLED
+#if SAMPLED // the host leaves out a file only below a condition that is a define of its own (src/program/include.rs)
 #if SHADES_ONCE
 #include "tile_cpu/shade_once.cl"
 #include "tile_cpu/light_once.cl"
