@@ -143,7 +143,8 @@ fn streams_have_the_scenes_rate_or_the_options() {
         has(&String::from_utf8_lossy(&out[..header]), &["YUV4MPEG2 W48 H30", rate]);
         assert_eq!(out.len() - header, 4 * (6 + 48 * 30 * 3 / 2));
     }
-    // A turntable does not show the animation, so it has the usual frame rate, not the animation's.
+    // A turntable does not show the scene's animation, so the turntable has the usual frame rate, not the
+    // animation's.
     let turning = ["render", "scene.toml", "--turntable", "1", "-o", "-", "-q", "--device", &device];
     let out = folder.raycl(&[&turning[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
     assert!(out.starts_with(b"YUV4MPEG2 W48 H30 F30:1 "));
@@ -387,7 +388,7 @@ fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_reported() {
         &said,
         &["looks at the same point", "at frame 5: the camera is at", "track `camera.position` at frame 5"],
     );
-    // The background is transparent from frame 3 on, and only the frames before it are rendered.
+    // The background is transparent from frame 3 on, and only the frames before frame 3 are rendered.
     let clear = folder_with(&track("path = \"background\"\nat = [1, 3]\nvalues = [0, \"transparent\"]"));
     assert_eq!(animate(&clear, &["--frames", "1..2"])["frames"], 2);
     let folder = folder_with(TRACKS);

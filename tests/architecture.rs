@@ -36,7 +36,8 @@ fn kernels_in_families() -> BTreeMap<Place, Use> {
         let folder = family.entry.split('/').next().expect("a folder");
         for kernel in family.kernels {
             let places: Vec<Place> = all.keys().filter(|(name, _)| name == kernel.name).cloned().collect();
-            // If kernels of two families have the same name, each of them is in its own family's folder.
+            // If kernels of two families have the same name, each of these kernels is in the folder of its
+            // family.
             let is_own = |(_, file): &&Place| places.len() == 1 || file.starts_with(&format!("cl/{folder}/"));
             let place = places.iter().find(is_own).unwrap_or_else(|| panic!("no kernel {}", kernel.name));
             let (families, role) = all.get_mut(place).expect("a kernel");
@@ -63,7 +64,8 @@ fn the_table_of_kernels_is_that_of_the_manifest_and_of_the_kernel_files() {
     assert_eq!(listed, kernels_in_families());
 }
 
-/// In this table, the last cell of a row names files, each followed by its functions.
+/// In the table of the parts of a sample (docs/methodology.md), the last cell of a row names files, each
+/// followed by functions of this file.
 #[test]
 fn the_table_of_the_parts_of_a_sample_names_functions_that_are_there() {
     let rows = table("docs/methodology.md", "\n| part | sample |");
@@ -87,8 +89,8 @@ fn the_table_of_the_parts_of_a_sample_names_functions_that_are_there() {
     assert!(seen > 15, "{seen}");
 }
 
-/// The steps name tests, and the files that contain them. A name with at least four underscores is that of a test, or of
-/// a function for tests.
+/// The steps to a new traversal (CONTRIBUTING.md) name tests, and the files that contain these tests. A name
+/// with at least four underscores is that of a test, or of a function for tests.
 #[test]
 fn the_steps_to_a_new_traversal_name_tests_that_are_there() {
     let text = read_to_string(repository("CONTRIBUTING.md")).expect("the page");

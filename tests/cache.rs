@@ -40,7 +40,8 @@ fn folder_with(config: &str) -> WorkFolder {
     WorkFolder::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
 }
 
-/// Returns a command that starts raycl with a separate cache, but with the user's PoCL cache.
+/// Returns a command that starts raycl with a cache of its own in the folder, but with the user's cache of
+/// PoCL.
 fn raycl(folder: &WorkFolder, arguments: &[&str]) -> Command {
     let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
     let caches = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);
@@ -183,7 +184,8 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_stored() {
     };
     let first = report();
     let is_stored = || !entries(&folder).is_empty();
-    // If the driver does not return a binary immediately, a separate process compiles it.
+    // If the driver does not return a program's binary immediately, a separate process compiles the program
+    // and stores its binary.
     until("the program is kept", is_stored);
     let second = report();
     assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);
@@ -271,8 +273,9 @@ fn create_with_mode(folder: &Path, mode: u32) {
     std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode)).expect("a mode");
 }
 
-/// Without any of the variables, PoCL would use /tmp/pocl/kcache, which may belong to another user. PoCL runs the
-/// kernels that it finds in its folder, so others may not write to a folder that a variable names either.
+/// Without `HOME` and `XDG_CACHE_HOME`, PoCL would use /tmp/pocl/kcache, which may belong to another user.
+/// PoCL runs the kernels that it finds in its folder, so raycl also rejects a folder, named by one of these
+/// variables, to which other users may write.
 #[test]
 #[cfg(target_os = "linux")]
 fn pocl_keeps_its_kernels_where_no_other_user_can_write() {
@@ -287,7 +290,7 @@ fn pocl_keeps_its_kernels_where_no_other_user_can_write() {
         create_with_mode(&shared, 0o777);
         let mut command = devices_without_folders(&folder);
         if let Some(variable) = variable {
-            // A path that begins with `/` replaces the path of the folder.
+            // If `value` begins with `/`, `folder.path` returns `value` itself.
             command.env(variable, folder.path(&value));
         }
         command.assert().success();

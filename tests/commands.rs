@@ -162,8 +162,8 @@ fn man_prints_a_page_and_writes_those_of_all_commands() {
 }
 
 /// `--color`, before or after the command's name, decides whether colours are used. Without `--color`, the
-/// variable `NO_COLOR` decides. Without both, colours are used if the output is a terminal. In a test, it is
-/// no terminal.
+/// variable `NO_COLOR` decides. Without the option and the variable, colours are used if the output is a
+/// terminal. In a test, the output is no terminal.
 #[test]
 fn colours_are_what_the_user_says() {
     let escapes = |words: &[&str], refused: bool| {
@@ -220,7 +220,7 @@ fn bash_completes_commands_options_and_presets() {
         );
     }
     assert!(!offered(&["raycl", ""]).contains(&"worker".to_owned()), "it is hidden");
-    // Bash divides --terminal=s into three words. The value of this option must not follow after a blank.
+    // Bash divides --terminal=s into three words. The value of `--terminal` must not follow after a blank.
     assert_eq!(offered(&["raycl", "view", "--terminal", "=", "s"]), ["sixel"]);
     assert_eq!(offered(&["raycl", "view", "--terminal", "="]), ["blocks", "kitty", "sixel"]);
     assert!(!offered(&["raycl", "view", "--terminal", ""]).contains(&"sixel".to_owned()), "it is refused");

@@ -56,8 +56,8 @@ fn private_vectors_are_in_registers() {
     }
 }
 
-/// At each ray-triangle test of primary rays and of shadow rays, this kernel writes and reads five vectors of three
-/// floats each. clang accesses its stack by generic addresses.
+/// At each ray-triangle test of primary rays and of shadow rays, the kernel of `naive-test-vectors` writes
+/// and reads five vectors of three floats each. clang accesses its stack by generic addresses.
 #[test]
 fn the_tests_own_vectors_are_in_private_memory() {
     for (file, counts) in stored("test-vectors") {
@@ -114,7 +114,8 @@ fn a_strategy_without_a_name_is_refused_and_nothing_is_written() {
     assert!(!folder.path("a.png").exists());
 }
 
-/// No local size is usual for both strategies, since 32 work-items share a tile in one of them.
+/// The two strategies of this test have different usual local sizes, since 32 work-items share a tile in one
+/// of the strategies.
 #[test]
 fn each_strategy_is_compiled_at_its_usual_local_size() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);

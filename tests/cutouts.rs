@@ -147,7 +147,8 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     has(&folder.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
-/// The changed kernels ignore holes, read a wrong channel or a wrong texel, or apply holes only to rays from the eye.
+/// Each changed kernel makes one mistake: it ignores holes, reads a wrong channel or a wrong texel, or
+/// applies holes only to rays from the eye.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let folder = room(MTL);

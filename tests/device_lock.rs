@@ -131,7 +131,8 @@ fn the_time_for_which_a_picture_waits_is_not_the_time_of_its_frames() {
     let report = said.find('{').map(|begin| serde_json::from_str::<Value>(&said[begin..]).expect("JSON"));
     let parts = report.expect("a report")["parts"].as_array().expect("a list").clone();
     let wait = parts.iter().find(|part| part["part"] == "wait").expect("a part");
-    // raycl began to wait before it printed the message, and the device was held for 100 ms after this message.
+    // raycl began to wait before it printed the message, and the first process held the device for 100 ms
+    // after this message.
     assert!(wait["ms"].as_f64().is_some_and(|ms| ms >= 100.0), "{said}");
 }
 
@@ -154,8 +155,8 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
     ] {
         let folder = new_folder();
         let mut process = start(&folder, &arguments, "said.txt");
-        // The test looks ten times in a row, since a process that only checks a lock holds it for a moment,
-        // too.
+        // The test looks ten times in a row, since a process that only checks whether a lock is free also
+        // holds the lock for a moment.
         let look = || {
             std::thread::sleep(Duration::from_millis(2));
             is_held(&folder)

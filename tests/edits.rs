@@ -35,8 +35,8 @@ const A: &[&str] = &["scene"];
 const A_AND_B: &[&str] = &["a/scene", "b/scene"];
 const SWEEP: &[&str] = &["scene+power=10 (light.0.power = 10)", "scene+power=10 (light.1.power = 10)"];
 
-/// The edits in their order. Each starts from the state after the previous edit. Each scene has three points:
-/// two strategies and a baseline.
+/// The edits in their order. Each edit starts from the files that the previous edit left. Each scene has
+/// three points: two strategies and a baseline.
 const EDITS: [Edit; 24] = [
     ("nothing", |_| {}, 0, A),
     ("the question is worded anew", |ground| ground.set("question", "\"Which?\""), 0, A),
@@ -126,7 +126,7 @@ impl Ground {
             tables: TIMING.to_owned(),
             variables: Vec::new(),
         };
-        // Without a name of its own, the scene is named after its file.
+        // Without the key `name`, the scene is named after its file.
         ground.write("a/scene.toml", &TRIANGLE.replace("name = \"little\"\n", ""));
         ground.folder.kernels("cast/shading/deferred.cl", "", "");
         ground

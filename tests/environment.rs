@@ -185,8 +185,8 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
     }
 }
 
-/// For example, a changed kernel reads another channel or another row of the picture, shifts the picture by
-/// half a texel, or shows the sky in front of surfaces.
+/// Each change is a mistake in a kernel. For example, the changed kernel reads another channel or another row
+/// of the sky's picture, shifts the picture by half a texel, or shows the sky in front of surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     let folder = folder_with(SCENE);
@@ -229,8 +229,8 @@ fn what_is_mirrored_from_below_a_surface_is_dark() {
     folder.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
 }
 
-/// A shiny square, seen from straight ahead. Its normal is opposite to the axis that kernels turn to a surface's normal,
-/// so that the turn is undefined.
+/// A shiny square, seen from straight ahead. Its normal is opposite to the axis that kernels turn to a
+/// surface's normal, so that the axis of this turn is undefined.
 const OPPOSITE: &str = "[camera]
 position = [-1.08, -1.44, -2.4]
 look_at = [0, 0, 0]

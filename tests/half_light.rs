@@ -68,8 +68,8 @@ fn a_transparent_background_keeps_its_coverage() {
     );
 }
 
-/// A grey background has no light that could be blocked: it must not change the light of surfaces beside it, and pixels
-/// at a silhouette keep their share of it.
+/// A grey background has no light that could be blocked: it must not change the light of surfaces beside it,
+/// and pixels at a silhouette keep their share of the background.
 #[test]
 fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
@@ -78,8 +78,9 @@ fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     }
 }
 
-/// The unoccluded light of a black surface is 0, so no pixel of the half picture is similar to it. The weights of these
-/// pixels must nevertheless not be 0, since the filter divides by their sum. In the changed kernel they are 0.
+/// The unoccluded light of a black surface is 0, so no pixel of the half picture is similar to it. The
+/// weights of these pixels must nevertheless not be 0, since the filter divides by their sum. In the changed
+/// kernel, the weights are 0.
 #[test]
 fn a_black_mesh_is_black() {
     let black = format!("mtllib mesh.mtl\nusemtl black\n{MESH}");
@@ -142,7 +143,7 @@ const CHANGES: &[[&str; 4]] = &[
 #[test]
 fn a_broken_half_picture_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
-    // These changes are only visible if there is no ground behind the mesh.
+    // The following changes to kernels are only visible if there is no ground behind the mesh.
     let behind = [
         [FILTER, "subtract(own, behind)", "own", "bvh"],
         [

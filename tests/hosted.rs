@@ -66,7 +66,8 @@ fn every_command_of_the_workflows_exists() {
                 let [run, uses] = ["run", "uses"].map(|key| step[key].as_str());
                 assert!(run.is_some() != uses.is_some(), "{path}, {job}: {step:?}");
                 run.into_iter().for_each(check);
-                // Each action must name its version. Otherwise, GitHub would always use the newest version.
+                // Each use of an action must name a version: GitHub rejects a workflow that uses an action
+                // without one.
                 assert!(uses.is_none_or(|action| action.contains('@')), "{path}, {job}: {uses:?}");
             }
         }

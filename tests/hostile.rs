@@ -164,7 +164,7 @@ fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
     folder.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
     std::fs::rename(folder.path("a\nb"), folder.path("x").with_file_name(name)).expect("a new name");
     folder.raycl(&["report"]).arg(name).assert().success();
-    // In JSON, the wrong bytes of a path are replaced.
+    // In JSON, raycl replaces the bytes of a path that are not UTF-8.
     let json = |command: &str| {
         let output =
             folder.raycl(&[command, "--json"]).arg(name).assert().success().get_output().stdout.clone();

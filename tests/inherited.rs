@@ -1,5 +1,6 @@
-//! raycl works whatever it inherits from the process that started it: ignored signals, streams that do not wait, the
-//! number of a container's first process. Its background processes leave the files of their caller.
+//! raycl works whatever it inherits from the process that started it: ignored signals, streams that do not
+//! wait, the process ID of a container's first process. raycl's background processes close the files that
+//! they inherit from their caller.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, finish, program, run, until};
 use crate::view::Tmux;
@@ -126,11 +127,12 @@ fn as_the_first_process_of_a_container_raycl_ends_its_second_attempt_when_it_get
     command.env("OCL_ICD_VENDORS", vendors);
     let again = || until("the command runs again", || folder.path("again").exists());
     let said = ends_with(Signal::TERM, 143, command, again);
-    // raycl itself goes on until the child process has ended, and tells what ended it.
+    // raycl itself goes on until the child process has ended, and tells what ended the child process.
     assert!(said.contains("was ended by SIGTERM"), "{said}");
 }
 
-/// raycl has handlers of its own while it lends its terminal, and afterwards, while it tries drivers.
+/// raycl has its own signal handlers while it lends its terminal to a child process, and later while it tries
+/// each driver alone.
 #[test]
 fn as_the_first_process_of_a_container_a_view_in_a_terminal_ends_with_the_code_of_its_signal() {
     let Some(container) = container() else { return };
@@ -138,7 +140,8 @@ fn as_the_first_process_of_a_container_a_view_in_a_terminal_ends_with_the_code_o
     let path = |name: &str| folder.path(name).display().to_string();
     let vendors = crate::hostile::driver(&folder, HANGS_ALONE).display().to_string();
     let (container, raycl) = (container.join(" "), env!("CARGO_BIN_EXE_raycl"));
-    // A process in the background of a shell reads from the terminal only if it is told so.
+    // A process in the background of a shell reads from the terminal only if its standard input is explicitly
+    // the terminal.
     let command = format!(
         "cd '{}'; OCL_ICD_VENDORS='{vendors}' {container} '{raycl}' view scene.toml --terminal </dev/tty & \
          echo $! >process; wait $!; echo $? >code",
@@ -167,7 +170,7 @@ fn streams_that_do_not_wait_are_made_to_wait() {
         Stdio::from(full.try_clone().expect("the same pipe")),
     ];
     let mut child = program().arg("strategies").stdin(stdin).stdout(stdout).spawn().expect("raycl starts");
-    // Only after raycl has begun to wait for space, or has failed, is the pipe emptied.
+    // The test empties the pipe only after raycl has begun to wait for space in it, or has failed.
     until("raycl waits for space", || {
         !flags(&full).contains(OFlags::NONBLOCK) || child.try_wait().expect("a status").is_some()
     });
@@ -195,7 +198,7 @@ fn a_background_process_closes_the_files_of_its_caller() {
     let open = |number: u8| std::fs::read_link(format!("/proc/{process}/fd/{number}"));
     until("standard output is replaced", || open(1).is_ok_and(|file| file == Path::new("/dev/null")));
     assert!(open(7).is_err(), "the file of the caller is still open");
-    // A task that ends at once is not valid, so the process ends.
+    // Without any input, the background process gets no valid task, so it ends.
     drop(child.stdin.take());
     finish(child);
 }

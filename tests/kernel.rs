@@ -112,8 +112,8 @@ fn image(built: &Prepared) -> Radiance {
     caster.read().expect("an image").0
 }
 
-/// Builds a strategy's program from the text that the binary prints for the stand's scene. Checks that this program has
-/// all kernels that frames need and, if `casts` is true, that it casts the strategy's image.
+/// Builds a strategy's program from the text that the binary prints for the scene of `stand`. Checks that
+/// this program has all kernels that frames need and, if `casts` is true, that it casts the strategy's image.
 fn check_printed(stand: &Stand, scene: &Path, (name, casts): (&str, bool)) {
     let mut words = name.split(',');
     let mut strategy = preset(words.next().unwrap_or_default()).expect("a preset").strategy;

@@ -1,6 +1,6 @@
 //! Compares every preset at every local size, and a pairwise cover of all axes, with the reference on PoCL.
-//! `make test-long` tests all of them; `make test` tests each preset at 8 x 8 and at a fourth of the other local
-//! sizes, and half of the cover.
+//! `make test-long` tests all these points; `make test` tests each preset at 8 x 8 and at a fourth of the
+//! other local sizes, and half of the cover.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -76,10 +76,10 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
         chosen.map(move |(_, &local)| (strategy, local))
     });
     let is_cpu = stand.is_cpu();
-    // A scene of six triangles fits on any device. Three other things may not fit. With 32 x 32 work-items,
-    // the working vectors may be too large for __local memory. If a work-group has more than 64 tiles, their
-    // rays (66 KiB per tile) may be too large for the stack of a CPU's thread. 1024 work-items may need more
-    // registers than a GPU has.
+    // A scene of six triangles fits on any device. Three other needs of a point may exceed a device's limits.
+    // With 32 x 32 work-items, the working vectors may be too large for __local memory. If a work-group has
+    // more than 64 tiles, their rays (66 KiB per tile) may be too large for the stack of a CPU's thread. 1024
+    // work-items may need more registers than a GPU has.
     let may_not_fit = |(strategy, [x, y]): &Point| match strategy.traversal {
         Traversal::Tile if is_cpu => x * y > 64,
         _ => x * y == 1024 && (strategy.vectors == Vectors::LOCAL || !is_cpu),
@@ -221,7 +221,7 @@ fn each_layout_brings_every_corner_its_own_normal() {
 #[test]
 fn of_two_objects_in_the_same_place_every_preset_shows_the_first() {
     apart!();
-    // All presets can keep this scene in __local memory, also on devices with little of it.
+    // All presets can keep this scene in `__local` memory, also on devices with little `__local` memory.
     let mut scene = scene("still-life.toml");
     let mesh = scene.mesh_mut();
     let mut second = mesh.clone();

@@ -98,8 +98,9 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
     let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
     let known = expected(&records, &[]);
-    // The expected time is a second for each sample (15 per point) and each check of a frame (2 per point), and half a
-    // second for each worker process. The mock's first checks take no time.
+    // The expected time of the run is the sum of a second for each sample (15 per point), a second for each
+    // check of a frame (2 per point), and half a second for each worker process. The mock's first checks take
+    // no time.
     assert_eq!((known.points, known.known), (6, 6));
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
     // The run may add at most as many launches as the config asks for. The added launches have no first

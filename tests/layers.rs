@@ -106,7 +106,8 @@ fn layers_show_what_the_strategy_shows_of_backs() {
     assert!(depth("naive,culling=back").is_infinite());
 }
 
-/// Layers take more of the host's memory than the picture, so raycl counts them before it casts.
+/// Layers take more of the host's memory than the picture, so raycl adds up the layers' bytes before it
+/// casts.
 #[test]
 fn the_predicted_memory_of_the_host_includes_the_layers() {
     let (folder, device) = (new_folder(), device());

@@ -69,8 +69,9 @@ fn every_family_takes_the_reference_s_levels() {
     }
 }
 
-/// The picture has eight smaller levels; no other picture of these tests has more than six. The angle at which a floor
-/// is seen counts without its sign. tests/mutants/kernels.toml has changes to both.
+/// The texture of this scene has eight mip levels below the full picture; no other texture of these tests has
+/// more than six. The level must not depend on the side from which rays meet the floor.
+/// tests/mutants/kernels.toml has changes to kernels that only these two properties of the scene reveal.
 #[test]
 fn a_floor_that_rays_meet_from_behind_takes_the_last_levels_of_a_large_picture() {
     let folder = folder_of("stripes");
@@ -144,8 +145,8 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
 }
 
-/// The changed kernels use a level of another size, swap the weights of two levels, use a wrong cone, or read
-/// texels of the previous level.
+/// Each changed kernel makes one mistake: it uses a mip level of another size, swaps the weights of two
+/// levels, uses a wrong ray cone, or reads texels of the previous level.
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
     let folder = floor();

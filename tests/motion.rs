@@ -178,7 +178,7 @@ fn one_animated_picture_holds_the_same_frames_and_so_does_a_stream() {
         reader.next_frame(&mut frame).expect("a frame");
         assert_eq!(frame, pixels(&folder, &format!("mesh-000{number}.png")), "frame {number}");
     }
-    // raycl recognises its own file by a mark in the file, and replaces the file.
+    // raycl recognises a picture that it made by a mark in the file, and replaces the file.
     turn(&folder, &["mesh.obj", "--turntable", "2", "-o", "turn.apng"]);
     let stream = ["render", "mesh.obj", "--turntable", "3", "-o", "-", "-q", "--device", &device];
     let stream = folder.raycl(&[&stream[..], &SIZE].concat()).assert().success().get_output().stdout.clone();

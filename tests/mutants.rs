@@ -21,13 +21,13 @@ const SIZE: [u32; 2] = [61, 43];
 /// The built-in functions of the test device's compiler.
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
-/// Kernel files that no row of tests/mutants/kernels.toml changes, since other tests change them. A folder of kernels
-/// cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs, soft lights,
-/// pictures of skies and several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs,
-/// tests/environment.rs, tests/samples.rs and tests/shade_once.rs change the files with their code. Soft light at half resolution
-/// is part of the default look of bare meshes; tests/half_light.rs changes the file of this light. The
-/// display transform computes no radiance; a test beside its code (src/launch/show.rs) changes the file of
-/// the display transform.
+/// Kernel files that no row of tests/mutants/kernels.toml changes, since other tests change them. A folder of
+/// kernels cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs,
+/// soft lights, pictures of skies and several samples need special scenes or options; tests/cutouts.rs,
+/// tests/soft.rs, tests/environment.rs, tests/samples.rs and tests/shade_once.rs change the files that
+/// contain the code of these features. Soft light at half resolution is part of the default look of bare
+/// meshes; tests/half_light.rs changes the file of this light. The display transform computes no radiance; a
+/// test beside its code (src/launch/show.rs) changes the file of the display transform.
 const UNTOUCHED: [&str; 17] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -168,7 +168,8 @@ fn files(strategy: &Strategy) -> Vec<String> {
     ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program").files
 }
 
-/// Of the rows, `make test` tries only a part; so this test finds the texts that are there no more.
+/// `make test` tries only some rows of the table. This test checks all rows, and finds those whose text is no
+/// longer in the kernel file.
 #[test]
 fn each_row_changes_a_text_that_its_file_has_once() {
     for Mutant { file, from, to, .. } in mutants() {
@@ -247,8 +248,8 @@ fn without_a_change_each_picture_is_right() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// Faults that no picture shows: rays that slip between neighbouring triangles, or are stopped beside a triangle,
-/// because of rounding.
+/// Changes to kernels that make rays slip between neighbouring triangles, or stop rays beside a triangle,
+/// because of rounding. Pictures do not show these faults.
 #[test]
 fn a_broken_edge_leaks() {
     apart!();
@@ -265,8 +266,8 @@ fn a_broken_edge_leaks() {
     }
 }
 
-/// The rows with the command `probe` change code that is compiled only for devices with lane operations other than
-/// barriers.
+/// The rows of the table with the command `probe` change code that is compiled only for devices with lane
+/// operations other than barriers.
 #[test]
 fn broken_lane_operations_are_the_users_mistake() {
     let lanes = common::device().info.builtins().lanes;

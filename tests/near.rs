@@ -1,6 +1,6 @@
-//! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Each scene shows one
-//! of these cases, and must be correct with every traversal and every ray-triangle test. tests/mutants/kernels.toml
-//! lists changes to the kernels that these tests notice.
+//! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Each scene
+//! shows one of these cases, and its picture must be correct with every traversal and every ray-triangle
+//! test. tests/mutants/kernels.toml lists changes to the kernels that these tests notice.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, one_preset_of_each_family};
@@ -93,8 +93,8 @@ fn surfaces_whose_boxes_overlap_are_distinguished() {
     assert!(verdict.ok, "{four}: {verdict:?}");
 }
 
-/// A camera's rays all begin at its near plane. Rays that a caller provides begin where each of them says. These rays
-/// meet the sheet at a distance of 0.9, and the wall at a distance of 4.
+/// A camera's rays all begin at its near plane. Of rays that a caller provides, each begins at a distance of
+/// its own. The rays of this test meet the sheet at a distance of 0.9, and the wall at a distance of 4.
 #[test]
 fn a_given_ray_begins_at_a_distance_of_its_own() {
     let stand = Stand::new(scene("near.toml"), SIZE);
@@ -102,8 +102,8 @@ fn a_given_ray_begins_at_a_distance_of_its_own() {
     let rays = [0.0, 0.89, 0.91, 3.99, 4.01].map(|t_min| Ray { origin, direction, t_min });
     let [wall, sheet] = [Some(1), Some(2)];
     let of = |name| preset(name).expect("a preset").strategy;
-    // `strategies` leaves out the ray-triangle test `five-vectors`, so no other test of this file notices if it ignores
-    // `t_min`.
+    // `strategies` leaves out the ray-triangle test `five-vectors`, so no other test of this file notices a
+    // `five-vectors` that ignores `t_min`.
     let intersector = Intersector::FIVE_VECTORS;
     let five_vectors = Strategy { intersector, epsilons: Epsilons::Paper, ..of("deferred") };
     for strategy in [of("deferred"), five_vectors, of("wide-common-origin"), of("bvh-packet")] {

@@ -15,8 +15,8 @@ use raycl::verify::verify;
 const SIZE: [u32; 2] = [30, 20];
 const LOCAL: [u32; 2] = COMMON_LOCAL_SIZE;
 
-/// Returns the same scene in other units: multiplies lengths by `factor`, and the lights' powers by its
-/// square.
+/// Returns the same scene in other units: multiplies lengths by `factor`, and the lights' powers by the
+/// square of `factor`.
 fn scaled(scene: &Scene, factor: f32) -> Scene {
     let mut scene = scene.clone();
     scene.mesh_mut().positions.iter_mut().for_each(|position| *position *= factor);

@@ -143,7 +143,7 @@ fn presets() -> Vec<Strategy> {
 
 #[test]
 fn presets_have_no_race_and_stay_in_bounds() {
-    // The groups have 3 x 2 work-items, and their height does not divide the image's height.
+    // The work-groups have 3 x 2 work-items, and their height does not divide the image's height.
     let run = all_clean("pyramid-lower.toml", &presets(), "3x2", RACES);
     assert_eq!(run, PRESETS.len());
 }
@@ -200,7 +200,8 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
     assert_eq!(all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES), 4);
 }
 
-/// The overlap of neighbouring triangles must not lengthen a needle beyond its short edge. In a picture of this width,
+/// Neighbouring triangles overlap by about a rounding error, so that no ray slips between them. This overlap
+/// must not lengthen a needle (a long, narrow triangle) beyond its short edge. In a picture of this width,
 /// the centre of a pixel is a third of a pixel beyond this edge.
 #[test]
 fn tiles_that_work_items_share_make_a_needle_no_longer() {
@@ -223,7 +224,8 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
-    // Pixels are so small that most are shaded once, and some of these are partly in shadow.
+    // With this narrow field of view, pixels are so small that most of them are shaded once, and some of
+    // these pixels are partly in shadow.
     let once = ["--samples", "13", "--set", "camera.fov_x_degrees=1"];
     for (name, scene, size, options) in [
         ("tile", "pyramid-lower.toml", ["16", "12"], &adaptive[..]),
@@ -355,7 +357,8 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
 /// all other accesses, too. The operations of sub-groups exchange registers and order no accesses, so devices
 /// with sub-groups need these synchronisations.
 const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
-    // After each of these synchronisations, another one follows before the same `__local` memory is used again.
+    // After each of the synchronisations in this list, another synchronisation follows before the same
+    // `__local` memory is used again.
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
     ("tile_gpu/walk.cl", ";\n    const uint nearest = lane_ballot"),
     ("tile_gpu/walk.cl", "; // all lanes have tested the previous leaf's triangles"),

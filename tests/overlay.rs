@@ -230,7 +230,8 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
     }
 }
 
-/// A single file in the folder replaces the built-in file; all other files are built in.
+/// The folder of `--cl-dir` has a single file, which replaces the built-in file of this name; all other
+/// kernel files are the built-in ones.
 #[test]
 fn a_folder_holds_what_differs() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -239,8 +240,8 @@ fn a_folder_holds_what_differs() {
     has(&message, &["kernels/common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
-/// Every axis whose values are kernel files accepts an additional value: here, a copy of a built-in value under another
-/// name.
+/// Every axis whose values are kernel files accepts an additional value: in this test, a copy of a built-in
+/// value under another name.
 #[test]
 fn each_axis_of_files_takes_a_new_one() {
     let work_folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);

@@ -101,7 +101,7 @@ fn without_an_option_all_devices_that_the_settings_select_are_measured() {
     has(&String::from_utf8_lossy(&refused.stderr), &["RAYCL_DEVICE: no device matches 'no-such-device'"]);
 }
 
-/// No device is opened: the workers of `--asleep` only wait.
+/// With the hidden option `--asleep`, workers only wait, so this test opens no device.
 #[test]
 fn a_file_without_rates_of_the_device_is_reported_and_later_rates_of_one_device_keep_those_of_others() {
     let rates = |device: &str, state: Option<&str>| {

@@ -1,6 +1,6 @@
-//! Lights and cameras in the planes of triangles, on triangles and just above them. There, rounding decides
-//! some pixels, which the reference must mark as uncertain. With every family of kernels, the certain pixels
-//! must agree with the reference.
+//! Lights and cameras in the planes of triangles, on triangles and just above them. At such positions,
+//! rounding decides some pixels, which the reference must mark as uncertain. With every family of kernels,
+//! the certain pixels must agree with the reference.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::{Vec3, vec3};
@@ -40,7 +40,8 @@ fn wrong(name: &str, scene: Scene) -> Vec<String> {
     wrong_at(SIZE, name, scene)
 }
 
-/// Like `wrong`, but for pictures of another size.
+/// Returns a line for each strategy that casts the scene wrong, as `wrong` does, but for pictures of another
+/// size.
 fn wrong_at(size: [u32; 2], name: &str, scene: Scene) -> Vec<String> {
     let mut stand = Stand::new(scene, size);
     let check = |strategy: Strategy| {

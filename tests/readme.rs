@@ -55,8 +55,8 @@ fn every_toml_block_loads() {
         }
         for block in blocks.iter().filter(|block| name(block).ends_with(".toml")) {
             let path = folder.path().join(name(block));
-            // All blocks without a name share one file, which now contains the last of them. Each block is therefore
-            // written again before it is loaded.
+            // All blocks without a name share one file, which now contains the text of the last such block.
+            // Each block is therefore written again before it is loaded.
             fs::write(&path, block).expect("a file");
             if block.contains("question = ") {
                 let experiment = raycl::config::load(&path, &[]).unwrap_or_else(|e| panic!("{page}: {e}"));

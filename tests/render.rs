@@ -60,7 +60,8 @@ fn exposure_and_tone_change_what_is_displayed_and_not_the_radiance() {
         let (picture, _) = folder.picture(options);
         picture.pixels().map(|pixel| pixel.0[0]).max().expect("a pixel")
     };
-    // The usual curve cuts what is brighter than white; the filmic curve keeps shades.
+    // The usual display curve shows everything brighter than white as white; the filmic curve keeps
+    // differences there.
     let usual = brightest(&[]);
     assert_eq!(brightest(&["--exposure", "200", "--verify"]), 255);
     let filmic = brightest(&["--exposure", "200", "--tone", "filmic", "--verify"]);
@@ -303,7 +304,7 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     has(&message, &["the picture is wrong: ", "the picture was saved for inspection: wrong.png"]);
     assert!(folder.path("wrong.png").exists());
 
-    // The report comes before the error.
+    // If the picture is wrong, raycl prints the report before the error.
     let output_of = |more: &[&str]| {
         let command = [&arguments[..], &wrong, more].concat();
         let output = folder.raycl(&command).assert().code(1).get_output().clone();

@@ -109,8 +109,8 @@ fn two_thousand_points_make_a_page_of_a_few_megabytes() {
 
 #[test]
 fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
-    // The times of these three points do not change. The run has no baseline, so the changes of the other two points
-    // are compared with those of these three.
+    // The times of the points `bvh`, `tile` and `raster` do not change. The run has no baseline, so the
+    // changes of the other two points are compared with those of these three points.
     let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
     let of = |naive: f64, wide: f64| {
         let two = [record("teapot", "naive", 8, naive), record("teapot", "wide", 4, wide)];
@@ -123,7 +123,8 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(complaint.contains("naive 8x8 is 20.0% slower"), "{complaint}");
     outcome(&["compare", path(&before), path(&after), "--fail-on-regression", "25%", "--quiet"], 0);
     outcome(&["compare", path(&before), path(&before), "--fail-on-regression", "0", "--quiet"], 0);
-    // Points that are not tested because the second folder lacks them are only noted with a limit.
+    // `raycl compare` does not test points that the second folder lacks. A note names these points only with
+    // a limit (`--fail-on-regression`).
     let two = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
     let compare = ["compare", path(&before), path(&two), "--json"];
     for (limit, is_noted) in [(&["--fail-on-regression", "5"][..], true), (&[], false)] {
@@ -143,7 +144,7 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(out.path().join("compare.html").exists() && out.path().join("plots/compare.png").exists());
 }
 
-/// After an update of a driver, for example, every point may fail.
+/// Every point may fail in the second run, for example after an update of a driver.
 #[test]
 fn points_that_all_fail_now_fail_the_ci() {
     let works = folder(&[record("teapot", "wide", 32, 1.0)]);
@@ -218,7 +219,7 @@ fn strategies_that_differ_in_one_axis_are_compared_in_the_page_and_in_the_summar
         record["strategy"] = format!("traversal=exhaustive vectors={vectors}").into();
         record
     };
-    // The first strategy is the one that comes first in the folder, not the faster one.
+    // The first strategy of the pair is the one whose record comes first in the folder, not the faster one.
     let results = folder(&[of("local-vectors", "local", 5.0), of("naive", "heap", 10.0)]);
     outcome(&["report", path(&results)], 0);
     let text = |name: &str| std::fs::read_to_string(results.path().join(name)).expect("it is there");
@@ -355,8 +356,8 @@ fn a_compared_picture_is_never_replaced_by_the_differences() {
     assert!(read() == before, "a picture was changed");
 }
 
-/// Checks that a command overwrites neither a file that raycl did not make nor one that was changed, except with
-/// `--force`.
+/// Checks that a command overwrites neither a file that raycl did not make nor one that was changed after
+/// raycl made it, except with `--force`.
 fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
     let forced = [command, &["--force"]].concat();
     std::fs::write(out.join(name), "somebody's").expect("a file");

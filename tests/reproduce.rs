@@ -39,7 +39,7 @@ fn a_reproduction_goes_on_where_it_stopped() {
     std::fs::remove_dir_all(folder.path("out/figure-8")).expect("it is there");
     let (_, progress) = reproduce(&folder, &["--resume"]);
     has(&progress, &["1 of 5 points are done already", "3 of 5 points are done already", "[4/5, about "]);
-    // The point that was measured just now does not count.
+    // The point that this command has just measured is not counted as done already.
     has(&progress, &["4 of 5 points are done already"]);
     assert_eq!(progress.lines().filter(|line| line.starts_with('[')).count(), 1, "{progress}");
     assert_eq!(folder.text("out/figure-6/records.jsonl"), first);

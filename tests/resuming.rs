@@ -80,7 +80,7 @@ fn torn_at_every_byte(name: &str) {
             }
         }
     };
-    // The config is read once, since no cut affects it.
+    // The config is read once, since cutting off a file of results does not affect it.
     with_run(SMALL, torn.path(), |run| (0..length).for_each(|cut| resume_after(cut, run)));
 }
 
@@ -107,7 +107,8 @@ fn samples_torn_before_any_record_are_completed() {
         let mut mock = Mock::new(|_| Act::Answer);
         let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2);
-        // An incomplete launch is repeated as a whole, and its earlier samples are kept.
+        // The incomplete launch is repeated completely, and the samples of its first attempt stay in the
+        // file.
         assert_eq!(mock.counts.borrow().casts.values().sum::<usize>(), 4, "cut at {cut}");
         let lines = read_lines::<Sample>(&torn.path().join("samples.jsonl")).expect("samples").lines;
         assert_eq!(lines.len(), complete + 4);

@@ -170,7 +170,8 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
 #[test]
 fn two_folders_of_kernels_may_differ_in_headers_and_both_must_have_the_experiments_values() {
     let (folder, device, old) = (new_folder(), device(), repository("cl"));
-    // A test that reads nine floats of each triangle takes the place of a test that reads twelve.
+    // In the folder, a ray-triangle test that reads nine floats of each triangle replaces a ray-triangle test
+    // that reads twelve.
     let (of, file) = ("tests/overlay/cast/intersect/nine_floats.cl", "cast/intersect/moller_trumbore.cl");
     let new = folder.kernels_of(of, file, "record_floats: 9", "record_floats: 9");
     let [old, new] = [old.to_str().expect("UTF-8"), &new];
@@ -228,7 +229,7 @@ fn a_dry_run_compiles_nothing_and_writes_nothing() {
     assert_eq!(folder.output(&arguments(&device, &["--dry-run", "--quiet"])), "");
 }
 
-/// No device is opened: the workers of `--asleep` only wait.
+/// With the hidden option `--asleep`, workers only wait, so this test opens no device.
 #[test]
 fn a_dry_run_with_resume_says_which_points_are_done() {
     let folder = new_folder();
@@ -249,7 +250,7 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
         let label = point["label"].as_str().expect("a label");
         assert_eq!(point["done"], label.contains("naive"), "{point}");
     }
-    // A run that does not continue measures all points.
+    // A run without `--resume` measures all points.
     has(&with(both, &["--dry-run"]), &["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"]);
 }
 
@@ -336,7 +337,7 @@ fn results_are_never_overwritten_and_find_a_free_folder() {
     }
 }
 
-/// No device is opened: the workers of `--asleep` only wait.
+/// With the hidden option `--asleep`, workers only wait, so this test opens no device.
 #[test]
 fn runs_of_one_config_that_begin_at_once_have_folders_of_their_own() {
     let work_folder = new_folder();
@@ -357,7 +358,7 @@ fn runs_of_one_config_that_begin_at_once_have_folders_of_their_own() {
     }
 }
 
-/// No device is opened: the worker of `--asleep` only waits.
+/// With the hidden option `--asleep`, the worker only waits, so this test opens no device.
 #[test]
 fn lines_about_the_progress_show_control_characters_of_paths_as_escapes() {
     let folder = new_folder();
@@ -422,7 +423,8 @@ fn configs_state_their_question_and_plan_on_any_device() {
 
 #[test]
 fn where_processors_are_is_not_measured_if_all_samples_are_kept() {
-    // All tests set RAYCL_MOVED_SAMPLES=keep, so raycl keeps all samples and need not measure where processors are.
+    // All tests set RAYCL_MOVED_SAMPLES=keep, so raycl keeps all samples, and need not measure the
+    // core-to-core latency to find out where processors are.
     let folder = new_folder();
     let records = records(&folder, &[], 0);
     let samples = folder.json_lines("out/samples.jsonl");

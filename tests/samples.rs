@@ -19,7 +19,8 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     let colours = |picture: &RgbImage| picture.pixels().map(|pixel| pixel.0).collect::<BTreeSet<_>>().len();
     let one = picture(&folder, &["--samples", "1"]);
     assert_eq!(one, picture(&folder, &[]));
-    // The strategies differ in vectors, in fused and separate passes, and in the use of a tree.
+    // The strategies differ in the number of rays per work-item, in fused and separate passes, and in the use
+    // of a tree.
     for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
         let many = picture(&folder, &["--samples", "9", "--strategy", strategy, "--verify"]);
         // Far from edges, the filtered mean of nine samples is close to the single sample.
@@ -30,8 +31,9 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     folder.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
-/// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of this picture, some
-/// of these pixels lie outside the picture. No pixel inside the picture shows the background.
+/// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of this
+/// picture, some of these pixels lie outside the picture. In this scene, no pixel inside the picture shows
+/// the background.
 #[test]
 fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
@@ -77,8 +79,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     folder.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// The square's edge lies between two pixels and between two blocks of 4 x 4 pixels. Of each ten blocks across the
-/// edge, the two blocks at the edge get 16 samples per pixel, and the other eight get one.
+/// The square's edge lies between two pixels and between two blocks of 4 x 4 pixels. A line of blocks across
+/// the edge has ten blocks: the two blocks at the edge get 16 samples per pixel, and the other eight get one.
 #[test]
 fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour() {
     let light = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n";
@@ -98,8 +100,8 @@ fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour
     }
 }
 
-/// A changed kernel counts blocks wrongly, gives a pixel a wrong number of samples, or computes the mean of a
-/// pixel's samples with a wrong number of samples.
+/// Each changed kernel makes one mistake: it counts blocks wrongly, gives a pixel a wrong number of samples,
+/// or divides the sum of a pixel's samples by a wrong number.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);

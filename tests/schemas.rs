@@ -1,5 +1,5 @@
-//! The JSON schemas of scenes and configs: the stored schemas equal those of this program, every file of the
-//! repository conforms to its schema, and the schemas reject the same files as raycl.
+//! The JSON schemas of scenes and configs: the stored schemas equal those of this program, every scene and
+//! config of the repository conforms to its schema, and the schemas reject the same files as raycl.
 
 use crate::binary::{WorkFolder, repository};
 use serde_json::{Value, json};

@@ -1,5 +1,6 @@
-//! Tests of sessions. A session is a scene on an open device; it makes casters from strategies. The tests
-//! check which data the strategies of a session share, and why a strategy may be refused.
+//! Tests of sessions. A session is a scene on an open device; from a strategy, it makes a caster, which casts
+//! frames of this scene. The tests check which data the strategies of a session share, and why a strategy may
+//! be refused.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, device, scene};

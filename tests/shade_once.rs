@@ -70,7 +70,8 @@ face_normals = [[0, 0, 0, 0]]
 material = { k_l = 0.001, k_g = 1, shininess = 2 }
 ";
 
-/// In these scenes, the highlight differs within a pixel much more than the bound of the rest of the radiance says.
+/// In these scenes, the highlight differs within a pixel much more than the bound for the radiance without
+/// the highlight says.
 #[test]
 fn pixels_with_the_end_of_a_highlight_or_nothing_but_a_highlight_agree_with_the_reference() {
     for scene in [COLOURED, BEHIND] {
@@ -83,7 +84,8 @@ fn pixels_with_the_end_of_a_highlight_or_nothing_but_a_highlight_agree_with_the_
     folder.notices_in(["60", "43"], white, "tile", &["--verify", "--samples", "16"]);
 }
 
-/// Each change shades pixels once that must not be, or shades, bounds or stores pixels that are shaded once wrongly.
+/// Each changed kernel shades pixels once that must be shaded per sample, or makes a mistake in shading,
+/// bounding or storing pixels that are shaded once.
 #[test]
 fn a_mistake_in_shading_once_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", BALL)]);

@@ -176,8 +176,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     has(&ground.folder.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
 }
 
-/// In this test, a folder has the attempts of several machines, but the plan of another experiment. Later,
-/// the files of the kinds of device are also missing.
+/// In this test, a folder has the attempts of several machines, but the plan of another experiment. Later in
+/// the test, the files of the kinds of device (`kinds/`) are also missing.
 #[test]
 fn parts_of_another_plan_are_named_and_parts_without_their_kinds_refused() {
     let ground = Ground::new();
@@ -202,7 +202,8 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
         &said,
         &["points are missing", "of shard 2", "raycl run test.toml --quiet --asleep 1 --out out --shard 2/2"],
     );
-    // The attempt was started when the folder had another name.
+    // The shard was measured when the folder had another name. The printed command must name the folder's
+    // present name.
     let [out, moved] = ["out", "moved it"].map(|name| ground.folder.path(name));
     std::fs::rename(&out, &moved).expect("a new name");
     let of_moved = ground.folder.mistake(&["merge", "moved it", "--quiet"], 1);
@@ -215,7 +216,8 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     ground.is_whole();
 }
 
-/// A user merges in another folder than that of the attempts, and without the variable that selected their device.
+/// A user runs `raycl merge` in another current folder than the attempts had, and without the variable that
+/// selected the attempts' device.
 #[test]
 fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_device() {
     let ground = Ground::new();
@@ -468,7 +470,7 @@ fn a_device_of_one_compute_unit_and_the_same_of_two_are_two_kinds() {
     for (threads, shard) in [("1", "1/2"), ("2", "1/2"), ("2", "2/2")] {
         measure(threads, shard);
     }
-    // Without the variables, the command would measure on the other kind.
+    // Without these environment variables, the printed command would measure on the other kind of device.
     let message = ground.folder.mistake(&["merge", "out", "--quiet"], 1);
     has(&message, &["POCL_CPU_MAX_CU_COUNT=1 POCL_MAX_PTHREAD_COUNT=1 raycl run", "--shard 2/2"]);
     measure("1", "2/2");

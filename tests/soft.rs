@@ -49,8 +49,8 @@ fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
     render(folder, options).0
 }
 
-/// These strategies cast rays one by one and in vectors, with and without planes through a common origin,
-/// with and without a tree, in fused and in separate passes.
+/// Strategies that differ in how they cast rays: one by one and in vectors, with and without planes through a
+/// common origin, with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["naive", "wide-common-origin", "bvh", "tile", "tile,passes=separate"];
 
 #[test]
@@ -161,7 +161,8 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
 }
 
 /// At these coordinates, rounding moves hits off the square by a few thousandths, which is more than a
-/// ten-thousandth of the square's diagonal. Shadow rays must start at a greater distance from the square.
+/// ten-thousandth of the square's diagonal. Shadow rays must start at a greater distance from the square than
+/// rounding moves hits.
 #[test]
 fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     let left = "[49998, 49999.7, 49998], [49998, 49999.7, 50002]";
@@ -379,12 +380,12 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
     );
     assert_ne!(plain[(3, 36)], dressed[(3, 36)]);
     assert_eq!(of(&["--plain", "--samples", "1"]).0, plain);
-    // There is no ground if the user sets a background, or if the eye is below the mesh.
+    // raycl adds no ground if the user sets a background, or if the eye is below the mesh.
     for options in [["--background", "black"], ["--elevation", "-30"]] {
         assert_eq!(of(&options).1["triangles"], 4, "{options:?}");
     }
     assert_eq!(of(&["--background", "black"]).0[(3, 36)].0, [0; 3]);
-    // If the user sets a light, it replaces all of the default surroundings.
+    // If the user sets a light, it replaces the lights, the sky and the ground that raycl would add.
     let own = of(&["--set", "light.0.position=[1, 4, 3]", "--set", "light.0.power=100"]).1;
     assert_eq!((&own["triangles"], &own["lights"], &own["samples"]), (&4.into(), &1.into(), &1.into()));
 }

@@ -98,8 +98,8 @@ fn two_devices_cast_the_samples_of_one() {
     assert!(!same_pixels(&folder, "one.exr", "single.exr"));
 }
 
-/// It depends on the machine whether two devices that share two cores are faster than one device. The message must be
-/// true whether they are faster or not.
+/// It depends on the machine whether two devices that share two cores are faster than one device. The message
+/// about a device that is left out must be true in both cases.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();
@@ -172,8 +172,8 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // Every sample must name the same device as the record of its point. `--resume` reads from the samples which device
-    // measured a group's launches, and continues the group on this device.
+    // Every sample must name the same device as the record of its point. `--resume` reads from the samples
+    // which device measured a group's launches, and continues the group on the same device.
     let of_records: std::collections::HashMap<_, _> =
         records.iter().map(|record| (record["key"].as_str(), record["measured_on"].as_str())).collect();
     for sample in folder.json_lines("out/samples.jsonl") {

@@ -64,7 +64,8 @@ fn crashes_that_repeat_stop_being_retried() {
 
 #[test]
 fn a_failed_launch_costs_its_point_only_even_if_the_device_then_refuses_everything_to_the_worker() {
-    /// Starts workers whose device fails at point 1, in its check or in its first cast.
+    /// Starts workers whose device fails at point 1: if `casting` is true, in the point's first cast,
+    /// otherwise in its check.
     struct Failing {
         of: Mock,
         casting: bool,

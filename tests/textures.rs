@@ -141,8 +141,8 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     );
 }
 
-/// A picture repeats, so a whole number that is added to all texture coordinates changes nothing. Single precision would
-/// lose all digits after the point.
+/// A picture repeats, so a whole number that is added to all texture coordinates changes nothing. In single
+/// precision, coordinates as large as those of this test have no digits after the decimal point.
 #[test]
 fn a_picture_is_in_the_same_place_if_its_coordinates_are_far_from_0() {
     let folder = room("");
@@ -173,8 +173,8 @@ fn a_picture_is_in_the_same_place_if_its_coordinates_are_far_from_0() {
     assert!(!differ(&gltf("[10000000.3, 0]"), &gltf("[0.3, 0]")));
 }
 
-/// For example, a changed kernel reads another channel or a wrong neighbour of a texel, shifts the picture by
-/// half a texel, or uses a wrong coordinate of a corner.
+/// Each change is a mistake in a kernel. For example, the changed kernel reads another channel or a wrong
+/// neighbour of a texel, shifts the picture by half a texel, or uses a wrong coordinate of a corner.
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
     let folder = room(MTL);

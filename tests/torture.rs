@@ -1,5 +1,5 @@
-//! Bad, odd and hostile OBJ files. Each yields a picture without NaN, or an error that names file, line and
-//! reason, but never a panic or a crash.
+//! Bad, odd and hostile OBJ files. Rendering each of these files yields a picture without NaN, or an error
+//! that names file, line and reason, but never a panic or a crash.
 
 use std::path::{Path, PathBuf};
 

@@ -72,7 +72,7 @@ fn rounds_of_lights_of_every_tile() {
     }
 }
 
-/// Returns a scene in another unit of length. Its picture is the same.
+/// Returns a scene in another unit of length. The scaled scene has the same picture as the original one.
 fn scaled(mut scene: Scene, scale: f32) -> Scene {
     scene.mesh_mut().positions.iter_mut().for_each(|point| *point *= scale);
     scene.camera.position *= scale;

@@ -49,7 +49,8 @@ impl Worker for Noting {
             }
             Request::Cast { .. } => {
                 self.log.lock().expect("no test panicked").push(self.run);
-                // If the other run may cast now, it gets the processor.
+                // Yields the processor: if nothing prevents the other run from casting now, the other run
+                // casts.
                 std::thread::yield_now();
                 Reply::Sample(FrameTimes::whole(1.0, 1.0))
             }

@@ -325,7 +325,7 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
     assert!(off < 6 * 3 * 640 * 368, "{off}");
 }
 
-/// A terminal of tmux in which a command runs. It ends when the value is dropped.
+/// A terminal of tmux in which a command runs. The terminal ends when the value is dropped.
 pub struct Tmux(String);
 
 impl Tmux {
@@ -490,7 +490,7 @@ fn ctrl_c_ends_the_view_in_a_terminal_while_the_scene_is_loaded() {
     let command =
         format!("'{program}' view '{scene}' --terminal --device '{device}' --quiet; echo $? >'{code}'");
     let tmux = Tmux::start(&folder, &command);
-    // raycl uses more than 100,000 kB only when it makes the terrain.
+    // raycl uses more than 100,000 kB of memory only once it has begun to make the terrain.
     until("it makes the terrain", || resident_kb(&scene) > 100_000);
     tmux.run(&["send-keys", "C-c"]);
     until("it has ended", || tmux.text().is_empty());
@@ -515,13 +515,13 @@ fn ctrl_c_ends_the_view_in_a_terminal() {
 #[test]
 fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
     use rustix::process::{Pid, Signal, kill_process};
-    // SIGABRT, as if a driver had crashed, goes to the child process that uses the driver. The other signals go to the
-    // process that the user started.
+    // The test sends SIGABRT, as if a driver had crashed, to the child process that uses the driver. It sends
+    // the other signals to the process that the user started.
     let signals = [
         (Signal::TERM, "143", "SIGTERM"),
         (Signal::HUP, "129", "SIGHUP"),
         (Signal::QUIT, "131", "SIGQUIT"),
-        // raycl says nothing about SIGINT.
+        // raycl prints no message about SIGINT, so there is no name to wait for.
         (Signal::INT, "130", ""),
         (Signal::ABORT, "1", "SIGABRT"),
     ];

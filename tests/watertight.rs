@@ -106,7 +106,7 @@ fn lit_and_hit(stand: &Stand, strategy: &Strategy) -> (usize, usize) {
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// The nets on the device. Several strategies use them, since their trees take long to build.
+/// The nets on the device. Several strategies use the same nets, since the nets' trees take long to build.
 struct Nets {
     /// The crumpled net and the flat net in front of the eye.
     before_the_eye: [Stand; 2],
@@ -143,9 +143,9 @@ fn hits_beyond_slivers(kernels: &Sources, strategy: &Strategy) -> usize {
     lit_and_hit(&stand, strategy).1
 }
 
-/// Counts the faults of these kernels. Returns four numbers: of primary rays that pass through nets, of shadow rays that
-/// pass through a net, of rays that a triangle stops although they pass beside it, and of rays that hit a sliver beyond
-/// its end, without the few that are [`ALLOWED`].
+/// Counts the rays that a strategy with these kernels casts wrongly. Returns four numbers: of primary rays
+/// that pass through nets, of shadow rays that pass through a net, of rays that a triangle stops although
+/// they pass beside it, and of rays that hit a sliver beyond its end, without the few that are [`ALLOWED`].
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 4] {
     let nets = Nets::new(kernels);
     [
@@ -219,9 +219,10 @@ fn rays_beside_an_edge_miss() {
     }
 }
 
-/// In tests whose triangles are a little larger than exact ones, so that no ray slips between neighbours, this must not
-/// lengthen slivers. (Without the rule for triangles that look narrower than this allowance, 347 to 3,679 rays hit.) The
-/// allowance of `pixel-linear` is larger than the one in this rule, so a few rays hit.
+/// The ray-triangle tests of this list enlarge triangles a little, so that no ray slips between neighbours.
+/// This enlargement must not lengthen slivers. (The tests have a rule for triangles that look narrower than
+/// the enlargement. Without this rule, 347 to 3,679 rays hit slivers beyond their ends.) The enlargement of
+/// `pixel-linear` is larger than the one in this rule, so a few rays hit.
 #[test]
 fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     apart!();
@@ -239,10 +240,11 @@ fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     }
 }
 
-/// These ray-triangle tests are not watertight and guarantee nothing, but neighbouring triangles overlap by a rounding
-/// error, or share the planes of their edges and overlap by less. With PoCL, these overlaps were wide enough: no ray
-/// leaked. On a device that rounds differently, one ray in ten thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1
-/// cargo test leaks_are_counted -- --nocapture` prints the numbers of the table in docs/reliability.md.
+/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. But neighbouring
+/// triangles overlap by a rounding error, or share the planes of their edges and overlap by less. With PoCL,
+/// these overlaps were wide enough: no ray leaked. On a device that rounds differently, one ray in ten
+/// thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture`
+/// prints the numbers of the table in docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();

@@ -60,7 +60,7 @@ impl Server {
         })
     }
 
-    /// Waits until the only window exists, and returns a user of it.
+    /// Waits until the only window exists, and returns a simulated user of this window.
     pub fn user(&self) -> User {
         let mut stream =
             UnixStream::connect(format!("/tmp/.X11-unix/X{}", self.number)).expect("the server's socket");

@@ -26,7 +26,7 @@ pub fn finish(child: Child) -> Output {
     finish_within(LIMIT, child)
 }
 
-/// Like `finish`, but with another limit.
+/// Returns what a process printed until it ended, like `finish`, but with another time limit.
 #[track_caller]
 pub fn finish_within(limit: Duration, child: Child) -> Output {
     let process = child.id();
@@ -68,7 +68,7 @@ pub fn send_interrupt(process: u32) {
 #[cfg(unix)]
 fn kill(process: u32) {
     use rustix::process::{Pid, Signal, kill_process};
-    // A process that has ended meanwhile needs no signal.
+    // If the process has ended meanwhile, the signal fails, which does no harm.
     let _ = Pid::from_raw(process as i32).map(|process| kill_process(process, Signal::KILL));
 }
 
@@ -188,7 +188,7 @@ impl WorkFolder {
         self.notices_in(["61", "43"], change, strategy, options);
     }
 
-    /// Like `notices`, in a picture of another width and height.
+    /// Does the same as `notices`, but in a picture of another width and height.
     #[track_caller]
     pub fn notices_in(
         &self,

@@ -28,8 +28,8 @@ fn pairs(strategy: &Strategy, values: &[Value]) -> Vec<usize> {
 /// each other.
 fn candidates(values: &[Value]) -> Vec<Strategy> {
     let mut all: HashSet<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
-    // Two changes lead to the same strategy in either order, and it takes long to find out whether values exclude each
-    // other.
+    // `tried` has the strategies that need no second look: two changes lead to the same strategy in either
+    // order, and it takes long to find out whether a strategy's values exclude each other.
     let mut tried = all.clone();
     for _ in 0..2 {
         for strategy in all.clone() {
@@ -53,7 +53,7 @@ pub fn pairwise_cover() -> Vec<Strategy> {
     let values = values();
     let candidates = candidates(&values).into_iter().map(|strategy| (strategy, pairs(&strategy, &values)));
     let candidates: Vec<(Strategy, Vec<usize>)> = candidates.collect();
-    // For each pair, true if a candidate has it and no strategy of the cover does yet.
+    // For each pair of values, true if a candidate has the pair, and no strategy of the cover has it yet.
     let mut open = vec![false; values.len() * values.len()];
     candidates.iter().flat_map(|(_, pairs)| pairs).for_each(|&pair| open[pair] = true);
     let mut cover = Vec::new();

@@ -120,8 +120,8 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, offset.length()))
 }
 
-/// Returns true if `nearest`, the triangle that was found for a ray, is not farther away than `target`, and
-/// false if it is farther away or if no triangle was found.
+/// Returns true if `nearest`, the nearest triangle that a traversal found for a ray, is not farther away than
+/// `target`, and false if it is farther away or if no triangle was found.
 pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> bool {
     let Some(triangle) = nearest.map(|index| &mesh.triangles[index as usize]) else { return false };
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
@@ -163,9 +163,10 @@ fn jitter(x: f64, y: f64) -> f64 {
 /// The size of a sliver in [`slivers_beside_the_rays`], relative to its distance.
 const SLIVER: f64 = 1e-3;
 
-/// Returns a scene with a sliver beside each ray of an image: a triangle that the camera sees almost edge-on, so that it
-/// looks about as narrow as a rounding error. The ray lies in the sliver's plane (up to rounding), but passes the
-/// sliver's end at a distance between half the sliver's length and 2.5 times this length. So no ray hits anything.
+/// Returns a scene with a sliver beside each ray of an image: a triangle that the camera sees almost edge-on,
+/// so that it looks about as narrow as a rounding error. The ray lies in the sliver's plane (up to rounding),
+/// but passes the sliver's end at a distance between half the sliver's length and 2.5 times this length. So
+/// no ray of the image hits a sliver.
 pub fn slivers_beside_the_rays(side: u32) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };

@@ -1,4 +1,4 @@
-//! A run whose workers follow a script: it uses no OpenCL and starts no processes.
+//! A run whose workers are simulated, and follow a script: the run uses no OpenCL and starts no processes.
 
 use raycl::config::{self, Experiment};
 use raycl::device::{DeviceInfo, DeviceKind, DeviceLimits, Hardware};

@@ -29,7 +29,8 @@ pub fn device() -> Device {
     chosen.into_iter().next().expect("a usable test device")
 }
 
-/// The local size of all tests that work with any local size. PoCL then compiles kernels for only one size.
+/// The local size of all tests that work with any local size. All of them use the same size, so that PoCL
+/// compiles kernels for only one size.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
 /// Returns true if the tests run as `make test-long`, which runs all tests completely. `make test` leaves out
@@ -87,8 +88,8 @@ impl Stand {
         Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
     }
 
-    /// Returns a stand with these kernel sources. `change` may change the set of built-in functions that the device's
-    /// compiler is said to have.
+    /// Returns a `Stand` with these kernel sources. `change` may change the set of built-in functions that
+    /// the device's compiler is said to have.
     pub fn of(
         sources: &Sources,
         scene: Scene,

@@ -50,7 +50,8 @@ def main():
                   f"mean radiance {own.mean():.5f} and {theirs.mean():.5f}")
             failed += [name] if found[0] < LEAST or found[1] < LEAST_OF_BLOCKS else []
             show(folder, name, own, theirs)
-        # The difference of two halves has twice the standard error of their mean, so both halves are divided by 2.
+        # The difference of two halves of the samples has twice the standard error of the mean of all samples,
+        # so both halves are divided by 2.
         halves = [half / 2 for half in halves]
         print(f"{name}: noise of Mitsuba's picture alone {likeness(*halves):.1f} dB, "
               f"means of blocks {likeness(*map(blocks, halves)):.1f} dB")

@@ -3,7 +3,8 @@
 use super::Ground;
 use crate::binary::{has, repository};
 
-/// The YAML can be read, and each part of it asks for as many shards as it starts.
+/// The YAML in docs/clusters.md can be parsed, and each of its examples asks for as many shards as it starts
+/// processes.
 #[test]
 fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() {
     let text = std::fs::read_to_string(repository("docs/clusters.md")).expect("the page");
@@ -32,7 +33,7 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
     assert!(run.contains(&format!("/{shards} ")), "{run}");
     assert_eq!(gitlab["shard"]["parallel"].as_i64(), Some(4));
     assert!(gitlab["shard"]["script"][1].as_str().is_some_and(|line| line.contains("--shard auto ")));
-    // GitLab's own image has neither Rust nor make.
+    // The example must name an image, since GitLab's default image has neither Rust nor make.
     let image = gitlab["default"]["image"].as_str().expect("an image");
     let setup = gitlab["default"]["before_script"].as_vec().expect("commands");
     assert!(image.starts_with("rust:"), "{image}");

@@ -9,8 +9,8 @@ use raycl::shard::{About, Attempt, End, Header, Kind, KindPoint, ShardPlan};
 use std::path::Path;
 use std::process::Stdio;
 
-/// Many points in many shards, as if they had been measured: recorded times, under other names, in the
-/// folders of attempts.
+/// Many points in many shards, as if they had been measured: the times of a few recorded points, stored under
+/// other names in the folders of attempts.
 struct Replay {
     points: usize,
     shards: u32,
