@@ -1,5 +1,6 @@
-//! Reads from `/proc` how much processor time other processes take while raycl measures. Also measures the core-to-core
-//! latency. raycl measures both only on Linux.
+//! Reads from `/proc` how much processor time other processes take while raycl measures. Also measures the
+//! core-to-core latency. raycl measures the processor time of other processes and the core-to-core latency
+//! only on Linux.
 
 #[cfg(target_os = "linux")]
 mod core_to_core;
@@ -14,7 +15,7 @@ use std::time::Instant;
 /// Processor time in clock ticks of the system, counted from an arbitrary moment in the past.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Ticks {
-    /// Time spent by all processes, and on interrupts.
+    /// Time that processors spent on all processes and on interrupts.
     busy: f64,
     /// Time taken by other virtual machines on the same hardware.
     stolen: f64,
@@ -77,7 +78,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
     // `own` is read process by process, so the time of a worker that ends meanwhile may be missing in one
-    // reading. The difference of two readings may therefore be negative.
+    // reading. The difference of two readings of `own` may therefore be negative.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,
@@ -149,9 +150,9 @@ fn process_ticks(process: &str) -> f64 {
 }
 
 /// Returns the sum of fields 14 to 17 of a process's `stat`. Fields 14 and 15 are the user and system time of
-/// the process. Fields 16 and 17 are those of its child processes that have ended and for which it has
-/// waited. Field 2, the process's name, may contain any character, but it ends at the last closing bracket of
-/// the line.
+/// the process. Fields 16 and 17 are the user and system time of those child processes that have ended and
+/// for which the process has waited. Field 2, the process's name in brackets, may contain any character, but
+/// the last closing bracket of the line always ends the name.
 fn user_and_system(stat: &str) -> Option<f64> {
     let after_name = &stat[stat.rfind(')')? + 1..];
     let times: Vec<f64> =

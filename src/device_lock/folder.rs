@@ -115,15 +115,15 @@ fn shared_path() -> PathBuf {
 }
 
 /// Makes a folder that every user can write to. Does nothing if something exists at `path`. The folder gets
-/// its name only when every user can write to it: otherwise, a process that is killed could leave a folder
-/// that only one user can write to.
+/// its name only when every user can write to it. If the folder got its name earlier, a process that is
+/// killed too soon would leave a folder that only one user can write to.
 fn make_shared(path: &Path) -> std::io::Result<()> {
     if path.symlink_metadata().is_ok() {
         return Ok(());
     }
     let made = tempfile::Builder::new().prefix(TEMPORARY_PREFIX).tempdir_in(folder_of(path))?;
     open_to_all(made.path(), 0o1777)?;
-    // A folder can replace only an empty folder, in which no process has a lock yet.
+    // Renaming a folder can replace only an empty folder, in which no process has a lock yet.
     match std::fs::rename(made.path(), path) {
         // Another process has made the folder meanwhile.
         Err(_) if path.symlink_metadata().is_ok() => Ok(()),
@@ -139,7 +139,7 @@ fn create(path: &Path) -> std::io::Result<File> {
     match file.persist_noclobber(path) {
         Ok(file) => Ok(file),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Some file systems cannot rename a file without the risk of replacing another.
+        // On some file systems, a file cannot be renamed without the risk of replacing another file.
         Err(_) => {
             let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
             open_to_all(path, 0o666)?;

@@ -32,9 +32,9 @@ pub struct Locks {
 /// when the process ends in any other way.
 pub struct Held {
     file: File,
-    /// The right of a thread of this process to take the lock. It is dropped after the lock is released, so that
-    /// the next thread of this process finds the lock free. `None` only for locks that a test takes as if another
-    /// process held them.
+    /// The right of a thread of this process to take the lock. The right is dropped after the lock is
+    /// released, so that the next thread of this process finds the lock free. `None` only for locks that a
+    /// test takes as if another process held them.
     _claim: Option<Claim>,
 }
 
@@ -45,8 +45,8 @@ pub enum LockWait<'a> {
     /// The wait begins, or another process has taken the lock during the wait. The line describes the process that
     /// holds the lock.
     For(&'a str),
-    /// The same as `For`, but this process has already reported this line. A run waits at each of its groups, so
-    /// without this value, it would print the same line again and again.
+    /// The same as `For`, except that this process has already reported the line. A run waits before each
+    /// group of points, so without the value `Again`, the run would print the same line again and again.
     Again(&'a str),
     /// The wait goes on. A waiting process reports this value several times per second.
     Still,
@@ -65,8 +65,9 @@ pub fn lacks_locks(error: &IoError) -> bool {
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // If emptying the file fails, the next holder overwrites its contents. The lock is released explicitly, since
-        // closing the file might not release it: a child process that is being started shares the open file.
+        // If emptying the lock's file fails, the next holder overwrites the file's contents. The lock is
+        // released explicitly, since closing the file might not release it: a child process that is being
+        // started shares the open file.
         let _ = self.file.set_len(0);
         let _ = self.file.unlock();
     }
@@ -122,8 +123,8 @@ impl Locks {
         }
     }
 
-    /// Waits until no other thread of this process holds the device's lock or waits for this lock. If all
-    /// threads measure for one command, this wait needs no message, and `--no-wait` does not forbid it.
+    /// Waits until no other thread of this process holds the device's lock or waits for this lock. A wait for
+    /// another thread of the same command needs no message, and `--no-wait` does not forbid it.
     fn claim(
         &self,
         device: &LockName,
@@ -139,7 +140,8 @@ impl Locks {
         }
     }
 
-    /// For tests: takes a free lock as if another process held it.
+    /// For tests: takes a free lock. This process then has to wait for the lock as if another process held
+    /// it.
     #[cfg(test)]
     pub(crate) fn held_by_another_process(&self, device: &LockName) -> Held {
         let file = self.folder.open(device.file()).expect("a lock's file");
@@ -310,7 +312,8 @@ mod tests {
         let locks = Locks::in_folder(folder.path(), false);
         // The lock's file describes an earlier holder only until this holder has released the lock.
         drop(locks.take(&cpu(), &mut |_| {}, &OFF).unwrap());
-        // This file is open only for reading, so it can be locked but, like a file on a full disk, not written.
+        // The lock's file is opened only for reading here, so the file can be locked but, like a file on a
+        // full disk, not written.
         let file = File::open(locks.folder.path(cpu().file())).unwrap();
         let Attempt::Held(_file) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
         let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();
@@ -364,8 +367,8 @@ mod tests {
         assert!(locks.take(&cpu(), &mut |_| panic!("it is free"), &OFF).is_ok());
     }
 
-    /// If both threads took the locks in the order of their lists, each thread would soon hold one lock and
-    /// wait for the other lock.
+    /// If each of two threads took the locks in the order of its own list, each thread would soon hold one
+    /// lock and wait for the other lock.
     #[test]
     fn threads_that_need_the_same_locks_take_them_in_one_order() {
         let folder = tempfile::tempdir().unwrap();

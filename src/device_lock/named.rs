@@ -1,4 +1,5 @@
-//! Remembers which processes this process has waited for, so that it names each of them once.
+//! Remembers the other processes for whose locks this process has waited, so that messages name each of these
+//! other processes once.
 
 use super::holder::Holder;
 use crate::threads::locked;

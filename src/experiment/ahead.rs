@@ -26,19 +26,20 @@ use std::time::{Duration, Instant};
 
 /// If the scene is small, idle builders (builders without a program to build) keep their processes, since new
 /// processes would have to start their drivers again. A scene is small if the memory for builders could hold
-/// the scene this many times for each builder. The memory that programs and drivers need is not counted,
-/// since it is the same for every scene.
+/// the scene `PLENTY` times for each builder. The memory that programs and drivers need is not counted, since
+/// this need is the same for every scene.
 const PLENTY: usize = 4;
 
 /// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
 /// by the hash of its source and options. A program that traverses a tree also depends on the size of the
-/// traversal's stack. The hash does not contain this size. The size follows from the scene, so a program that
-/// traverses a tree is also identified by its scene.
+/// traversal's stack. The hash does not contain the size of the stack, which depends on the scene. A program
+/// that traverses a tree is therefore also identified by its scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
-    /// The number of the job whose worker measures with the program.
+    /// The number of the job (the task of the workers of one device) that uses the program.
     pub job: usize,
-    /// The hash of the source and the options, as far as they are known before the tree is built.
+    /// The hash of the program's source and build options, as far as these are known before the tree is
+    /// built.
     pub hash: String,
     /// The hash of the scene, if the program uses a tree.
     pub scene: Option<String>,
@@ -79,7 +80,7 @@ struct State {
     ordered: HashSet<Program>,
     /// Programs for which no point has to wait any more, each with the result of the build. The result is
     /// `None` if the program was already stored or could not be built, if its builder died or hung, or if a
-    /// point has taken the result. A point that waits for its program takes the result from here.
+    /// point has taken the result. A point that waits for its program takes the result from this map.
     done: HashMap<Program, Option<Built>>,
     /// The devices for which builders may begin to build programs. Each device is named by its lock.
     free: BTreeSet<LockName>,
@@ -95,7 +96,7 @@ pub struct Tally {
     pub from_cache: usize,
     /// Sum of the build times of all programs.
     pub work_ms: f64,
-    /// Time for which the run waited for programs.
+    /// Time that the run spent waiting until programs were built.
     pub waited_ms: f64,
 }
 
@@ -154,7 +155,7 @@ impl Ahead {
     ///
     /// # Errors
     ///
-    /// Fails if a thread for a builder cannot be started. In this case, `work` is not called.
+    /// Fails, without calling `work`, if a thread for a builder cannot be started.
     pub fn beside<R>(
         &self,
         builders: Vec<Builder>,
@@ -179,15 +180,15 @@ impl Ahead {
         *locked(&self.tally)
     }
 
-    /// Lets builders begin to build programs for the devices with these locks. The caller knows that no other
-    /// process measures on these devices.
+    /// Lets builders begin to build programs for the devices with these locks. Usually, the caller has found
+    /// out that no other process measures on these devices.
     pub fn go_on(&self, devices: &[LockName]) {
         locked(&self.state).free.extend(devices.iter().cloned());
         self.changed.notify_all();
     }
 
-    /// Lets builders begin no more programs for the devices with these locks, on which another process
-    /// measures. Builders still complete programs that they have begun.
+    /// Lets builders begin no more programs for the devices with these locks, because another process
+    /// measures on these devices. Builders still complete the programs that they are building.
     pub fn pause(&self, devices: &[LockName]) {
         locked(&self.state).free.retain(|device| !devices.contains(device));
     }
@@ -200,7 +201,8 @@ impl Ahead {
                 continue;
             }
             if self.is_stored(&order.program) {
-                // Each worker takes this program from the cache, so no builder has to build the program.
+                // Each worker takes a stored program from the cache, so no builder has to build a stored
+                // program.
                 self.counted(|tally| tally.from_cache += 1);
                 state.done.insert(order.program, None);
             } else {
@@ -210,8 +212,9 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Requests the program of a point and waits until the program is built. The first point that waits for a
-    /// program receives the result; later points receive `None`.
+    /// Requests the program of a point, and waits until the program is built or cannot be built. The first
+    /// point that waits for a program receives the result of the build; later points with the same program
+    /// receive `None`.
     pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order([&*point]);
@@ -231,8 +234,9 @@ impl Ahead {
     }
 
     /// Does the work of one builder: builds programs until the run ends. If a process of the builder dies or
-    /// hangs, its current program stays unbuilt. The worker that measures the point then builds the program
-    /// and reports any error. `number` is the builder's number, and `count` the number of builders.
+    /// hangs while it builds a program, this program stays unbuilt. The worker that measures a point with an
+    /// unbuilt program builds the program, and reports any error. `number` is the builder's number, and
+    /// `count` the number of builders.
     fn serve(&self, [number, count]: [usize; 2], builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);
@@ -241,16 +245,16 @@ impl Ahead {
             while let Some(order) = self.next(number) {
                 is_tight |= order.room.scenes < PLENTY * count;
                 let mut built = usual.build(&order, patience);
-                // If `lacks_log` is set, the driver took the program from the driver's own cache, and no compiler
-                // printed the program's number of registers. A process without this cache then compiles the program
-                // again.
+                // If `lacks_log` is set, the driver took the program from the driver's own cache, and no
+                // compiler printed the program's number of registers. A process that does not use the
+                // driver's cache then compiles the program again.
                 if built.as_ref().is_some_and(|built| built.lacks_log) {
                     built = without_driver_cache.build(&order, patience);
                 }
                 self.finish(order.program, built);
             }
-            // If memory is tight, idle processes end. They would still hold a scene, and the points that are
-            // being timed may need this memory.
+            // If memory is tight, the builder's idle processes end, since each of them would still hold a
+            // scene, and the points that are being timed may need the scene's memory.
             if std::mem::take(&mut is_tight) {
                 usual.end();
                 without_driver_cache.end();
@@ -276,9 +280,10 @@ impl Ahead {
         state.waiting.remove(index)
     }
 
-    /// Returns the index of the first waiting program that the builder `number` may begin to build. More than
-    /// `number` builders with the program's scene must fit into memory, and no other process may be measuring
-    /// on the program's device. Returns `None` if there is no such program.
+    /// Returns the index of the first waiting program that the builder `number` may begin to build. The
+    /// builder `number` may begin a program if more than `number` builders with the program's scene fit into
+    /// memory, and if no other process measures on the program's device. Returns `None` if there is no such
+    /// program.
     fn index_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =
             |order: &Order| number < order.room.builders && self.is_free(state, order.program.job);

@@ -1,6 +1,6 @@
 //! Provides tests with a device that casts nothing, and with workers that wait instead of casting frames.
-//! With these workers, tests on one machine can imitate many machines and killed processes. The workers open
-//! no device and take no device lock.
+//! With workers that only wait, tests on one machine can imitate many machines and killed processes. The
+//! workers for tests open no device and take no device lock.
 
 use super::draft::{Drafter, HeldScene};
 use super::protocol::{Reply, Request};
@@ -56,14 +56,16 @@ pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }
 
-/// Returns the time of a frame, in milliseconds, on the first test device in `devices`; `None` if there is
-/// none, or if the field `driver` of this device is no number.
+/// Returns the time of a frame, in milliseconds, on the first test device in `devices`; a test device states
+/// this time in its field `driver`. Returns `None` if there is no test device, or if the field is not a
+/// number.
 pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }
 
-/// Answers a run's requests in a worker for tests, which has no device. For a request to cast a frame, it waits for the
-/// time of a frame, and returns the time that it waited. It answers all other requests without waiting.
+/// Answers a run's requests in a worker for tests, which has no device. The worker answers a request to cast
+/// a frame after the time of a frame, with the time that it waited. The worker answers all other requests
+/// without waiting.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
@@ -73,7 +75,8 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Makes a value that answers requests about the points of a plan. Each frame takes `frame_ms` milliseconds.
+    /// Makes a value that answers requests about the points of a plan. For each frame, the value waits
+    /// `frame_ms` milliseconds.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: HeldScene::default() }

@@ -12,14 +12,14 @@ pub struct Block {
     pub shard: u32,
     /// The block's points, as indices into the plan.
     pub points: Vec<usize>,
-    /// The control point, which all blocks of its group measure, so that the blocks can be compared. The control point
-    /// itself belongs to one of these blocks. `None` if the group is not cut.
+    /// The control point, which all blocks of its group measure, so that the blocks can be compared. The
+    /// control point itself belongs to one block of the group. `None` if the group is not cut into blocks.
     pub control: Option<usize>,
 }
 
 impl Block {
-    /// Returns true if the block measures the control point only for comparison, since this point belongs to
-    /// another block.
+    /// Returns true if the block measures the control point only for comparison, since the control point
+    /// belongs to another block.
     pub fn borrows_control(&self) -> bool {
         self.control.is_some_and(|control| !self.points.contains(&control))
     }
@@ -43,12 +43,12 @@ type Priced = (f64, Block);
 /// The targets that [`cut`] tries for the expected times of the pieces of a group, largest first. A target is
 /// a fraction of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
-/// With smaller pieces, control points are measured more often: once in each piece of a group. Smaller pieces
-/// are therefore used only if they shorten the time of the shard that takes longest by more than this
-/// fraction.
+/// Each piece of a cut group measures the group's control point, so smaller pieces mean that control points
+/// are measured more often. Smaller pieces are therefore used only if they shorten the time of the shard that
+/// takes longest by more than the fraction `WORTHWHILE`.
 const WORTHWHILE: f64 = 0.05;
 
-/// Cuts groups of comparable points into blocks for this number of shards. Equal arguments always result in equal
+/// Cuts groups of comparable points into blocks for `shards` shards. Equal arguments always result in equal
 /// blocks.
 pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
@@ -83,9 +83,8 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // Laid end to end, the points' times fill the group's time. The group's time is divided into equal
-        // parts, one for each piece. If a point's time crosses the border of two parts, the point goes to the
-        // piece whose part contains the middle of the point's time.
+        // The points' times, laid end to end, fill the group's time, which is divided into equal intervals,
+        // one per piece. A point goes to the piece whose interval contains the middle of the point's time.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
@@ -103,15 +102,15 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// Returns the fastest point among the points that every device can measure. If no point is suitable, returns
-/// the fastest of all points.
+/// Returns the fastest point among the points that every device can measure. If there is no point that every
+/// device can measure, returns the fastest of all points.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
     group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
 }
 
-/// Assigns blocks to shards, in descending order of their expected times. Each block goes to the shard with
-/// the least expected time so far. Returns the expected time of the shard that takes longest.
+/// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard
+/// with the least expected time so far. Returns the expected time of the shard that takes longest.
 fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
@@ -204,8 +203,8 @@ mod tests {
 
     #[test]
     fn a_gain_of_less_than_a_twentieth_cuts_no_group() {
-        // If the groups stay whole, the shard that takes longest takes 52.01 ms. If both groups are cut into three
-        // pieces, this shard takes 51.03 ms, about 2% less.
+        // If the groups stay whole, the shard that takes longest takes 52.01 ms. If both groups are cut into
+        // three pieces, the shard that takes longest takes 51.03 ms, about 2% less.
         let costs = [52, 50].map(|many| [vec![0.01], vec![1.0; many]].concat());
         let blocks = cut(&groups(&costs), 2);
         assert!(blocks.len() == 2 && blocks.iter().all(|block| block.control.is_none()), "{blocks:?}");
@@ -241,7 +240,7 @@ mod tests {
         let points: Vec<_> = pieces.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
         // The control point, with cost 3, belongs to the first piece. The second piece measures the control
-        // point too, so its cost is 3 more.
+        // point too, which adds 3 to the cost of the second piece.
         assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 

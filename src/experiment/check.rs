@@ -142,12 +142,12 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// The image size of the frame that is cast after a build. One work-group is enough, since the compiled code does not
-/// depend on the image size.
+/// The image size of the frame that is cast after a build. A frame of one work-group is enough to make
+/// drivers compile everything, since the compiled code does not depend on the image size.
 pub(super) const SMALLEST: [u32; 2] = [1, 1];
 
-/// Returns the part of a launch's time, in milliseconds, that its frame did not take. Drivers may compile during the
-/// first launch.
+/// Returns by how many milliseconds the launch of a frame took longer than the frame itself. During a
+/// program's first launch, drivers may compile.
 fn beside_frame_ms(launch_ms: f64, frame_ms: f64) -> f64 {
     (launch_ms - frame_ms).max(0.0)
 }
@@ -159,7 +159,8 @@ fn build_kernel(
 ) -> std::result::Result<Built, Refused> {
     let prepared = session.prepare(strategy, SMALLEST, local_size)?;
     let start = Instant::now();
-    // If the kernel cannot be launched, the later check of the point reports the error.
+    // If the kernel cannot be launched, no error is reported here; the later check of the point reports the
+    // error.
     let frame = prepared.caster().map(|caster| caster.cast());
     let frame_ms = frame.ok().and_then(std::result::Result::ok).map_or(0.0, |frame| frame.frame_ms);
     let key = prepared.program.stored_as().map(str::to_owned);

@@ -7,9 +7,9 @@ use crate::numbers::significant;
 use crate::record::{Outcome, Record};
 use crate::sensor::SensorReading;
 
-/// Adds the results of a point's samples to its record. The 95% interval is computed later, since it depends on all
-/// points of a group. Samples during which other programs used the processors (preempted samples) are counted, but do
-/// not affect the results.
+/// Adds the results of a point's samples to the point's record. The 95% interval is computed later, since it
+/// depends on all points of a group. Samples during which other programs used the processors (preempted
+/// samples) are counted, but do not affect the results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let all = taken.len();
     let remaining = without_preempted(taken, |one| Some((one.launch, one.utilization()?)));
@@ -50,8 +50,8 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
 }
 
 /// Returns a warning if starting a frame's kernels takes longer than casting the frame. A frame that takes
-/// less time than the start of its kernels is too short for comparisons. Both times are the least of all
-/// samples, since other work on the host can delay the start of kernels.
+/// less time than the start of its kernels is too short for comparisons. The start's time and the frame's
+/// time are each the least of all samples, since other work on the host can delay the start of kernels.
 fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;

@@ -8,10 +8,11 @@ use std::collections::BTreeSet;
 /// Returns the numbers of the complete launches in ascending order, each with the reason why the launch
 /// ended. `points` has the key and the samples of each point. `end_of` returns the stored end of a launch,
 /// which states the number of samples of each point that did not fail in this launch. A launch is incomplete
-/// if a point has fewer than `rule.least()` samples in it, or if the stored end lacks a point. Otherwise, the
-/// launch is complete if the points have exactly the numbers of samples that the stored end states. If no end
-/// is stored (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the
-/// samples are enough.
+/// if a point has fewer than `rule.least()` samples in it, or if the stored end lacks a point. A launch in
+/// which every point has at least `rule.least()` samples, and whose stored end lacks no point, is complete if
+/// the points have exactly the numbers of samples that the stored end states. If no end of a launch is stored
+/// (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the launch has
+/// enough samples.
 pub fn complete_launches(
     points: &[(&str, &[Taken])],
     end_of: impl Fn(u32) -> Option<LaunchEnd>,
@@ -27,8 +28,8 @@ pub fn complete_launches(
         }
         let end = end_of(launch);
         // A point that failed in the launch has samples from before the failure. If the points that did not
-        // fail are not measured again, the rule is applied to fewer points, and these samples may seem to be
-        // enough.
+        // fail are not measured again, the rule is applied to fewer points, and the failed point's samples
+        // may seem to be enough.
         let lacks_one = |end: &LaunchEnd| points.iter().any(|(key, _)| !end.samples.contains_key(*key));
         if end.as_ref().is_some_and(lacks_one) {
             return None;
@@ -58,7 +59,7 @@ mod tests {
     }
 
     /// Returns why a launch of two points ended; `None` if the launch is not complete. `counts` has the
-    /// points' numbers of samples, each of which took 1 ms. If the launch has a stored end, `end` has the
+    /// points' numbers of samples; each sample took 1 ms. If the launch has a stored end, `end` has the
     /// numbers of samples that this end states.
     fn reason_of(counts: [usize; 2], end: Option<[usize; 2]>) -> Option<StopReason> {
         let rule =

@@ -1,7 +1,7 @@
-//! Lists devices in a child process. If a driver crashes, only this child process ends. The child process has
-//! a second purpose: the run's own process never starts a driver, so workers inherit no state of a driver.
-//! For example, after a process has started NVIDIA's driver (version 580), the driver lists no device in the
-//! process's children.
+//! Lists devices in a child process. If a driver crashes, only the child process that lists devices ends. The
+//! child process has a second purpose: the run's own process never starts a driver, so workers inherit no
+//! state of a driver. Inherited state can do harm: after a process has started NVIDIA's driver (version 580),
+//! the driver lists no device in the process's children.
 
 use super::protocol::{DeviceList, Listed};
 use crate::cache::Cache;
@@ -69,7 +69,7 @@ fn ask_with(
     let Some(output) = output else {
         return Ok(Err(format!("a driver has not answered for {} s", LIMIT.as_secs())));
     };
-    // The answer is the last line, since a driver may print lines before it.
+    // The answer is the last line of the output, since a driver may print lines before the answer.
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(serde_json::from_str(last_line(&text).unwrap_or_default()).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);

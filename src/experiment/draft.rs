@@ -28,7 +28,7 @@ pub struct Drafter<'a> {
 pub struct Hashed {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// Parts of the scene's file that were ignored or replaced by defaults.
+    /// Notes on what raycl ignored in the scene's file or replaced by defaults.
     pub notes: Vec<String>,
     /// The scene's hash ([`Scene::content_hash`]).
     pub hash: String,
@@ -63,12 +63,13 @@ impl HeldScene {
         self.held.as_ref().is_some_and(|(number, at)| *number == point.scene && at.suits(point.image_size))
     }
 
-    /// Returns the scene of a point of the experiment, with the camera for the point's images. Loads this scene unless
-    /// it is already held. The old scene is dropped first, since two large scenes may not fit into memory together.
+    /// Returns the scene of a point of the experiment, with the camera for the point's images. Loads this
+    /// scene unless it is already held. The scene that was held before is dropped first, since two large
+    /// scenes may not fit into memory together.
     ///
     /// # Errors
     ///
-    /// Fails if the scene cannot be loaded. In this case, no scene is held any more.
+    /// Fails if the scene cannot be loaded. After such a failure, no scene is held.
     pub fn of(&mut self, experiment: &Experiment, point: &Point) -> Result<&Hashed> {
         if !self.is_of(point) {
             self.held = None;
@@ -286,7 +287,8 @@ mod tests {
         let dropped = Arc::downgrade(&scene);
         drop(scene);
         assert!(dropped.upgrade().is_some(), "the scene is still held");
-        // The second scene cannot be loaded. The first scene was dropped before the attempt.
+        // The second scene cannot be loaded. The first scene was dropped before the attempt to load the
+        // second scene.
         let missing = Point { scene: 1, ..first };
         assert!(held.of(&experiment, &missing).is_err());
         assert!(dropped.upgrade().is_none() && !held.is_of(&first));

@@ -20,7 +20,7 @@ pub struct Forecast {
     pub refused: Option<String>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
-    /// Parts of the scene's file that were ignored or replaced by defaults.
+    /// Notes on what raycl ignored in the scene's file or replaced by defaults.
     pub scene_notes: Vec<String>,
     /// True if the point already has a record, so that a resumed run does not measure it again.
     pub done: bool,
@@ -49,8 +49,8 @@ pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     Ok(points.into_iter().flatten().map(forecast).collect())
 }
 
-/// Returns the bytes that a point needs, and the reason why the point does not fit (`None` if it fits).
-/// Returns `None` instead of both for a caster on the host.
+/// Returns the bytes that a point needs, and the reason why the point does not fit (`None` if it fits). For a
+/// caster on the host, returns `None` in place of the bytes and the reason.
 fn needs_of(
     pending: &PendingPoint,
     run: &Run<'_>,
@@ -79,7 +79,8 @@ mod tests {
     use crate::program::Sources;
     use crate::record::{HOST, Outcome, Record};
 
-    /// The device in this test is a GPU. The preset `wide` is meant for CPUs, so its points are not measured.
+    /// The device in this test is a GPU, so the points of the preset `wide`, which is meant for CPUs, are not
+    /// measured.
     #[test]
     fn a_forecast_says_what_fits_the_imitated_device_and_what_is_meant_for_it() {
         let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'local-vectors'\n\
@@ -121,7 +122,8 @@ mod tests {
         assert_eq!(bytes(&all[2]), 2 * bytes(&all[1]));
     }
 
-    /// The device in this test is a GPU. The preset `wide` is meant for CPUs, so its points are not measured.
+    /// The device in this test is a GPU, so the points of the preset `wide`, which is meant for CPUs, are not
+    /// measured.
     #[test]
     fn a_point_that_was_passed_over_is_done_and_the_run_counts_it_too() {
         let experiment = fixtures::experiment("local_sizes = [4]\n[[strategy]]\npreset = 'wide'");

@@ -27,7 +27,7 @@ const COMPILE_MS: f64 = 300.0;
 pub struct Expected {
     /// Number of points to be measured. A control point is counted at most once, even if several blocks measure it.
     pub points: usize,
-    /// How many of these points have a time in an earlier record.
+    /// How many of the points to be measured have a time in an earlier record.
     pub known: usize,
     /// Number of launches per point.
     pub launches: usize,
@@ -36,13 +36,13 @@ pub struct Expected {
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
     /// The longest additional time that the run may need because the host moves this virtual machine's
-    /// processors to other cores. Launches then wait during their rounds, take more rounds, or are replaced by
-    /// additional launches. Waits before the first round of a launch (at most one second each) and all other
-    /// delays, such as crashes of workers, are not included.
+    /// processors to other cores. If the host moves processors, launches wait during their rounds, take more
+    /// rounds, or are replaced by additional launches. The field `additional` does not include waits before
+    /// the first round of a launch (at most one second each), or other delays, such as crashes of workers.
     pub additional: Duration,
     /// The longest time that all frames take, including those of the warm-up, if a frame takes at most
     /// `usual_frame_ms` on average and no sample is repeated. The time for everything else, such as building,
-    /// checking and waiting, is not included. Zero if the time is too long for this type.
+    /// checking and waiting, is not included. Zero if the time is too long for the type `Duration`.
     pub most: Duration,
     /// The longest mean time of a frame, in milliseconds, with which a launch takes its least number of rounds
     /// within its time limit.
@@ -102,7 +102,7 @@ impl Run<'_> {
             }
         }
         // If only a shard is measured, `groups` lacks the points of the other shards' blocks. The records of
-        // these points would be counted in `others` by mistake, so `others` stays 0.
+        // the other shards' points would be counted in `others` by mistake, so `others` stays 0.
         if self.spread || self.blocks.is_none() {
             expected.others = not_planned(&groups, past);
         }
@@ -180,17 +180,17 @@ impl Run<'_> {
         self.launches().saturating_sub(complete).max(1)
     }
 
-    /// Returns the time for this many launches of a group, in milliseconds. In the first launch, pictures are
-    /// compared with the reference.
+    /// Returns the time for `launches` launches of a group, in milliseconds. Only in the first launch are
+    /// pictures compared with the reference.
     fn group_ms(&self, points: &[Known], launches: usize) -> f64 {
         let compare_ms: f64 = points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum();
         launches as f64 * self.launch_ms(points) + compare_ms
     }
 
-    /// Returns the longest time, in milliseconds, that a group may need beyond `group_ms` for this many
-    /// launches. In the worst case, all launches of the group are replaced, and every launch takes more
-    /// rounds and waits during its rounds. The wait of up to one second before a launch's first round is not
-    /// included.
+    /// Returns the longest time, in milliseconds, that a group may need in addition to `group_ms` for
+    /// `launches` launches. In the worst case, all launches of the group are replaced by additional launches,
+    /// and every launch takes more rounds and waits during its rounds. The wait of up to one second before a
+    /// launch's first round is not included.
     fn most_additional_ms(&self, points: &[Known], launches: usize) -> f64 {
         let replaced = most_additional(self.launches());
         let most_rounds = f64::from(MOST_ROUNDS);
@@ -254,8 +254,8 @@ impl Together {
     }
 }
 
-/// Returns two lists. The first has the points of a group that have to be measured. The second has the
-/// group's control point, if the control point is finished and must be measured again together with the
+/// Returns two lists. The first list has the points of a group that have to be measured. The second list has
+/// the group's control point, if the control point is finished and must be measured again together with the
 /// points of the first list. Points whose keys are in `done` are finished.
 fn left<'a>(
     group: &'a [PendingPoint],
@@ -289,7 +289,8 @@ impl<'a> ByName<'a> {
     }
 
     /// Returns the earlier record of the same point as `draft` (a point's record before the point is tried).
-    /// If there is none, returns an earlier record of the same scene, device and strategy.
+    /// If no earlier record is of the same point, returns an earlier record of the same scene, device and
+    /// strategy.
     fn of_same(&self, draft: &Record) -> Option<&'a Record> {
         self.0.get(&point(draft)).or_else(|| self.0.get(&strategy(draft))).copied()
     }
@@ -339,8 +340,8 @@ impl Expected {
         self.points > 0 && self.known == self.points
     }
 
-    /// Returns a text that says how long the run takes or, if no time is known, how many frames it takes, and
-    /// an upper limit of their total time.
+    /// Returns a text that says how long the run takes or, if no time is known, how many frames the run
+    /// takes, and an upper limit of the frames' total time.
     fn how_long(&self) -> String {
         let known = self.known;
         if known == 0 {

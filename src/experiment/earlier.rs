@@ -11,31 +11,33 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The results of earlier attempts. The results are at most one record per point, and the data of every
+/// The results of earlier attempts. `Before` contains at most one record per point, and the data of every
 /// launch in which an unfinished point was measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest
     /// [rank](Record::rank) is used, as in `raycl merge`.
     pub records: Vec<Record>,
-    /// Launches are renumbered, so that each number is unique. Each sample states the attempt and the launch
-    /// that took the sample. Samples that do not count, because their core-to-core latency is far from the
-    /// attempt's usual latency, are left out.
+    /// The launches of all attempts are renumbered, so that each number is unique. Each sample states the
+    /// attempt and the launch that took the sample. Samples that do not count, because their core-to-core
+    /// latency is far from the attempt's usual latency, are left out.
     pub samples: Vec<Sample>,
-    /// The ends of these launches, with the launches' new numbers and the numbers of samples in `samples`.
+    /// The ends of the launches in `samples`, with the launches' new numbers and the numbers of samples in
+    /// `samples`.
     pub ends: Vec<LaunchEnd>,
-    /// The times of the anchor in these launches, with the launches' new numbers.
+    /// The times of the anchor in the launches in `samples`, with the launches' new numbers.
     pub anchors: Vec<AnchorSample>,
-    /// The load during the rounds of these launches, with the launches' new numbers.
+    /// The load during the rounds of the launches in `samples`, with the launches' new numbers.
     pub rounds: Vec<RoundLoad>,
 }
 
 /// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
-/// core-to-core latency. Points with a record are finished. If `retry_failed` is true, a point is also
-/// unfinished if its record is not final ([`Record::is_final`]): a failure, or a lack of memory that may be
-/// temporary. Unfinished points are measured again. A point that exceeded a limit of the device which may
-/// differ between sessions ([`Record::is_of_the_session`]) is always unfinished. Such a point may fit now,
-/// and another attempt may have measured some of its launches.
+/// core-to-core latency. Points with a record are finished, with two exceptions. If `retry_failed` is true, a
+/// point is also unfinished if its record is not final ([`Record::is_final`]): a failure, or a lack of memory
+/// that may be temporary. Unfinished points are measured again. A point that exceeded a limit of the device
+/// which may differ between sessions ([`Record::is_of_the_session`]) is always unfinished. A point that
+/// exceeded a limit of the device in an earlier session may fit now, and another attempt may have measured
+/// some of the point's launches.
 pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
     let is_finished = |record: &&Record| (!retry_failed || record.is_final()) && !record.is_of_the_session();
@@ -56,8 +58,8 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
         let mut ends = lines::<LaunchEnd>(folder, LAUNCHES)?;
         count_again(&mut ends, &samples, counts);
         samples.retain(counts);
-        // If a block measures a control point only for comparison with other blocks, the record is in a separate
-        // journal.
+        // If a block measures a control point only for comparison with other blocks, the control point's
+        // record is in a separate journal.
         let controls = lines::<Record>(folder, CONTROLS)?;
         let is_of_control = |sample: &Sample| {
             let has_it = |record: &Record| record.sample_launches.contains(&sample.launch);
@@ -86,8 +88,8 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
 }
 
 /// Returns one record of each point that has records in these folders: the record with the lowest rank
-/// ([`Record::rank`]). If several records have this rank, the record in the first folder is returned. If a
-/// folder has several records of a point, its last record is used, as in a merge.
+/// ([`Record::rank`]). If several records of a point have the lowest rank, the record in the first folder is
+/// returned. If a folder has several records of a point, its last record is used, as in a merge.
 fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     let mut records: Vec<Record> = Vec::new();
     let mut indices: HashMap<String, usize> = HashMap::new();
@@ -104,9 +106,9 @@ fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     Ok(records)
 }
 
-/// The stored end of a launch has the number of samples of each point. Replaces this number by the number of the
-/// point's samples that count. If a sample of a point was lost, the point is removed from the end of the sample's
-/// launch, which is not complete.
+/// In the stored end of each launch, replaces the number of samples of each point by the number of the
+/// point's samples that count. If a sample of a point was lost, removes the point from the end of the
+/// sample's launch, so that this launch does not count as complete.
 fn count_again(ends: &mut [LaunchEnd], samples: &[Sample], counts: impl Fn(&Sample) -> bool) {
     let mut numbers: HashMap<(u32, &str), [usize; 2]> = HashMap::new();
     for sample in samples {
@@ -219,8 +221,8 @@ mod tests {
             samples,
             [("open", 0, "one launch 3"), ("done", 0, "one launch 3"), ("open", 1, "two launch 1")]
         );
-        // Only the anchors and the load of these two launches are taken over. Launch 0 of the second attempt
-        // is left out, since it is a copy of a launch of the first attempt.
+        // Only the anchors and the load of the two launches in `samples` are taken over. Launch 0 of the
+        // second attempt is left out, since it is a copy of a launch of the first attempt.
         let anchors: Vec<_> = before.anchors.iter().map(|anchor| (anchor.launch, anchor.ms)).collect();
         let rounds: Vec<_> = before.rounds.iter().map(|load| (load.launch, load.ms)).collect();
         assert_eq!(anchors, [(0, 3.5), (1, 1.5)]);

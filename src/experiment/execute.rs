@@ -97,7 +97,7 @@ impl Run<'_> {
     }
 
     /// Returns true if programs of later groups are built while earlier groups are timed. Programs are built
-    /// at this time only if no timed point needs the CPU's cores.
+    /// while points are timed only if no timed point needs the CPU's cores.
     fn builds_while_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
@@ -121,9 +121,10 @@ impl Run<'_> {
     /// Returns true if `record`, an earlier record of the point, makes another measurement of the point
     /// unnecessary. If the run retries failed points, it measures two kinds of points again: points that
     /// failed, and points that did not fit only because too little memory was free. Every run measures a
-    /// point again in three cases. First, the point was skipped, since its preset is meant for another kind
-    /// of device, but this run should measure the point. Second, the point exceeded a limit of the device in
-    /// an earlier session, but fits now. Third, a device other than the point's own measured the point.
+    /// point again if an earlier session skipped the point, since its preset is meant for another kind of
+    /// device, but this run should measure the point. Every run also measures a point again if the point
+    /// exceeded a limit of the device in an earlier session, but fits now, or if a device other than the
+    /// point's own measured the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);
@@ -140,16 +141,16 @@ impl Run<'_> {
     }
 }
 
-/// Finds the points that have no record yet. If several points of the plan have the same key, only one of
-/// these points is measured.
+/// Finds the points that have no record yet. Of several points of the plan with the same key, only one is
+/// measured.
 struct Unrecorded {
     /// The keys of the points that have a record, and of the points that [`Self::of`] has already returned.
     taken: HashSet<String>,
 }
 
 impl Unrecorded {
-    /// Returns the points of a group that have no record yet. If there is such a point, the control point of
-    /// the block is also returned, even if the control point has a record.
+    /// Returns the points of a group that have no record yet. If at least one point has no record yet, the
+    /// control point of the block is also returned, even if the control point has a record.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {
         let is_control =
             |pending: &PendingPoint| pending.record.control.as_ref() == Some(&pending.record.key);

@@ -1,4 +1,5 @@
-//! For tests: small experiments, and runs of them that take no lock of this machine.
+//! Provides tests with small experiments, and with runs of these experiments that take no lock of this
+//! machine.
 
 use super::Run;
 use crate::config::{self, Experiment};
@@ -10,12 +11,13 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Returns an experiment with `naive` on a small picture of a triangle. `lines` are more lines of its config.
+/// Returns an experiment with `naive` on a small picture of a triangle. `lines` are more lines of the
+/// experiment's config.
 pub(super) fn experiment(lines: &str) -> Experiment {
     experiment_of(&format!("scenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n{lines}"))
 }
 
-/// Returns an experiment on small pictures. `lines` are its scenes and strategies.
+/// Returns an experiment on small pictures. `lines` are the experiment's scenes and strategies.
 pub(super) fn experiment_of(lines: &str) -> Experiment {
     let text = format!("question = '?'\nexpectation = '!'\nimage_sizes = [[8, 5]]\n{lines}\n");
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
@@ -42,7 +44,7 @@ pub(super) fn own_locks() -> TestLocks {
     TestLocks { locks: Locks::in_folder(folder.path(), false), _folder: folder }
 }
 
-/// Returns a plain run of an experiment.
+/// Returns a run of an experiment with the built-in kernels and without a time limit. All samples count.
 pub(super) fn run<'a>(
     experiment: &'a Experiment,
     devices: &'a [&'a DeviceInfo],

@@ -108,14 +108,15 @@ impl OpenGroup {
         are_enough(&self.whole, run.launches(), self.near_ns(run, sink))
     }
 
-    /// Returns the core-to-core latency, in nanoseconds, of near processors (processors at their usual distance). A
-    /// sample with a much larger or smaller latency does not count. Returns infinity if all samples count.
+    /// Returns the core-to-core latency, in nanoseconds, of near processors (processors at their usual
+    /// distance). A sample with a much larger or smaller latency than that of near processors does not count.
+    /// Returns infinity if all samples count.
     fn near_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
         if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
 
     /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole
-    /// launch. While points are timed, no other raycl process measures on their devices.
+    /// launch. While points are timed, no other raycl process measures on the points' devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -192,8 +193,8 @@ impl OpenGroup {
         sink.advances(counted * self.points.len());
     }
 
-    /// Checks every point, and stores the records of points that fail. On the first visit, a point is checked as
-    /// soon as its program is built. Meanwhile, the programs of later points are built.
+    /// Checks every point, and stores the records of points that fail. On the first visit, a point is checked
+    /// as soon as its program is built, while builders build the programs of later points.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -202,8 +203,8 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.launches().saturating_sub(self.whole.len());
         let devices = lock_names(run, &self.points);
-        // The run waits until the devices are free. Then it starts drivers and builds programs. This work,
-        // like the checks after it, would disturb another process's measurement.
+        // The run waits until the devices are free before it starts drivers, builds programs and checks
+        // points, since this work would disturb another process's measurement on these devices.
         let interrupted = supervisor.interrupted();
         drop(take_locks(run, devices.clone(), sink, interrupted)?);
         supervisor.start_ahead(self.tasks())?;
@@ -212,8 +213,8 @@ impl OpenGroup {
             ahead.order(&self.points);
         }
         for mut pending in std::mem::take(&mut self.points) {
-            // A check holds no device lock. But a check would disturb another process that measures on the
-            // device (and holds the lock), so the check waits until the device is free.
+            // A check holds no device lock, but waits until the device is free, since the check would disturb
+            // another process that measures on the device (and holds the lock).
             let interrupted = supervisor.interrupted();
             drop(take_locks(run, devices.clone(), sink, interrupted)?);
             if let Some(ahead) = ahead {
@@ -329,9 +330,9 @@ impl OpenGroup {
     }
 }
 
-/// Returns the device that measured the launches whose samples name no device. The sessions of these launches
-/// did not distribute points over devices, so the first device, which all records name, measured these
-/// launches. Returns `None` if this session does not distribute points either.
+/// Returns the device that measured the launches whose samples name no device. A session whose samples name
+/// no device did not distribute points over devices, so the first device, which all records name, measured
+/// the session's launches. Returns `None` if this session does not distribute points either.
 fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
     run.named_device().map(|device| MeasuredOn { slug: device.slug(), hardware: None })
 }
@@ -343,9 +344,10 @@ pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a
 }
 
 /// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual
-/// latency. At such samples, the host had moved this virtual machine's processors to other cores. The samples
-/// are left out if this machine's processors cast every point of the group (by a caster on the host, or by an
-/// OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps these samples.
+/// latency. A latency far from the usual one shows that the host has moved this virtual machine's processors
+/// to other cores. Samples are left out only if this machine's processors cast every point of the group (by a
+/// caster on the host, or by an OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps all
+/// samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
@@ -363,9 +365,9 @@ fn use_check(pending: &mut PendingPoint, record: Record, check_ms: f64) {
     }
 }
 
-/// Copies values that workers do not know to the record that a point's check returned: the names, the notes,
-/// the folder of kernels and the block. These values are in the point's draft (its record before the point
-/// was tried).
+/// Copies values that workers do not know from a point's draft (its record before the point was tried) to the
+/// record that the point's check returned. The copied values are the names, the notes, the folder of kernels
+/// and the block.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -48,8 +48,8 @@ impl Waiting {
 }
 
 /// Visits groups until they are finished. Each visit measures one launch of a group. If `device` is `None`,
-/// all groups are visited. Otherwise, only groups that may be measured on the device `device` are visited.
-/// After an error, no other group is visited.
+/// all groups are visited. If `device` is not `None`, only groups that may be measured on this device are
+/// visited. After an error, no other group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

@@ -13,8 +13,8 @@ use std::path::Path;
 /// The name of the lock's file.
 const LOCK: &str = ".lock";
 /// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
-/// On a file system that changes the inode numbers of its files, every attempt would fail. The last attempt
-/// therefore does not check whether the file was removed.
+/// On a file system that changes the inode numbers of its files, a file always seems to have been removed.
+/// The last attempt therefore does not check whether the file was removed.
 const ATTEMPTS: u32 = 10;
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
@@ -47,14 +47,14 @@ impl Lock {
     }
 
     /// Locks the open file of a folder's lock. Returns `None` if `must_be_there` is true and somebody removed
-    /// the file after it was opened. A lock on the removed file would not stop other processes, since they
-    /// lock a new file.
+    /// the file after it was opened. A lock on a removed file would not stop other processes, since other
+    /// processes lock a new file.
     fn of_file(mut file: File, path: &Path, must_be_there: bool) -> Result<Option<Self>> {
         let failed = |error: std::io::Error| Error::unwritable(path, &error);
         let is_locked = match file.try_lock() {
             Ok(()) => true,
             Err(TryLockError::WouldBlock) => return Err(taken(folder_of(path), file)),
-            // On a file system without locks, raycl runs without a lock.
+            // On a file system that does not support locks, raycl runs without a lock.
             Err(TryLockError::Error(error)) if lacks_locks(&error) => false,
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         };

@@ -1,15 +1,16 @@
 //! Finds samples during which the processors of a virtual machine ran on cores that were not at their usual distance.
 //!
-//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While
-//! these processors run on cores far from each other, kernels whose work-groups share data take up to 1.5
-//! times as long as usual. While two of these processors share a core, all kernels take about 1.4 times as
-//! long as usual. The core-to-core latency around a sample is the time in which a cache line moves from one
-//! processor to another. The latency is larger than usual if the cores are far from each other, and smaller
-//! if processors share a core. The latency does not depend on the times of the points. *Near* processors run
-//! on cores at their usual distance. A sample does not count if its latency is much larger or smaller than
-//! the latency of near processors in the same run. Before a sample, a launch waits until the processors are near,
-//! but only for a limited time. A launch does not count if too few of its samples count. An additional launch
-//! then replaces it. A group has at most twice as many launches as requested.
+//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While a
+//! virtual machine's processors run on cores far from each other, kernels whose work-groups share data take
+//! up to 1.5 times as long as usual. While two processors of a virtual machine share a core, all kernels take
+//! about 1.4 times as long as usual. The core-to-core latency around a sample is the time in which a cache
+//! line moves from one processor to another. The core-to-core latency is larger than usual if the cores are
+//! far from each other, and smaller if processors share a core. The core-to-core latency does not depend on
+//! the times of the points. *Near* processors run on cores at their usual distance. A sample does not count
+//! if the core-to-core latency around it is much larger or smaller than that of near processors in the same
+//! run. Before a sample, a launch waits until the processors are near, but only for a limited time. A launch
+//! does not count if too few of its samples count; an additional launch replaces a launch that does not
+//! count. A group has at most twice as many launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -18,23 +19,24 @@ use std::time::{Duration, Instant};
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
-/// If the core-to-core latency around a sample is more than this many times the latency of near processors,
-/// the processors ran on cores further apart than usual. Readings of the latency between the same two cores
+/// If the core-to-core latency around a sample is more than `FAR` times the latency of near processors, the
+/// processors ran on cores further apart than usual. Readings of the latency between the same two cores
 /// differ by a factor of up to 1.7.
 const FAR: f64 = 2.0;
-/// If the latency around a sample is less than this many times the latency of near processors, two processors shared a
-/// core. Processors that share a core have 0.45 to 0.5 times the latency of near processors (docs/log.md, section
-/// "2026-11-26, morning: two processors on one core, ...").
+/// If the core-to-core latency around a sample is less than `SHARED` times the latency of near processors,
+/// two processors shared a core. Processors that share a core have 0.45 to 0.5 times the latency of near
+/// processors (docs/log.md, section "2026-11-26, morning: two processors on one core, ...").
 const SHARED: f64 = 0.65;
 /// The pause between two readings of the latency while a launch waits for near processors. The processors are
 /// idle during the pause, since a host moves idle processors back sooner than busy processors: after about one
 /// second instead of three to ten seconds (docs/log.md, section "2026-11-26, afternoon: a launch waits for near
 /// processors, ...").
 const PAUSE: Duration = Duration::from_millis(50);
-/// All waits of a launch together take at most this part of the time for its samples, plus [`PATIENCE`].
+/// All waits of a launch for near processors together take at most the fraction `WAITS` of the time for the
+/// launch's samples, plus [`PATIENCE`].
 pub(super) const WAITS: f64 = 0.5;
-/// How long a launch may wait for near processors in addition to this part; before its first sample, this is all the
-/// time that it may wait.
+/// How long a launch may wait for near processors in addition to the fraction [`WAITS`] of the time for its
+/// samples. Before its first sample, a launch may wait only for the time `PATIENCE`.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A complete launch of a group.
@@ -69,9 +71,9 @@ impl Launch {
 
 /// Returns the latency of near processors: the 20th percentile of `latencies_ns`, which are all latencies of
 /// the run in ascending order. Returns infinity if there are no latencies. The smallest latency is not
-/// suitable: if two processors of the virtual machine shared a core at that moment, near processors would
-/// count as far apart. The median is not suitable either: in some runs, the processors run on cores far from
-/// each other for most of the time.
+/// suitable: if two processors of the virtual machine shared a core during this smallest reading, near
+/// processors would count as far apart. The median is not suitable either: in some runs, the processors run
+/// on cores far from each other for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
@@ -84,8 +86,8 @@ pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
 }
 
-/// Returns how long a launch may still wait for near processors. The launch began `elapsed` ago, and has waited for
-/// `waited` of this time.
+/// Returns how long a launch may still wait for near processors. The launch began `elapsed` ago, and has
+/// spent the part `waited` of this time waiting.
 pub(super) fn patience(elapsed: Duration, waited: Duration) -> Duration {
     let most = elapsed.saturating_sub(waited).mul_f64(WAITS) + PATIENCE;
     most.saturating_sub(waited)
@@ -128,8 +130,8 @@ fn moved_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
     if moved.len() < launches.len() { moved } else { Vec::new() }
 }
 
-/// The number of launches that do not count, and the number of samples that do not count in launches that
-/// count.
+/// The number of launches that do not count, and, in the launches that count, the number of samples that do
+/// not count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LeftOut {
     pub launches: u32,

@@ -74,15 +74,16 @@ impl PendingPoint {
     }
 
     /// Returns true if the point fits now, but exceeded a limit of the device according to an earlier record.
-    /// This limit may differ from session to session, so the record says nothing about this session.
+    /// A limit of a device may differ from session to session, so the earlier record does not show whether
+    /// the point fits in this session.
     pub fn fits_meanwhile(&self, earlier: &Record) -> bool {
         self.fits && earlier.is_of_the_session()
     }
 
     /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
-    /// A point that has been cast before fits on the device; it only lacks memory that other programs or
-    /// other points use at the moment. Such a point counts as failed, not as infeasible, since its earlier
-    /// launches would otherwise be lost unnoticed.
+    /// A point that has been cast before fits on the device, and only lacks memory that other programs or
+    /// other points use at the moment. A point that has been cast before therefore counts as failed, not as
+    /// infeasible: nobody would notice that an infeasible point has lost its earlier launches.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {
@@ -190,7 +191,7 @@ impl Run<'_> {
                     let of = kernels.label_of(point);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
                     // Casters on the host have no device, so any worker can run them. If there are devices,
-                    // the first device's worker runs them.
+                    // the first device's worker runs the casters on the host.
                     let job = point.device.unwrap_or(0) + folder_index * self.devices.len().max(1);
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
@@ -331,7 +332,7 @@ mod tests {
 
     #[test]
     fn only_kernels_are_meant_for_kinds_of_devices() {
-        // This device is a GPU.
+        // The device in this test is a GPU.
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let entries = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'wide'";
         let experiment = fixtures::experiment(entries);
@@ -348,7 +349,7 @@ mod tests {
 
     #[test]
     fn a_strategy_of_two_names_has_the_first_one_on_all_devices_for_which_one_of_them_is_meant() {
-        // This device is a GPU.
+        // The device in this test is a GPU.
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let any = "[[strategy]]\nname = 'any'\npreset = 'wide'\nlocal_sizes = [4]\nany_kind = true";
         let experiment = fixtures::experiment_of(&format!(

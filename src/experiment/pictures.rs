@@ -110,8 +110,8 @@ mod tests {
         assert_eq!(paths[0], path_of(&format!("{long}a")), "the name is the same in every process");
     }
 
-    /// A picture with the hash of a verified picture is not verified again. Therefore, different pictures
-    /// must have different hashes.
+    /// A picture with the hash of a verified picture is not verified again, so different pictures must have
+    /// different hashes.
     #[test]
     fn pictures_that_differ_in_alpha_alone_have_hashes_and_files_of_their_own() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The parts into which a plan is divided. The points of a part are measured together. A part is a whole group, a group
-//! of one device, or a block.
+//! The parts into which a plan is divided. The points of a part are measured together. A part is a whole
+//! group, the points of a group on one device, or a block.
 
 use super::{Block, Plan, Point};
 use std::collections::HashMap;

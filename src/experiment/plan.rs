@@ -209,7 +209,8 @@ mod tests {
         let by_device = plan.groups_by_device();
         assert_eq!(by_device[..2], [vec![0, 3, 6], vec![1, 2, 4, 5, 7, 8]]);
         assert_eq!(by_device.iter().map(Vec::len).collect::<Vec<_>>(), [3, 6, 3, 6]);
-        // The groups have the order of the sizes in the config, not of their numbers of pixels.
+        // The groups follow the order of the image sizes in the config, not the order of the numbers of
+        // pixels.
         let largest_first = Experiment { image_sizes: vec![[16, 5], [8, 5]], ..experiment };
         let plan = Plan::new(&largest_first, 1);
         let sizes: Vec<_> = plan.groups().map(|group| group[0].image_size).collect();

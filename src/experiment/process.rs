@@ -22,7 +22,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// Starts workers as processes of this program.
 pub struct Processes {
     jobs: Vec<Job>,
-    /// True if workers use the driver's cache of programs. The cache contains no compiler messages,
+    /// True if workers use the driver's cache of programs. The driver's cache contains no compiler messages,
     /// and therefore no numbers of registers.
     driver_cache: bool,
     /// True if the next worker compiles its programs again.
@@ -108,7 +108,8 @@ struct WorkerProcess {
     uses_pocl: bool,
 }
 
-/// Reads replies until the worker closes its standard output. Lines that a driver writes there are skipped.
+/// Reads replies until the worker closes its standard output. Lines that a driver writes to the standard
+/// output are skipped.
 fn read_replies(out: impl Read + Send + 'static) -> IoResult<Receiver<Reply>> {
     let (sender, replies) = channel();
     Builder::new().spawn(move || {
@@ -138,7 +139,8 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> IoResult<JoinHandle<S
 ///
 /// # Errors
 ///
-/// Fails if the message has a path that is not UTF-8. `raycl run` and the library refuse such paths.
+/// Fails if the message has a path that is not UTF-8. `raycl run` and the library refuse paths that are not
+/// UTF-8.
 fn line_of(message: &impl Serialize) -> Result<Vec<u8>> {
     let mut line = serde_json::to_vec(message)
         .map_err(|error| Error::fault(format!("a worker process cannot get its task as JSON: {error}")))?;
@@ -147,8 +149,8 @@ fn line_of(message: &impl Serialize) -> Result<Vec<u8>> {
 }
 
 impl WorkerProcess {
-    /// Writes a line to the worker. If the worker has ended, the write fails unnoticed. The end is reported
-    /// later, by the wait for the worker's reply.
+    /// Writes a line to the worker. If the worker has ended, the write fails without an error. The wait for
+    /// the worker's reply later reports the worker's end.
     fn write(&mut self, line: &[u8]) {
         if let Some(requests) = &mut self.requests {
             let _ = requests.write_all(line).and_then(|()| requests.flush());
@@ -186,8 +188,9 @@ impl Worker for WorkerProcess {
     fn send(&mut self, request: &Request) {
         match line_of(request) {
             Ok(line) => self.write(&line),
-            // Without a request, the worker would send no reply, and the run would wait until the time limit.
-            // Closing the worker's standard input ends the worker, which the run notices at once.
+            // A request that cannot be written as a line is not sent. The worker would then send no reply,
+            // and the run would wait until the time limit. Closing the worker's standard input ends the
+            // worker, and the run notices this end at once.
             Err(_) => self.requests = None,
         }
     }

@@ -20,8 +20,8 @@ pub struct Job {
     pub text: String,
     /// The overrides of the config.
     pub overrides: Vec<(String, String)>,
-    /// The scenes that are not in the plan, as indices into the config's list of scenes. Each of these scenes
-    /// has the same content as an earlier scene of the list.
+    /// The scenes that are not in the plan, as indices into the config's list of scenes. Each scene that is
+    /// left out has the same content as an earlier scene of the list.
     #[serde(default)]
     pub left_out: Vec<usize>,
     /// Number of devices in the plan: 1 if points are distributed over several devices of the same model.
@@ -43,7 +43,8 @@ pub struct Job {
     pub folder: PathBuf,
     /// For tests: how the worker fails.
     pub fault: Option<Fault>,
-    /// For tests: every frame only waits for this many milliseconds, and no device is opened.
+    /// For tests: the number of milliseconds that a worker waits in place of casting a frame. A worker that
+    /// only waits opens no device.
     #[serde(default)]
     pub asleep_ms: Option<f64>,
 }
@@ -144,8 +145,9 @@ pub struct Built {
     pub from_cache: bool,
     /// The key under which the cache stores the program; `None` if the program could not be stored.
     pub key: Option<String>,
-    /// True if the program could not be stored because its number of registers is unknown. The driver took
-    /// the program from its own cache and printed no number.
+    /// True if the program could not be stored because its number of registers is unknown. The number is
+    /// unknown if the driver took the program from its own cache, and therefore printed no number of
+    /// registers.
     pub lacks_log: bool,
 }
 

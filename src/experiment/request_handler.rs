@@ -42,7 +42,7 @@ pub struct RequestHandler<'a> {
     /// sensors. Always `None` in a worker without a device.
     watch: Option<Watch>,
     /// If points are distributed over several devices of the same model: the device whose name is in the
-    /// records of points that kernels cast. This device may be the worker's own device.
+    /// records of points that kernels cast. The named device may be the worker's own device.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -220,8 +220,8 @@ struct Warmed {
 
 impl Warmed {
     /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0
-    /// steps of the timer, the host's clock limits the number: the sample then takes at most a tenth of the
-    /// time limit, unless a single frame takes longer.
+    /// steps of the timer, the host's clock limits the number of frames, so that a sample takes at most a
+    /// tenth of the time limit, unless a single frame takes longer.
     fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
         let batch = batch_size(self.pass_ms, timer_ns);
         if self.pass_ms > 0.0 {
@@ -503,12 +503,12 @@ mod tests {
 
     #[test]
     fn a_coarse_timer_times_batches_even_without_a_warm_up() {
-        // A sample should take fifty steps of the timer, here 50 s. Frames of this size are so short that the batch
-        // gets the largest number of frames, 256.
+        // A sample should take fifty steps of the timer, here 50 s. The test's frames are so short that the
+        // batch gets the largest number of frames, 256.
         let batch = sample(DeviceKind::Cpu, Some(1_000_000_000));
         assert_eq!(batch.batch, Some(256));
-        // Processor time and elapsed time are both per frame. The limit of their ratio assumes that no machine has more
-        // than 1000 processors.
+        // Processor time and elapsed time are both per frame. The limit of the ratio of processor time to
+        // elapsed time assumes that no machine has more than 1000 processors.
         let most_ms = 1e3 * batch.host_ms;
         assert!(batch.processor_ms.is_some_and(|ms| ms < most_ms), "{batch:?}");
         assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);

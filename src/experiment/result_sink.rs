@@ -32,8 +32,8 @@ pub trait ResultSink {
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
     /// Returns the number of a new launch, which is unique in the folder.
     fn next_launch(&mut self) -> u32;
-    /// Is called when further steps are finished or will not take place; `steps` is their number. A step is the
-    /// measurement of one point in one launch.
+    /// Is called when `steps` further steps are finished or will not take place. A step is the measurement of
+    /// one point in one launch.
     fn advances(&mut self, steps: usize);
     /// Returns the samples of a point from earlier sessions in the folder, or from earlier attempts.
     fn past(&self, key: &str) -> Vec<Taken>;

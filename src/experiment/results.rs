@@ -128,9 +128,9 @@ impl Results {
         &self.peak
     }
 
-    /// Stores the peak rates of devices. The folder keeps its rates of devices that `peak` does not contain.
-    /// Rates of the run's `devices` that were measured with another driver or in another state are left out,
-    /// since the run's points do not have these rates. Returns the rates that are left out.
+    /// Stores the peak rates of devices. The folder keeps its earlier rates of devices that `peak` does not
+    /// contain. Rates of the run's `devices` that were measured with another driver or in another state are
+    /// left out, since the run's devices no longer have these rates. Returns the rates that are left out.
     pub fn keep_peak(&mut self, peak: Vec<Peak>, devices: &[&DeviceInfo]) -> Result<Vec<Peak>> {
         let all = peak.into_iter().chain(self.peak.clone());
         let (left_out, usable): (Vec<Peak>, Vec<Peak>) = all.partition(|peak| peak.are_outdated(devices));
@@ -200,8 +200,8 @@ impl Results {
         self.anchors.append(sample)
     }
 
-    /// Stores which points belong to the current run. The folder's peak rates get the names that this run gives to
-    /// their devices.
+    /// Stores which points belong to the current run. In the folder's peak rates, each device gets the name
+    /// that this run gives to it.
     pub fn plan(&mut self, plan: &CurrentPlan) -> Result<()> {
         self.rename_peak(plan)?;
         plan.write(&self.folder)
@@ -254,15 +254,17 @@ fn keep_environment(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> R
         number += 1;
     }
     let kept = earlier(number);
-    // The old file gets a second name, and keeps its first name until the new file replaces it. The folder
-    // therefore still has its environment if the disk is full, or if this process is killed now. On a file
-    // system without second names, the old file is renamed.
+    // The old environment file gets a second name, and keeps its first name until the new file replaces it.
+    // The folder therefore still has its environment if the disk is full, or if this process is killed now.
+    // On a file system without hard links, the old file is renamed.
     let linked = std::fs::hard_link(&path, &kept);
     linked.or_else(|_| std::fs::rename(&path, &kept)).map_err(|error| Error::unwritable(&kept, &error))?;
     write(&path).inspect_err(|_| {
-        // The session did not begin, so the previous session is still the latest one, and its file gets back
-        // its only name. If this fails, the file keeps both names. If the new file is already at `path` (only
-        // the folder's list of files could not be written to the disk), both files stay.
+        // If the new file cannot be written, this session does not begin. The environment of the previous
+        // session then again gets its first name as its only name, since the previous session is still the
+        // latest one. If the second name cannot be removed, the file keeps both names. If the new file is
+        // already at `path` (only the folder's list of files could not be written to the disk), both files
+        // stay.
         let is_old =
             || matches!((std::fs::read(&path), std::fs::read(&kept)), (Ok(now), Ok(old)) if now == old);
         let _ = match existing::exists(&path) {

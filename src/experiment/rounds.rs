@@ -36,7 +36,7 @@ pub enum End {
 
 /// The largest number of samples of a launch, as a multiple of the number that the launch would need if all
 /// samples counted. If some samples do not count, the launch ends at the latest after the round in which it
-/// reaches this number.
+/// reaches this largest number of samples.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time in milliseconds, and true if the sample counts.
@@ -46,10 +46,10 @@ type TimedSample = (f64, bool);
 /// `None` stands for a point that failed.
 type Samples = [Option<Vec<TimedSample>>];
 
-/// Returns a number that no other round of any launch has. The random order of the points in a round depends
-/// on this number, so each launch has its own orders. The order affects a point's time, for example through
-/// the frame that was cast before. Since each launch has its own orders, this effect differs from launch to
-/// launch and widens the intervals.
+/// Returns a number that no other round of any launch has. The returned number determines the random order of
+/// the points in a round, so each launch has its own orders. The order affects a point's time, for example
+/// through the frame that was cast before. Since each launch has its own orders, the effect of the order
+/// differs from launch to launch and widens the intervals.
 fn in_launch(launch: u32, round: u32) -> u64 {
     u64::from(launch) << 32 | u64::from(round)
 }
@@ -102,7 +102,7 @@ pub fn measure(
 /// Takes a sample of each point, in the order `order`, and adds the samples to `samples`. A sample does not
 /// count if the host of a virtual machine had moved the machine's processors to other cores (see
 /// [`Rounds::sampled`]). Samples that do not count are taken again, once, at the end of the round. If more
-/// than half of the round's samples do not count, no sample is taken again. The host has probably not moved
+/// than half of the round's samples do not count, no sample is taken again: the host has probably not moved
 /// the processors back yet, so new samples would not count either. Returns the time that each cast took, in
 /// milliseconds; `None` if the worker process was lost.
 fn sample_round(
@@ -184,7 +184,7 @@ mod tests {
         batch: Option<u32>,
         /// The rounds whose samples do not count.
         far: Vec<u32>,
-        /// Of point 0, only this many samples count.
+        /// The number of samples of point 0 that count; `None` if all of them count.
         counting: Option<usize>,
         /// The casts whose samples do not count; the first cast has the number 1.
         lost: Vec<usize>,

@@ -34,7 +34,7 @@ pub struct Run<'a> {
     pub retry_failed: bool,
     /// The locks of devices. While a group of points is timed, no other process measures on its device.
     pub locks: &'a Locks,
-    /// True if the points are distributed over several devices of the same model. Otherwise, each device
+    /// True if the points are distributed over several devices of the same model. If false, each device
     /// measures all points.
     pub spread: bool,
     /// The blocks to measure, if the plan is cut into blocks: the blocks of a shard or, with `--spread`, all
@@ -44,13 +44,13 @@ pub struct Run<'a> {
     /// program.
     pub ahead: Option<&'a Ahead>,
     /// True if all samples count. If false, groups that are measured on CPUs leave out samples whose
-    /// core-to-core latency was far from the run's usual latency. At such samples, the host of a virtual
-    /// machine had moved the machine's processors to other cores.
+    /// core-to-core latency was far from the run's usual latency. A latency far from the usual one shows that
+    /// the host of a virtual machine has moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
-/// If this environment variable is `keep`, all samples count. Otherwise, groups that are measured on CPUs
-/// leave out some samples (see [`Run::keeps_moved_samples`]).
+/// If this environment variable is `keep`, all samples count. If the variable has another value or is not
+/// set, groups that are measured on CPUs leave out some samples (see [`Run::keeps_moved_samples`]).
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
 /// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,

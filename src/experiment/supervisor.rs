@@ -12,10 +12,10 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// After this many workers have died while they served requests about a point, raycl records the point as
+/// If `ATTEMPTS` workers have died while they served requests about a point, raycl records the point as
 /// crashed. One dead worker is not enough, since it may have died from an outside cause.
 const ATTEMPTS: u32 = 2;
-/// After raycl has given up on this many points, no other point is tried twice.
+/// After raycl has given up on `PATIENCE` points, no other point is tried twice.
 const PATIENCE: usize = 3;
 /// The help for the user if a worker cannot open its device, or if its device broke down.
 const STILL_RESPONDS: &str =
@@ -71,7 +71,8 @@ pub struct Supervisor<'a> {
     deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
-    /// The jobs and the scenes of workers that died. Their next workers compile their programs again.
+    /// The jobs and the scenes of workers that died. A worker that replaces a dead worker compiles its
+    /// programs again.
     afresh: HashSet<(usize, usize)>,
     /// The numbers of the jobs on whose devices the anchor failed. The anchor is not run again for these jobs.
     without_anchor: HashSet<usize>,
@@ -108,8 +109,8 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Prepares the workers for the launch number `launch` of a group of points. The workers of an earlier
-    /// group continue if its launch had the same number. Otherwise, all workers end, so that no worker
-    /// measures two launches of a group.
+    /// group continue if the earlier group's launch had the same number. If the number has changed, all
+    /// workers end, so that no worker measures two launches of a group.
     pub fn turn_to<'t>(&mut self, launch: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.launch != launch {
             self.retire();
@@ -117,7 +118,7 @@ impl<'a> Supervisor<'a> {
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
         // A worker keeps its scene if the scene is still needed. If no worker has a needed scene, a worker of
-        // the same job takes this scene over. That worker's own scene is no longer needed.
+        // the same job whose own scene is no longer needed takes over the needed scene.
         let (needed, mut free): (Vec<_>, Vec<_>) =
             self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(needed);
@@ -210,7 +211,8 @@ impl<'a> Supervisor<'a> {
             Err(loss) => anchor::failed_because(&format!("its process {}", loss.describe())),
         };
         self.posts.remove(&task.post());
-        // Samples of one launch come from the same workers, so the launch is repeated.
+        // All samples of a launch must come from the same workers, so a launch that has lost a worker is
+        // repeated.
         self.losses += 1;
         self.without_anchor.insert(task.job);
         Ok(Some(Err(error)))
@@ -231,7 +233,8 @@ impl<'a> Supervisor<'a> {
         let patient = matches!(request, Request::Cast { .. } | Request::Anchor);
         let answer = self.wait(post.worker.as_mut(), patient)?;
         match &answer {
-            // Samples of one launch come from the same workers, so the launch is repeated.
+            // All samples of a launch must come from the same workers, so a launch that has lost a worker is
+            // repeated.
             Ok(reply) if is_failed_launch(reply) => self.losses += 1,
             Ok(_) => drop(self.posts.insert(task.post(), post)),
             Err(_) => {}
@@ -327,7 +330,8 @@ fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
     workers.iter_mut().for_each(|worker| worker.dismiss());
 }
 
-/// Returns the error for a reply that does not match its request. Such a reply is usually the worker's own error.
+/// Returns the error for a reply that does not match its request. A reply that does not match its request
+/// usually reports an error of the worker.
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),

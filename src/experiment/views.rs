@@ -13,8 +13,8 @@ use std::cell::LazyCell;
 
 /// The colour of uncertain pixels, which stands out from any grey, also for colour-blind readers.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Images with more pixels get no pictures of costs. Pictures of costs of a larger image would take minutes
-/// on the host, and would show no more than pictures of costs of a smaller image.
+/// Images with more than `COST_PIXELS` pixels get no pictures of costs. Pictures of costs of a larger image
+/// would take minutes on the host, and would show no more than pictures of costs of a smaller image.
 const COST_PIXELS: u64 = 4_000_000;
 
 /// Saves the pictures of an image. Identical images share their files. Adds the names of the pictures to the image's
@@ -68,8 +68,8 @@ fn keep_costs(
     [prefix, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
-    // Each of these pictures is drawn only once, since counting takes long. Its name contains the scene's hash, so
-    // another scene of the same name has its own pictures.
+    // Each picture of costs is drawn only once, since counting tests and nodes takes long. The picture's name
+    // contains the scene's hash, so another scene of the same name has its own pictures.
     let content = record
         .scene_hash
         .as_deref()

@@ -70,8 +70,8 @@ pub fn reply_of(
 
 /// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
 /// `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, only twice `LOOK_UP` is
-/// added. The reason is that raycl and its workers were stopped during this wait, by Ctrl-Z or by a scheduler
-/// that suspends jobs.
+/// added, because raycl and its workers must have been stopped for a while, by Ctrl-Z or by a scheduler that
+/// suspends jobs.
 struct Quiet {
     /// The longest time that a worker may take to reply.
     limit: Duration,

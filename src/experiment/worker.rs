@@ -81,7 +81,7 @@ fn ignore_interrupts() -> Result<()> {
 }
 
 /// Reads standard input line by line. At the end of standard input, the run has ended or no longer needs this
-/// worker, so the process ends at once. Otherwise, a worker that hangs in a driver would never end.
+/// worker, so the process ends at once, even while a driver hangs.
 fn input_lines() -> Result<Receiver<String>> {
     let (sender, lines) = channel();
     let read = move || {
@@ -139,7 +139,7 @@ fn reply(reply: &Reply) -> Result<()> {
 /// Replies to the current request that the device failed. The crate `ocl` has panicked, and this process will
 /// end.
 fn refuse(reason: &str) {
-    // An error is ignored: if nobody reads the reply, nobody needs the reply.
+    // An error of sending is ignored: if no process reads the reply, no process needs the reply.
     let _ = reply(&Reply::Refused(PointFailure::new(Outcome::LaunchFailed, reason)));
 }
 

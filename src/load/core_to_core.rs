@@ -1,7 +1,7 @@
-//! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A virtual
-//! machine's processors are threads of its host, and the host may move these threads: two of them may share a core, or
-//! run on distant cores. The latency then changes, and so does the speed of all kernels that share data between
-//! work-groups.
+//! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A
+//! virtual machine's processors are threads of its host, and the host may move these threads: two of them may
+//! share a core, or run on distant cores. Each such move changes the core-to-core latency, and the speed of
+//! all kernels that share data between work-groups.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
@@ -14,14 +14,14 @@ use std::time::{Duration, Instant};
 const ROUND_TRIPS: u32 = 100;
 /// The number of timed pieces; the fastest piece is the result.
 const PIECES: u32 = 5;
-/// If the measurement takes longer than this, the processors are assumed to be busy with other programs, and there is
-/// no result.
+/// If the measurement takes longer than `PATIENCE`, the processors are assumed to be busy with other
+/// programs, and the measurement has no result.
 const PATIENCE: Duration = Duration::from_millis(5);
 /// The number of reads of the shared word between two reads of the clock.
 const LOOKS: u32 = 64;
 
-/// The word by which two threads take turns. It shares no cache line with other data; it is aligned to two lines, since
-/// some processors fetch two lines at once.
+/// The word by which two threads take turns. The word shares no cache line with other data. The word is
+/// aligned to two cache lines, since some processors fetch two lines at once.
 #[repr(align(128))]
 struct Word(AtomicU32);
 
@@ -37,7 +37,7 @@ pub fn core_to_core_ns() -> Option<f64> {
     between(two_processors()?, [Builder::new(), Builder::new()])
 }
 
-/// Measures between two processors, with a thread on each of them.
+/// Measures the core-to-core latency between two processors, with a thread on each processor.
 fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Option<f64> {
     let (word, end) = (Word(AtomicU32::new(PING)), Instant::now() + PATIENCE);
     std::thread::scope(|scope| {
@@ -55,7 +55,8 @@ fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Optio
             fastest
         };
         let Ok(timed) = timer.spawn_scoped(scope, timing) else {
-            // The other thread must not wait for a turn that nobody gives back.
+            // Ends the exchange, so that the thread that answers does not wait for a turn that no thread
+            // gives back.
             word.0.store(OVER, Ordering::Release);
             return None;
         };
@@ -74,7 +75,8 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     Some(one_way_ns(start.elapsed()))
 }
 
-/// Returns the mean time of half a round trip in nanoseconds, if the round trips of a piece took this long together.
+/// Returns the mean time of half a round trip in nanoseconds. All round trips of a piece together took
+/// `elapsed`.
 fn one_way_ns(elapsed: Duration) -> f64 {
     elapsed.as_nanos() as f64 / f64::from(2 * ROUND_TRIPS)
 }
@@ -133,7 +135,7 @@ mod tests {
     #[test]
     fn without_one_of_its_threads_there_is_no_result() {
         let Some(processors) = two_processors() else { return };
-        // No address space can hold such a stack.
+        // No address space can hold a stack of this size.
         let refused = || Builder::new().stack_size(1 << (usize::BITS - 1));
         assert_eq!(between(processors, [Builder::new(), refused()]), None);
         assert_eq!(between(processors, [refused(), Builder::new()]), None);

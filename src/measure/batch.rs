@@ -1,8 +1,8 @@
 //! Computes how many frames a sample needs, given the resolution of the device's timer.
 
-/// The shortest pass of a frame, added up over the frames of a batch, should take at least this many steps of
-/// the device's timer. The timer rounds the start and the end of each command of a pass to a step. With this many
-/// steps, the error of the pass's mean time is usually at most a few per cent.
+/// The shortest pass of a frame, added up over the frames of a batch, should take at least `STEPS` steps of
+/// the device's timer. The timer rounds the start and the end of each command of a pass to a step. If the
+/// pass takes at least `STEPS` steps, the error of its mean time is usually at most a few per cent.
 const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since the number of OpenCL events and the length of a queue are limited.
 const MOST: u32 = 256;

@@ -5,18 +5,18 @@ use super::summary::quantile;
 use std::collections::BTreeMap;
 
 /// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
-/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has the
-/// largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a
-/// simulation, 99.9% of the sets of 10 to 200 times from the uniform distribution stayed below this
-/// threshold. Therefore, if the times of a point have one mode, the probability of a dip above the threshold
-/// is at most 1 in 1000. In practice the probability is lower, since distributions of times have tails,
-/// unlike the uniform distribution.
+/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution
+/// has the largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13,
+/// 1985). In a simulation, the dips of 99.9% of the sets of 10 to 200 times from the uniform distribution
+/// stayed below this threshold. Therefore, if the times of a point have one mode, the probability of a dip
+/// above the threshold is at most 1 in 1000. In practice the probability is lower, since distributions of
+/// times have tails, unlike the uniform distribution.
 const DIP_LIMIT: f64 = 0.8;
 const DIP_DECREASE: f64 = 0.75;
-/// [`Modes::of`] returns `None` for fewer times than this.
+/// [`Modes::of`] returns `None` for fewer than `FEWEST` times.
 const FEWEST: usize = 10;
-/// Two modes count as one mode if the slower mode's time exceeds the faster mode's time by at most this
-/// fraction. Without this limit, a timer's steps would look like modes.
+/// Two modes count as one mode if the slower mode's time exceeds the faster mode's time by at most the
+/// fraction `LEAST_DISTANCE`. If closer modes counted, a timer's steps would look like modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
 /// Two values around which times cluster.
@@ -62,9 +62,10 @@ impl Modes {
     }
 
     /// Returns true if there are at least two launches, each launch has at least [`MIN_SAMPLES`] times, and
-    /// no launch has times of both modes. This test can find one slow launch of four even if the launches
-    /// have too few times for a large dip. If all launches are equally fast, the five times of a given launch
-    /// exceed the fifteen times of the three other launches with a probability of only 1 in 15,504.
+    /// no launch has times of both modes. A comparison of launches can find one slow launch of four even if
+    /// the launches have too few times for a large dip. If all launches are equally fast, the five times of a
+    /// given launch exceed the fifteen times of the three other launches with a probability of only 1 in
+    /// 15,504.
     fn are_launches(&self, times_ms: &[f64], launches: &[u32]) -> bool {
         let mut counts: BTreeMap<u32, [usize; 2]> = BTreeMap::new();
         for (launch, ms) in launches.iter().zip(times_ms) {

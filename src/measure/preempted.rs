@@ -8,8 +8,8 @@
 use super::{MIN_SAMPLES, quantile};
 use std::collections::HashMap;
 
-/// A sample counts as preempted if its utilization is less than this fraction of the usual utilization of its point or
-/// anchor. Other programs delayed such a sample by over a tenth.
+/// A sample counts as preempted if its utilization is less than the fraction `LEAST_UTILIZATION` of the usual
+/// utilization of its point or anchor. Other programs delayed a preempted sample by over a tenth.
 const LEAST_UTILIZATION: f64 = 0.9;
 
 /// Returns the ratio of a sample's processor time to its elapsed time. The ratio can be above 1 if several

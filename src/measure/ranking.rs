@@ -8,7 +8,8 @@ pub struct Ranking<T> {
     pub winners: Vec<T>,
     /// Every point with a rank, including the winners: a point with enough samples, none of which has the time 0.
     pub ranked: Vec<T>,
-    /// The other points: those with too few samples or with times of 0. No verdict uses them.
+    /// Every point without a rank: a point with too few samples, or with a time of 0. No verdict uses a point
+    /// without a rank.
     pub unranked: Vec<T>,
 }
 

@@ -4,9 +4,9 @@ use super::MIN_SAMPLES;
 use serde::{Deserialize, Serialize};
 
 /// The noise of a point is the sigma / mean of its samples, and is computed again after each sample. The
-/// noise has settled if this many of the latest noise values agree.
+/// noise has settled if the latest `SETTLING` values of the noise agree.
 const SETTLING: usize = 16;
-/// Noise values agree if their standard deviation is less than this fraction of their mean.
+/// Values of the noise agree if their standard deviation is less than the fraction `SETTLED` of their mean.
 const SETTLED: f64 = 0.05;
 
 /// Decides when a group of points has enough samples in a launch. All points of the group stop together, so each
@@ -69,8 +69,8 @@ impl StoppingRule {
         MIN_SAMPLES.min(self.max_samples)
     }
 
-    /// Returns the reason to stop after a round, or `None` to continue. `points_ms` contains the samples of
-    /// each point. All samples together took `elapsed_ms`.
+    /// Returns the reason to stop after a round, or `None` if another round is needed. `points_ms` contains
+    /// the samples of each point. All samples together took `elapsed_ms`.
     pub fn stop(&self, points_ms: &[Vec<f64>], elapsed_ms: f64) -> Option<StopReason> {
         let rounds = points_ms.iter().map(Vec::len).min().unwrap_or(0);
         if rounds >= self.min_samples.max(2)

@@ -2,7 +2,8 @@
 
 use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 
-/// From this number of degrees of freedom on, the quantiles equal the normal distribution's to four decimals.
+/// From `MANY` degrees of freedom on, the quantiles of Student's t equal those of the normal distribution to
+/// four decimals.
 const MANY: f64 = 1e5;
 
 /// Returns the value below which Student's t lies with the probability `p`. Returns infinity if `degrees` is 0.

@@ -370,7 +370,8 @@ mod tests {
         assert_eq!(after_a_loop(10, 4), 4.0 * (32.0 + (280.0 - 32.0) / 256.0));
     }
 
-    /// A device's native width selects one of these vectors, so a measurement of one device uses no other.
+    /// A measurement compiles the kernel `fma_rate` with vectors of only one width, which depends on the
+    /// device, so this test compiles the kernel with vectors of every width.
     #[test]
     fn vectors_of_every_width_have_as_many_floats_as_are_counted() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
@@ -389,7 +390,8 @@ mod tests {
         }
     }
 
-    /// The walks through the entries end at the same entry in every memory.
+    /// The pointer chases in private and `__local` memory end at the same entry, so their results cannot show
+    /// which memory contains the entries.
     #[test]
     fn only_the_chase_in_local_memory_has_its_entries_there() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

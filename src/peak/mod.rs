@@ -102,7 +102,7 @@ impl Figure {
 }
 
 impl Peak {
-    /// Converts a latency to cycles of the device's highest clock; `None` if that clock is unknown.
+    /// Converts a latency to cycles of the device's highest clock; `None` if the driver reports no clock.
     pub fn cycles(&self, latency_ns: &Figure) -> Option<f64> {
         self.max_clock_mhz.map(|mhz| latency_ns.median * mhz as f64 * 1e-3)
     }
@@ -208,8 +208,9 @@ impl Peak {
 }
 
 /// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many
-/// bytes the test reads. These numbers come from the headers of the strategy's kernel files. The record keeps
-/// these numbers, since a process that reads the record later may know other files.
+/// bytes the test reads. The numbers of operations and bytes come from the headers of the strategy's kernel
+/// files. The record keeps both numbers, since a process that reads the record later may have read other
+/// kernel files.
 pub fn describe_test(record: &mut Record) {
     record.operations_per_test = operations_per_test(&record.strategy);
     if let Some(traffic) = Traffic::by_headers(record) {

@@ -28,11 +28,11 @@ pub struct Rig<'a> {
 
 /// Number of repeats of every measurement.
 const REPEATS: usize = 9;
-/// A kernel launch runs enough loops to take at least this long, so that the timer's resolution and the cost of the
-/// launch are negligible.
+/// A kernel launch runs enough loops to take at least `LONG_ENOUGH_MS`, so that the timer's resolution and
+/// the cost of the launch are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
-/// If a launch takes this long by the host's clock, but no time by the device's clock, the device's clock
-/// does not run.
+/// If a kernel launch takes more than `WITHOUT_TIMES_MS` by the host's clock, but no time by the device's
+/// clock, the device's clock is assumed not to run.
 const WITHOUT_TIMES_MS: f64 = 1000.0;
 /// The reason of a failure if the device's clock does not run.
 pub const NO_TIMES: &str = "by the device's clock, the kernels take no time";
@@ -57,14 +57,15 @@ impl<'a> Rig<'a> {
     }
 
     /// Returns the number of work-items per work-group. The number is 1 on a CPU whose lanes are elements of
-    /// vectors. The number is large on other devices, whose lanes are work-items; these include CPUs that report no
-    /// vectors, with Mesa's driver.
+    /// vectors. The number is large on other devices, whose lanes are work-items. With Mesa's driver, CPUs
+    /// report no vectors, so their lanes are work-items too.
     pub fn group(&self) -> usize {
         let limits = &self.device.info.limits;
         if limits.is_cpu && limits.native_width > 1 { 1 } else { self.large_group() }
     }
 
-    /// Returns a large number of work-items per work-group that the device allows: a power of two.
+    /// Returns a large number of work-items per work-group that the device allows. The number is a power of
+    /// two.
     pub fn large_group(&self) -> usize {
         self.device.info.limits.group(256)
     }
@@ -158,8 +159,8 @@ impl<'a> Rig<'a> {
     pub fn launch(&self, kernel: &Kernel) -> Result<(f64, f64)> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: the kernels of cl/peak/ stay within the buffers that are bound as their arguments. These buffers are
-        // still alive.
+        // SAFETY: the kernels of cl/peak/ stay within the buffers that are bound as their arguments, and
+        // these buffers are still alive.
         unsafe { kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = ms_since(start);
@@ -198,7 +199,7 @@ fn too_many(name: &str, [group, most]: [usize; 2]) -> String {
 /// loops, runs them, and returns the time in milliseconds on the device's clock and on the host's.
 fn looped(mut timed_ms: impl FnMut(i32) -> Result<(f64, f64)>) -> Result<(Vec<f64>, i32)> {
     let mut loops = 256;
-    // This launch is not counted, since the first launch of a kernel may include its compilation.
+    // The first launch of a kernel is not counted, since it may include the kernel's compilation.
     timed_ms(loops)?;
     loop {
         let (device_ms, host_ms) = timed_ms(loops)?;

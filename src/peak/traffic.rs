@@ -29,8 +29,8 @@ pub struct Traffic<'a> {
 impl<'a> Traffic<'a> {
     /// Returns the bytes that one ray-triangle test of a measured point reads. If the point's record states
     /// the triangle's bytes, all values come from the record; the result is `None` if the record lacks one of
-    /// the other values. Records of earlier versions of raycl do not state the triangle's bytes. For such a
-    /// record, the result is that of [`Self::by_headers`].
+    /// the other values. Records of earlier versions of raycl do not state the triangle's bytes; for these
+    /// records, the result is that of [`Self::by_headers`].
     pub fn of(record: &'a Record) -> Option<Self> {
         let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
         Some(Self {

@@ -40,9 +40,9 @@ impl Watch {
         Self { readings, ended }
     }
 
-    /// Returns the mean of the readings from `start` to `end`. If there are none, returns the last reading
-    /// before `start`; `None` if there is no such reading either. The energy is the mean power times
-    /// `frame_ms`, the device time of a frame.
+    /// Returns the mean of the readings from `start` to `end`. If there are no readings in this interval,
+    /// returns the last reading before `start`; `None` if there is no reading before `start` either. The
+    /// energy is the mean power times `frame_ms`, the device time of a frame.
     pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }

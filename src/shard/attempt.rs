@@ -1,6 +1,6 @@
-//! An attempt at a shard: one process, and the folder to which this process writes. No other process writes
-//! to this folder. Attempts therefore need no locks on its files (but they take device locks). A first attempt
-//! that is still running cannot damage the files of a second attempt.
+//! An attempt at a shard: one process, and a folder to which only this process writes. Attempts therefore
+//! need no locks on the files in their folders (but they take device locks). A first attempt that is still
+//! running cannot damage the files of a second attempt.
 
 use super::Shard;
 use crate::device::variables;
@@ -29,15 +29,16 @@ pub struct About {
     pub host: String,
     /// The job's number in the scheduler; "0" if no scheduler sets one.
     pub job: String,
-    /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1); 0 if no scheduler sets the
-    /// count. If an attempt with this number exists, the value is the next free number.
+    /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1); 0 if no scheduler
+    /// sets the count. If an attempt of the same shard, machine and job with this count exists, `restart` is
+    /// the next free number.
     pub restart: u32,
     /// The process's ID.
     pub process: u32,
     /// The time limit for one step of the measurement, in seconds.
     pub hang_limit_s: f64,
-    /// The kinds of device that the attempt measures on. Each is given by the text `Kind::identity`: the platform, the
-    /// device, the driver, and every property of the device that affects times.
+    /// The kinds of device that the attempt measures on. Each kind is given by the text `Kind::identity`: the
+    /// platform, the device, the driver, and every property of the device that affects times.
     pub devices: Vec<String>,
     /// The command line, starting with the program.
     pub command: Vec<String>,
@@ -46,7 +47,7 @@ pub struct About {
     pub folder: Option<String>,
     /// The word in the variable `RAYCL_DEVICE` or in the user's settings that selected the devices. Null if
     /// no such word was used: the command or the config names the devices, or the variable and the settings
-    /// name none. Also null in files of earlier versions.
+    /// name none. In files of earlier versions, the value is also null.
     pub device: Option<String>,
     /// The environment variables that the user had set and that a repetition of the command needs, each as
     /// `NAME=VALUE`; missing in files of earlier versions.
@@ -118,8 +119,8 @@ impl About {
 }
 
 impl Attempt {
-    /// Makes the folder of a new attempt. If the folder for its restart number exists, the attempt gets the next free
-    /// number.
+    /// Makes the folder of a new attempt. If a folder for the attempt's restart number exists, the attempt
+    /// gets the next free restart number.
     pub fn begin(out: &Path, about: &About) -> Result<Self> {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
@@ -158,7 +159,8 @@ impl Attempt {
         Ok(all)
     }
 
-    /// Returns the folders of other attempts at the same shard. Fails like [`all`](Self::all).
+    /// Returns the folders of other attempts at the same shard. Fails in the same cases as
+    /// [`all`](Self::all).
     pub fn earlier(&self, out: &Path) -> Result<Vec<PathBuf>> {
         let shard = |name: &str| name.split('.').next().map(str::to_owned);
         let same = |other: &Self| other.name != self.name && shard(&other.name) == shard(&self.name);
@@ -166,15 +168,15 @@ impl Attempt {
     }
 
     /// Returns the attempt's description; `None` if the attempt was killed before it wrote the description,
-    /// or if the description is not valid JSON. Fails if the system reports an error, so that there may be a
-    /// description.
+    /// or if the description is not valid JSON. Fails if the system reports an error when the description is
+    /// read, since the description may exist nevertheless.
     pub fn about(&self) -> Result<Option<About>> {
         self.read(ABOUT)
     }
 
     /// Returns how the attempt ended; `None` if the attempt is still running or was killed, or if the file
-    /// that says how it ended is not valid JSON. Fails if the system reports an error, so that there may be
-    /// such a file.
+    /// that says how it ended is not valid JSON. Fails if the system reports an error when this file is read,
+    /// since the file may exist nevertheless.
     pub fn end(&self) -> Result<Option<End>> {
         self.read(END)
     }

@@ -55,14 +55,14 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds in a folder, the host first, the others sorted by file name. If the points of several kinds
-    /// have equal keys, only the first of these kinds is returned.
+    /// Returns all kinds in a folder: first the kinds of host, then the other kinds, both sorted by file
+    /// name. If the points of several kinds have equal keys, only the first of these kinds is returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files = existing::entries(&out.join(FOLDER))?;
         files.retain(|path| path.extension().is_some_and(|ending| ending == "jsonl"));
         files.sort();
         // The file of a kind has one line with all points of the kind. A file whose line is damaged or
-        // missing is an error. Without this error, all points of the kind would be left out.
+        // missing is an error, since a merge without this line would leave out all points of the kind.
         let lines = |path: &PathBuf| -> Result<Vec<Self>> {
             let lines = read_lines(path)?.refuse_if_all_damaged(path)?.lines;
             if lines.is_empty() { Err(no_points(path)) } else { Ok(lines) }
@@ -81,9 +81,9 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// Returns, for each kind, a text with its differences from other kinds of the same name, or `None` if no other
-    /// kind has this name. The text lists the parts of the kind's identity that not all kinds of this name have. If
-    /// there are no such parts, the text is "another program".
+    /// Returns, for each kind, a text with its differences from other kinds of the same name, or `None` if no
+    /// other kind has this name. The text lists the parts of the kind's identity that not all kinds of this
+    /// name have. If all kinds of this name have the same parts, the text is "another program".
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {

@@ -13,7 +13,7 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 struct Assignment {
     /// The launcher and its variables, for messages.
     launcher: &'static str,
-    /// The process's number, from 0. If `number` is not `None`, `number` is used instead.
+    /// The process's number, from 0. If `number` is not `None`, raycl uses `number` instead of `rank`.
     rank: u32,
     /// The number of processes that the launcher started; `None` if the launcher does not set this number.
     count: Option<u32>,
@@ -62,7 +62,7 @@ const INNER: [Ranks; 3] = [
 ];
 
 /// Launchers that number whole jobs. Slurm's arrays, which [`array()`] reads, are not in this table. The user
-/// chooses the numbers of a HyperQueue array. These numbers must begin at 1.
+/// chooses the numbers of a HyperQueue array; for raycl, they must begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",

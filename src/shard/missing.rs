@@ -65,11 +65,12 @@ pub struct Wanted<'a> {
 }
 
 /// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no
-/// shard has begun on a selected kind, all points except casters on the host are missing on it. A caster on
-/// the host is missing only if it has no record on any kind of host. If no shard with casters on the host has
-/// begun, all of these casters are missing. Also returns the points that failed. The commands that measure
-/// the points write to the folder `out`, and are made from the commands of the attempts that `abouts`
-/// describe. `outcome` returns the outcome of the record with a key; `None` if there is no such record.
+/// shard has begun on a selected kind, all points except casters on the host are missing on this kind. A
+/// caster on the host is missing only if it has no record on any kind of host. If no shard with casters on
+/// the host has begun, all casters on the host are missing. Also returns the points that failed. The commands
+/// that measure the points write to the folder `out`, and are made from the commands of the attempts that
+/// `abouts` describe. `outcome` returns the outcome of the record with a key; `None` if there is no such
+/// record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,
@@ -145,9 +146,9 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
     format!("{}{label}", kind.device)
 }
 
-/// Returns the plan's casters on the host and the plan's other points, as indices. To divide the plan, the
-/// function uses one kind of device that is not the host: this kind measures all points that are not casters
-/// on the host.
+/// Returns the plan's casters on the host and the plan's other points, as indices. The function takes the
+/// first kind of device that is not the host: the points that this kind measures are the points that are not
+/// casters on the host.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -177,10 +178,10 @@ fn lacking(plan: &ShardPlan, device: String, (lacks, of): (&[usize], usize), sta
     }
 }
 
-/// A command that measures shards, without their numbers.
+/// A command that measures shards, without the shards' numbers.
 struct Start {
-    /// The folder in which the attempt was started; `None` if it is the current folder, does not exist or is
-    /// not known.
+    /// The folder in which the attempt was started; `None` if this folder is the current folder, does not
+    /// exist or is not known.
     folder: Option<PathBuf>,
     /// The environment variables that the user had set, each as `NAME=VALUE`.
     variables: Vec<String>,
@@ -199,8 +200,8 @@ impl Start {
         let about = own.or(abouts.first()).cloned().unwrap_or_default();
         let current = std::env::current_dir().ok();
         let folder = about.folder.map(PathBuf::from);
-        // If this machine does not have the folder in which the attempt was started, the command does not
-        // change to a folder, and the user has to choose a folder.
+        // If this machine does not have the folder in which the attempt was started, the command contains no
+        // `cd`, and the user has to choose the folder.
         let folder = folder.filter(|folder| folder.is_dir() && current.as_ref() != Some(folder));
         // If the command changes to another folder, `--out` needs an absolute path, since a relative path would lead to
         // another folder.
@@ -246,9 +247,10 @@ impl Start {
     }
 }
 
-/// Returns the shell's assignment `NAME=VALUE` of a variable, with the value quoted; `None` if `setting` has no `=`, or
-/// if the variable is not one that [`is_to_be_repeated`] accepts. The user runs the command in a shell, and a stranger
-/// may have written the file from which `setting` comes. Therefore, the command sets no other variables.
+/// Returns the shell's assignment `NAME=VALUE` of a variable, with the value quoted; `None` if `setting` has
+/// no `=`, or if the variable is not one that [`is_to_be_repeated`] accepts. The user runs the command in a
+/// shell, and a stranger may have written the file from which `setting` comes. Therefore, the command sets
+/// only variables that [`is_to_be_repeated`] accepts.
 fn assignment(setting: &str) -> Option<String> {
     let (name, value) = setting.split_once('=')?;
     is_to_be_repeated(name).then(|| format!("{name}={}", quote(value)))
@@ -284,7 +286,7 @@ fn without(command: &[String], option: &str) -> Vec<String> {
 }
 
 /// Returns a command line without the option `--out` and its value. The option's short form may follow short
-/// options that have no value, as in `-qo DIR`. These other options stay.
+/// options that have no value, as in `-qo DIR`; the options before it stay.
 fn without_out(command: &[String]) -> Vec<String> {
     let mut words = Vec::new();
     let mut rest = without(command, "--out").into_iter();
@@ -474,7 +476,7 @@ mod tests {
         assert_eq!((failed.device.as_str(), &failed.points[..]), ("gpu (1)", &["c".to_owned()][..]));
         assert_eq!(failed.command, "raycl --out o --resume --retry-failed --shard 7/16");
         assert_eq!((result.count(), result.kinds[0].points[0].as_str()), (1, "b"));
-        // This attempt was itself started with the options `--resume` and `--retry-failed`.
+        // The attempt in this test was itself started with the options `--resume` and `--retry-failed`.
         let words = ["raycl", "run", "a.toml", "--resume", "--out", "o", "--retry-failed", "--shard=1/4"];
         let expected = "raycl run a.toml --out results --resume --retry-failed --shard 3/4";
         assert_eq!(repeated(None, None, &words, true), expected);

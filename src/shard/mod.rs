@@ -2,11 +2,12 @@
 //! processes. This module splits the plan among the processes, lets each process write to its own folder, and merges
 //! the results.
 //!
-//! `number` and `launcher` find out which shard a process measures. `plan` reads and writes the file that all shards
-//! share. `kind` reads and writes the points of each kind of device. `attempt` makes the folder of one process. With
-//! `pulse`, other processes can see that the process is alive, and `watch` checks that the process's launcher is alive.
-//! `merge` merges attempts into one folder of results. `missing` finds the points that still have to be measured, and
-//! the command that measures them. `status` finds the state of each attempt. `sbatch` makes scripts for Slurm.
+//! `number` and `launcher` find out which shard a process measures. `plan` reads and writes the file that all
+//! shards share. `kind` reads and writes the points of each kind of device. `attempt` makes the folder of one
+//! process. With `pulse`, other processes can see that an attempt's process is alive. `watch` checks that the
+//! launcher of an attempt's process is alive. `merge` merges attempts into one folder of results. `missing`
+//! finds the points that still have to be measured, and makes the commands that measure these points.
+//! `status` finds the state of each attempt. `sbatch` makes scripts for Slurm.
 
 mod attempt;
 mod kind;

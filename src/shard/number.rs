@@ -15,8 +15,8 @@ pub struct Shard {
     pub of: u32,
 }
 
-/// The largest number of shards. Users hardly need so many shards, so a larger number is probably a typing
-/// mistake.
+/// The largest number of shards. Users hardly need more than `MOST` shards, so a larger number is probably a
+/// typing mistake.
 const MOST: u32 = 100_000;
 
 impl Shard {

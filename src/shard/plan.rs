@@ -1,5 +1,5 @@
 //! `shards.json`: the data that all shards of an experiment share. The shard that starts first, whatever its
-//! number, writes the file. The other shards read the file.
+//! number, writes the file. Shards that start later read the file.
 
 use crate::error::{Error, Result};
 use crate::existing;
@@ -9,7 +9,8 @@ use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The data that must be equal for all shards, except for the config's path and the version of raycl.
+/// The data that shards compare. The number of shards, the config, its overrides, the scenes and the kernels
+/// must be equal for all shards; the config's path and the version of raycl may differ.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// Number of shards.
@@ -35,7 +36,7 @@ pub struct Header {
 /// part measures all points, except for casters on the host, which any host measures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShardPlan {
-    /// The data that each shard compares with its own.
+    /// The data about the plan's inputs, which each shard compares with its own inputs.
     #[serde(flatten)]
     pub header: Header,
     /// The points in a readable form: scene, size, strategy, local size.
@@ -62,8 +63,8 @@ impl ShardPlan {
         if write_new(&path(out), &text)? {
             return Ok(plan);
         }
-        // Another shard wrote its plan first. All shards must use the plan that was written first: the two
-        // plans may have different blocks, since the expected times may differ.
+        // Another shard wrote its plan first. All shards must use the plan that was written first, since the
+        // plans of two shards may have different blocks, because the expected times may differ.
         let first = Self::read(out)?.ok_or_else(|| {
             Error::run(format!(
                 "{SHARDS} was deleted from {} while this shard started; start the shard again",

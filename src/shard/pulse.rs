@@ -22,10 +22,10 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// The contents of the counter's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// The number of counts so far. The process counts once per second.
+    /// The number of counts so far. The attempt's process counts once per second.
     pub beats: u64,
-    /// The number of counts since the last step, or since the attempt last waited for another process. The
-    /// other process may be using a device, or measuring the device's peak rates for the attempt.
+    /// The number of counts since the last step, or since the attempt last waited for another process (a
+    /// process that uses the device, or that measures the device's peak rates for the attempt).
     pub quiet: u64,
     /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
     /// points that have finished.

@@ -20,14 +20,14 @@ pub struct Wishes {
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// True if every point was measured in an earlier run. Otherwise, the expected time is a guess.
+    /// True if every point was measured in an earlier run. If false, the expected time is a guess.
     pub is_known: bool,
 }
 
-/// If the longest shard takes at least this long, or if its time is a guess, the shards become elements of a
-/// job array. Slurm starts the elements of an array one after another, and takes a few seconds for each
-/// element. Slurm can requeue a single element. Shorter shards become tasks of one job step, which all start
-/// at the same time.
+/// If the longest shard takes at least the time `WORTH_AN_ELEMENT`, or if its time is a guess, the shards
+/// become elements of a job array. Slurm starts the elements of an array one after another, and takes a few
+/// seconds for each element. Slurm can requeue a single element. Shorter shards become tasks of one job step,
+/// which all start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
 /// Returns a shell script that submits the scripts of the shards and of the merge. The command `sbatch` reads

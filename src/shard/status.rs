@@ -14,8 +14,8 @@ pub enum State {
     /// The attempt has made its folder, but its counter has not started yet.
     Begun,
     /// The attempt's counter increases, and the attempt is not hung: within the time limit of a step, it has
-    /// made progress or has waited for another process. The other process may be using a device, or measuring
-    /// the device's peak rates for the attempt.
+    /// made progress or has waited for another process (a process that uses the device, or that measures the
+    /// device's peak rates for the attempt).
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
     /// The value is the number of seconds without progress.
@@ -34,7 +34,8 @@ pub struct Status {
     pub name: String,
     /// The attempt's state.
     pub state: State,
-    /// The attempt's counter at the second reading. All its numbers are 0 if the attempt has not counted yet.
+    /// The attempt's counter at the second reading. All numbers of the counter are 0 if the attempt has not
+    /// counted yet.
     pub beat: Beat,
 }
 

@@ -1,6 +1,6 @@
 //! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not
 //! look for the step's processes again. Without this check, a process of a lost step would go on measuring
-//! the same points as its replacement. A merge would use only one record of each of these points.
+//! the same points as the process that replaces it, although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};
@@ -9,8 +9,8 @@ use std::time::Duration;
 
 /// The time between two checks of the launcher.
 const LOOK_UP: Duration = Duration::from_millis(500);
-/// Launchers, and programs that start processes on a machine for a launcher. Such a program need not be the parent of
-/// this process: it may have started a shell that started this process.
+/// Launchers, and programs that start processes on a machine for a launcher. A launcher need not be the
+/// parent of this process: the launcher may have started a shell that started this process.
 const LAUNCHERS: [&str; 12] = [
     "slurmstepd",
     "orted",
@@ -30,12 +30,13 @@ const LAUNCHERS: [&str; 12] = [
 /// may end before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
-/// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the
-/// thread records the loss in the attempt's folder and ends the process with exit code 1. The workers end with the
-/// process, and the points that are being measured get no record. Nothing is checked in three cases. In the first case,
-/// no process in the chain of parents is a known launcher, the parent is a shell, and the user gave the shard's number.
-/// In the second case, the parent is process 1, the first process of a container or of the system: all other processes
-/// end with this process. The third case is a system other than Linux.
+/// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is
+/// lost, the thread records the loss in the attempt's folder and ends the process with exit code 1. The
+/// workers end with the process, and the points that are being measured get no record. No launcher is checked
+/// if no process in the chain of parents is a known launcher, the parent is a shell, and the user gave the
+/// shard's number. No launcher is checked either if the parent is process 1, the first process of a container
+/// or of the system: all other processes end with process 1. On systems other than Linux, no launcher is ever
+/// checked.
 ///
 /// # Errors
 ///
@@ -49,7 +50,8 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) -> Result<()> {
         loop {
             std::thread::sleep(LOOK_UP);
             if let Some(lost) = chain.lost() {
-                // If the folder cannot be written to, only the message below reports the loss.
+                // If the attempt's folder cannot be written to, only the message below reports the loss of
+                // the launcher.
                 let _ = attempt.ended(&End::LauncherLost(lost.clone()));
                 // Standard error may be a pipe whose reader, the launcher, has ended; `tell` ignores errors.
                 printer::tell(printer::plain(&format!(
@@ -63,7 +65,7 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) -> Result<()> {
     std::thread::Builder::new().spawn(watch).map(drop).map_err(|error| Error::no_thread(&error))
 }
 
-/// A process. Its start time distinguishes it from a later process with the same ID.
+/// A process. The start time distinguishes a process from a later process with the same ID.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Process {
     id: u32,
@@ -73,7 +75,7 @@ struct Process {
 }
 
 /// The chain of processes from this process's parent up to the launcher, the first ancestor that is one of
-/// [`LAUNCHERS`]. If there is no such ancestor, the chain contains at most the parent.
+/// [`LAUNCHERS`]. If no ancestor is a launcher, the chain contains at most the parent.
 #[derive(Clone, Debug, Default)]
 struct Chain(Vec<Process>);
 
@@ -160,7 +162,8 @@ mod tests {
             process(7, "slurmstepd", 1, "2"),
             process(20, "bash", 19, "5"),
             process(19, "sshd", 1, "4"),
-            // In a container, the first process may be a launcher. The container ends with it, so it is not watched.
+            // In a container, the first process may be a launcher. A container ends with its first process,
+            // so raycl does not check whether the first process has ended.
             process(1, "mpirun", 0, "1"),
         ];
         let read = |id: u32| table.iter().find(|process| process.id == id).cloned();

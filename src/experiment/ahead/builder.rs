@@ -7,21 +7,21 @@ use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// The two spawners from which a builder starts its child processes. A thread of the run lets these processes
-/// build one program after another.
+/// The two spawners (objects that start processes) from which a builder starts its child processes. A thread
+/// of the run lets the builder's child processes build one program after another.
 pub struct Builder {
-    /// Starts the usual processes, which use the driver's cache of programs. The processes store machine code in this
-    /// cache, so that the workers that measure do not generate the code again.
+    /// Starts the usual processes, which use the driver's cache of programs. The usual processes store
+    /// machine code in the driver's cache, so that the workers that measure do not generate the code again.
     pub usual: Box<dyn Spawner + Send>,
     /// Starts processes that do not use the driver's cache, for programs that an earlier process stored in
-    /// this cache. With the cache, the driver would not compile these programs again, and would not print
-    /// their numbers of registers.
+    /// this cache. A driver that finds a program in its cache does not compile the program again, and does
+    /// not print the program's number of registers.
     pub without_driver_cache: Box<dyn Spawner + Send>,
 }
 
-/// How long to wait for a process.
+/// How long a builder waits for a reply of one of its processes.
 pub struct Patience<'a> {
-    /// The longest time for one reply.
+    /// The longest time that a process may take for one reply.
     pub limit: Duration,
     /// Becomes true when the user ends the run.
     pub interrupted: &'a AtomicBool,
@@ -39,14 +39,14 @@ impl Pool {
         Self { spawner, workers: HashMap::new() }
     }
 
-    /// Lets a process build a program, and returns the result; `None` if the program was not built. If a process died
-    /// or hung, the next program gets a new process.
+    /// Lets a process build a program, and returns the result; `None` if the program was not built. If the
+    /// process died or hung, a new process builds the next program of the same job.
     pub fn build(&mut self, order: &Order, patience: &Patience<'_>) -> Option<Built> {
         let job = order.program.job;
         let mut worker = self.workers.remove(&job).or_else(|| self.start(job, patience))?;
         worker.send(&Request::Build { point: order.point });
         let reply = patience.wait(worker.as_mut())?;
-        // A process sends this reply if its device breaks down, and then ends.
+        // A process sends the reply `Refused` if its device breaks down, and then ends.
         if matches!(reply, Reply::Refused(_)) {
             return None;
         }
@@ -57,16 +57,17 @@ impl Pool {
         }
     }
 
-    /// Ends the processes. The next program gets a new process.
+    /// Ends all processes of the pool. A new process builds the next program.
     pub fn end(&mut self) {
-        // Dropping a process waits for its end, so all processes are first told to end.
+        // Dropping a `Worker` waits until its process has ended. All processes are told to end first, so that
+        // they end at the same time.
         self.workers.values_mut().for_each(|worker| worker.dismiss());
         self.workers.clear();
     }
 
-    /// Starts a process and waits until its device is open. Returns `None` if the process or the device
-    /// cannot be started. If the cause persists, the worker that measures on the same device cannot start
-    /// either, and the run reports the error.
+    /// Starts a process and waits until its device is open. Returns `None`, without reporting an error, if
+    /// the process or the device cannot be started. If the cause of the failure persists, the worker that
+    /// measures on the same device cannot start either, and the run reports that error.
     fn start(&mut self, job: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
         let mut worker = self.spawner.spawn(job).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)

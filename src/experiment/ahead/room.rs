@@ -7,10 +7,10 @@ use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 /// programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
-    /// The largest number of builders that may build programs for the scene at the same time. It is at least 1.
+    /// The largest number of builders that may build programs for the scene at the same time; at least 1.
     pub builders: usize,
     /// The number of builders that would fit if their processes needed memory only for the scene, and not for
-    /// the program and the driver. It is at least 1.
+    /// the program and the driver; at least 1.
     pub scenes: usize,
 }
 
@@ -24,8 +24,8 @@ impl Room {
     /// Each process of a builder holds the scene and the scene's tree, in the memory of the host and of one
     /// device. A builder has a process for each device and each folder of kernels (`devices` and `folders`
     /// are their numbers). All builders together may use half of the `available_bytes` of the host's memory,
-    /// and half of a device's memory. The other half is left for the workers that measure. A few builders
-    /// also need it for second processes, which compile programs without the driver's cache.
+    /// and half of a device's memory. The other half of each memory is left for the workers that measure, and
+    /// for the second processes with which a few builders compile programs without the driver's cache.
     pub fn of(
         strategy: &Strategy,
         workload: &Workload,

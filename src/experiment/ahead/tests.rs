@@ -229,9 +229,9 @@ fn a_gpu_that_two_drivers_list_is_paused_for_both() {
     assert_eq!(may_build(), [false; 2]);
 }
 
-/// A program that traverses a tree is compiled for one scene and for one way of building trees. A version of
-/// raycl that builds trees in another way must not use the stored program, so this version gives the program
-/// another name.
+/// A program that traverses a tree is compiled for one scene and for one way of building trees. Two versions
+/// of raycl that build trees in different ways must not share stored programs, so they give these programs
+/// different names.
 #[test]
 fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
     let name =

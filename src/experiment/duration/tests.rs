@@ -6,15 +6,17 @@ use crate::launch::FrameTimes;
 use crate::measure::StopReason;
 use crate::record::LaunchEnd;
 
-/// The earlier times of three points. The first two points were sampled four times per launch. The number
-/// of rounds of the third point is unknown, so the estimate assumes four rounds for this point too.
+/// The earlier times of three points. The first two of the three points were sampled four times per launch.
+/// The number of rounds of the third point is unknown, so the estimate assumes four rounds for this point
+/// too.
 const POINTS: [Known; 3] = [
     Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
     Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },
     Known { sample_ms: 13.0, check_ms: [70.0, 100.0], rounds: None },
 ];
 
-/// Returns the expected time of the points, in this many launches with this many warm-up frames.
+/// Returns the expected time of the points in [`POINTS`], in `launches` launches with `warmup` warm-up frames
+/// each.
 fn group_ms(launches: u32, warmup: u32) -> f64 {
     let timing = format!("timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}");
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));

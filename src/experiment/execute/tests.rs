@@ -27,7 +27,7 @@ const NEVER: usize = usize::MAX;
 struct Answering {
     jobs: Arc<Mutex<Vec<usize>>>,
     requests: Arc<AtomicUsize>,
-    /// At this number of requests, the user interrupts the run.
+    /// When the workers have received `interrupts_at` requests, the user interrupts the run.
     interrupts_at: usize,
     interrupted: Arc<AtomicBool>,
     /// The outcome of every check, and its reason.
@@ -37,14 +37,15 @@ struct Answering {
     passes_once: bool,
     /// True if workers refuse to cast any frame of a point that has passed its check.
     refuses: bool,
-    /// The hashes in the requests to workers. A picture with this hash need not be compared again.
+    /// The hash in each request to a worker. A picture with the hash in the request need not be compared
+    /// again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
     /// The number of workers that had been started at the first request.
     at_first: Arc<AtomicUsize>,
-    /// If this counter exists, each worker adds 1 to it at the worker's first request, and then waits until the counter
-    /// is 2.
+    /// A counter, if the test needs one. At its first request, each worker adds 1 to the counter, and then
+    /// waits until the counter is 2.
     gathering: Option<Arc<AtomicUsize>>,
 }
 
@@ -350,7 +351,7 @@ fn a_record_whose_launches_all_ended_in_earlier_sessions_says_why_the_last_one_e
         record.stop_reason
     };
     assert_eq!(reason().as_deref(), Some("precise"));
-    // Earlier versions of raycl did not write this file.
+    // Earlier versions of raycl did not write `launches.jsonl`.
     std::fs::remove_file(folder.path().join("launches.jsonl")).unwrap();
     assert_eq!(reason().as_deref(), Some("precise"));
 }
@@ -424,7 +425,7 @@ fn programs_are_built_while_points_are_timed_only_if_no_point_needs_the_cores() 
 }
 
 /// Runs an experiment on the scenes `a.toml` and `b.toml` in a folder. Returns true if the summary says that
-/// their contents are equal.
+/// the contents of the two scenes are equal.
 fn says_that_scenes_are_equal(folder: &Path) -> bool {
     let text = format!(
         "question = '?'\nexpectation = '!'\nscenes = ['a.toml', 'b.toml']\nimage_sizes = [[8, 5]]\n\
@@ -477,7 +478,8 @@ fn a_run_on_two_devices_stores_and_tells_what_a_run_on_one_does() {
     assert_eq!((workers.requests.load(Ordering::Relaxed), heard.resumed), (before, vec![[3, 6]]));
 }
 
-/// Two devices measure the casters on the host first. Here, nothing else is left to measure.
+/// A run on two devices measures the casters on the host first. In this test, no other points are left to
+/// measure.
 #[test]
 fn an_interruption_of_a_caster_on_the_host_ends_a_run_on_two_devices() {
     let folder = tempfile::tempdir().unwrap();

@@ -18,10 +18,11 @@ pub(super) fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Takes the locks `devices`. While other processes hold these locks, the sink (the receiver of results and
-/// messages) is told that the run waits: by a line at the first wait for a process, and as the current work at
-/// later waits for the same process. During these waits, builders (processes that compile programs) begin no
-/// program for the devices, because compiling would disturb the other processes' measurements.
+/// Takes the locks `devices`. While another process holds one of the locks, this function tells the sink (the
+/// receiver of results and messages) that the run waits: by a line at the first wait for this other process,
+/// and as the current work at later waits for the same process. While the run waits for a lock, builders
+/// (processes that compile programs) begin no program for the devices with these locks, because compiling
+/// would disturb the other processes' measurements.
 pub(super) fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,
@@ -43,8 +44,8 @@ pub(super) fn take_locks(
     let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
     // Builders (processes that compile programs) may start to compile programs again, even if the locks could
     // not be taken. With `--spread`, each device has a thread of its own, and the run ends only when all
-    // these threads have ended. The thread of another device with the same lock may be waiting for a program
-    // that a builder has to build.
+    // these threads have ended. If builders stayed paused, the thread of another device with the same lock
+    // might wait for a program that no builder builds.
     run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
     held
 }

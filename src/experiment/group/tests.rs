@@ -280,8 +280,8 @@ fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
 }
 
 /// Returns the launches of each record's samples. Three launches were measured earlier, and two are
-/// requested. The core-to-core latency was 180 ns in the first of these launches, 20 ns in the second, and 25
-/// ns in the third.
+/// requested. The core-to-core latency was 180 ns in the first of the three earlier launches, 20 ns in the
+/// second, and 25 ns in the third.
 fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
@@ -498,7 +498,8 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     let possible = before - 5.1e-4..after + 5.1e-4;
     assert!(possible.contains(&taken.at_ms), "{} {possible:?}", taken.at_ms);
     assert!((taken.at_ms * 1e3 - (taken.at_ms * 1e3).round()).abs() < 1e-6, "{}", taken.at_ms);
-    // In a short round, the load of other processes cannot be measured. Some systems do not report the load at all.
+    // In a short round, the load of other processes cannot be measured. Some systems do not report the load
+    // of other processes at all.
     while cfg!(target_os = "linux") && timed.sink.loads.is_empty() {
         assert!(start.elapsed() < Duration::from_secs(120), "the load is never told");
         std::thread::sleep(Duration::from_millis(20));

@@ -34,8 +34,9 @@ pub(super) struct Timed<'b, 's, K> {
     pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
-    /// For each job (the task of the workers of one device): the number of samples since the device's anchor was last
-    /// run. This number determines when the anchor is run again. A job whose anchor has not been run yet has no entry.
+    /// For each job (the task of the workers of one device): the number of samples since the device's anchor
+    /// was last run. The number of samples determines when the anchor is run again. A job whose anchor has
+    /// not been run yet has no entry.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -59,9 +60,9 @@ impl Latency {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
     }
 
-    /// Waits until the processors run at their usual distance from each other. The launch began `elapsed`
-    /// ago. The wait ends early if the launch has used up its time for waits (see [`patience`]). Calls
-    /// `begins` if there is a wait.
+    /// Waits until this virtual machine's processors run on cores at their usual distance from each other.
+    /// The launch began `elapsed` ago. The wait ends early if the launch has used up its time for waits (see
+    /// [`patience`]). Calls `begins` if there is a wait.
     fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
         let Some((_, last)) = self.last.filter(|(_, last)| !is_near(*last, near_ns)) else { return };
         let (start, most) = (Instant::now(), patience(elapsed, self.waited));
@@ -74,9 +75,9 @@ impl Latency {
         self.waited += start.elapsed();
     }
 
-    /// Returns the larger of the two readings before and after a sample that has just ended, in nanoseconds. If the
-    /// last reading is more recent than [`READING_EVERY`], no new reading is taken, and the last reading is returned.
-    /// Returns `None` if no reading is known.
+    /// Returns the larger of two readings of the core-to-core latency, before and after a sample that has
+    /// just ended, in nanoseconds. If the last reading is more recent than [`READING_EVERY`], no new reading
+    /// is taken, and the last reading is returned. Returns `None` if no reading is known.
     fn around_sample(&mut self) -> Option<f64> {
         let (at, before) = self.last?;
         if at.elapsed() < READING_EVERY {
@@ -91,9 +92,9 @@ impl Latency {
 /// What a run says while it waits for near processors.
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
-/// A device's anchor is run at least once for this many samples of points. With this number, the anchor's
-/// time is known more precisely than a point's time, but the anchor takes little time compared with the
-/// samples.
+/// A device's anchor is run at least once for `CASTS_PER_ANCHOR` samples of points. The number is small
+/// enough that the anchor's time is known more precisely than a point's time, and large enough that the
+/// anchor takes little time compared with the samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
@@ -110,11 +111,11 @@ impl<K: ResultSink> Timed<'_, '_, K> {
     }
 
     /// Runs the anchor of a point's device if the anchor is due. The anchor is first run after the device's
-    /// first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has fewer samples on
-    /// the device, the anchor is run once in every round. A launch has at least five rounds, so the anchor is
-    /// run at least five times, as often as an interval needs. The function does nothing in a run with a
-    /// single launch, which is too short to need the anchor. If the anchor fails, the user is told why, and
-    /// new workers repeat the launch.
+    /// first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has fewer than
+    /// [`CASTS_PER_ANCHOR`] samples on the device, the anchor is run once in every round. A launch has at
+    /// least five rounds, so the anchor is run at least five times, as often as an interval needs. The
+    /// function does nothing in a run with a single launch, which is too short to need the anchor. If the
+    /// anchor fails, the user is told why, and new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.launches() > 1) else {
@@ -129,10 +130,10 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         }
         self.casts.insert(pending.job, 0);
-        // If points are distributed over devices of the same model, these devices do equal work. All their
-        // anchors therefore have the name of the first device's anchor, just as the points on these devices
-        // have equal keys. With different names, blocks that different devices measured could not be compared
-        // by their anchors.
+        // If points are distributed over devices of the same model, these devices do equal work. The anchors
+        // of these devices therefore all have the name of the first device's anchor, just as the points on
+        // these devices have equal keys. If the anchors had different names, blocks that different devices
+        // measured could not be compared by their anchors.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,

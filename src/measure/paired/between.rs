@@ -8,28 +8,28 @@ use super::error::Error;
 /// logarithms: of the logarithm of a time or, where a function says so, of a ratio of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
-    /// From run to run, the times of all points on one kind of device are multiplied by a common factor. This
-    /// field is the standard deviation of the factor's logarithm. The factor cancels in ratios of these
-    /// times.
+    /// From run to run, the times of all points on one kind of device are multiplied by a common factor. The
+    /// field `shared` is the standard deviation of the common factor's logarithm. The common factor cancels
+    /// in ratios of times on the same kind of device.
     pub shared: f64,
-    /// From run to run, the time of each point is also multiplied by a factor of its own. This field is the
-    /// standard deviation of this factor's logarithm.
+    /// From run to run, the time of each point is also multiplied by a factor of its own. The field `own` is
+    /// the standard deviation of the logarithm of a point's own factor.
     pub own: f64,
 }
 
 impl BetweenRuns {
-    /// The variation of times on CPUs from run to run. These values apply to kernels that an OpenCL driver
-    /// runs on a CPU, and to baselines, which run on the host without OpenCL. The values were measured with
-    /// two experiments. Each experiment was run several times on quiet virtual machines of two cores
-    /// (docs/log.md, 2026-11-23 and 2026-11-25).
+    /// The variation of times on CPUs from run to run. The values of `ON_PROCESSORS` apply to kernels that an
+    /// OpenCL driver runs on a CPU, and to baselines, which run on the host without OpenCL. The values were
+    /// measured with two experiments. Each experiment was run several times on quiet virtual machines of two
+    /// cores (docs/log.md, 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
     /// The variation of times on all other devices from run to run. The values were measured with one
     /// experiment, in four series of runs on GPUs (docs/log.md, 2026-11-23 and 2026-11-25). Records of
     /// earlier runs, which were made on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
-    /// Returns the error that the differences between runs add to a time: the mean over several points on the
-    /// same kind of device. `points` is the number of these points.
+    /// Returns the error that the differences between runs add to the mean time of `points` points on the
+    /// same kind of device.
     pub(super) fn of_level(self, points: usize) -> Error {
         known(self.shared.powi(2) + self.own_variance(points))
     }
@@ -43,15 +43,15 @@ impl BetweenRuns {
     }
 
     /// Returns the error that the own factors of `points` points add to the mean time of these points. If the
-    /// mean time is divided by a reference time, only this ratio has this error. Ratios of other points to
-    /// the same reference time do not have this error.
+    /// mean time is divided by a reference time, the own factors of the `points` points affect only this
+    /// ratio, and not the ratios of other points to the same reference time.
     pub(super) fn of_points(self, points: usize) -> Error {
         known(self.own_variance(points))
     }
 
     /// Returns the variance that the differences between runs add to all ratios to the same reference time,
-    /// which is the mean time of `points` points. This variance comes from the own factors of these points
-    /// and, if `reference` is another kind of device, from the shared factors of both kinds.
+    /// which is the mean time of `points` points. The variance comes from the own factors of the `points`
+    /// points and, if `reference` is another kind of device, from the shared factors of both kinds.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }
@@ -84,7 +84,8 @@ mod tests {
     fn a_time_has_both_factors_and_a_ratio_only_those_of_its_points() {
         assert!((SLOW_HOURS.of_level(1).error - 0.05).abs() < 1e-12);
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [1, 1]).error - 0.03 * 2.0_f64.sqrt()).abs() < 1e-12);
-        // The mean of nine points' own factors has a third of the standard deviation of one such factor.
+        // The mean of nine points' own factors has a third of the standard deviation of one point's own
+        // factor.
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [9, 9]).error - 0.01 * 2.0_f64.sqrt()).abs() < 1e-12);
         for points in [[1, 9], [9, 1]] {
             assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, points).error - 0.01 * 10.0_f64.sqrt()).abs() < 1e-12);

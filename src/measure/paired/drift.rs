@@ -7,9 +7,9 @@ use std::collections::HashSet;
 /// Number of iterations of the median polish. In practice, the third and later iterations change the values
 /// only by rounding.
 const ITERATIONS: usize = 5;
-/// The machine's speed at a sample is estimated from at most this many samples before the sample, and from as
-/// many samples after the sample. A machine stays at one speed for tens of samples, so most of these samples
-/// were measured at the same speed.
+/// The machine's speed at a sample is estimated from at most `MOST_NEIGHBOURS` samples before the sample, and
+/// from as many samples after the sample. A machine stays at one speed for tens of samples, so most of these
+/// samples were measured at the same speed.
 const MOST_NEIGHBOURS: usize = 6;
 
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
@@ -17,13 +17,13 @@ const MOST_NEIGHBOURS: usize = 6;
 ///
 /// The function assumes that the logarithm of a sample's time is the sum of two terms: the level of the
 /// sample's point, and the machine's drift at the moment of the sample. The level is the same for all samples
-/// of this point in the launch. A median polish (Tukey 1977) separates the two terms by repeating two steps.
-/// The first step subtracts the drift from the logarithms, and computes each level as the median of what
-/// remains of the point's samples. The second step subtracts the levels from the logarithms, and computes the
-/// drift as a running median of what remains. The running median at a sample includes this sample and its
-/// neighbours in time, which may belong to any point. The drift has a value for every sample, so it also
-/// follows a change of speed within a round. If a change slows all points equally, subtracting the drift
-/// removes this change.
+/// of this point in the launch. A median polish (Tukey 1977) separates the levels from the drift by repeating
+/// two steps. The first step subtracts the drift from the logarithms, and computes each level as the median
+/// of what remains of the point's samples. The second step subtracts the levels from the logarithms, and
+/// computes the drift as a running median of what remains. The running median at a sample includes this
+/// sample and its neighbours in time, which may belong to any point. The drift has a value for every sample,
+/// so the drift also follows a change of the machine's speed within a round. If a change slows all points
+/// equally, subtracting the drift removes this change.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = samples.iter().map(|sample| sample.point).collect::<HashSet<_>>().len();

@@ -21,8 +21,8 @@ pub struct Interval {
     pub error: f64,
     /// Degrees of freedom of the standard error `error`, for Student's t.
     pub degrees: f64,
-    /// The largest amount by which the estimate's logarithm may be wrong, in either direction, for a reason that the
-    /// samples do not show. Each end of the interval is moved outwards by this amount.
+    /// The largest amount by which the estimate's logarithm may be wrong, in either direction, for a reason
+    /// that the samples do not show. Each end of the interval is moved outwards by the amount `bias`.
     pub bias: f64,
 }
 
@@ -40,9 +40,10 @@ impl Interval {
     /// Returns the geometric mean of independent values; `None` if `all` is empty. Each value is weighted by
     /// the inverse of its variance, so that an uncertain value has little weight. For the weights, the square
     /// of a value's bias is added to its variance. The variances are only estimates, which makes the mean
-    /// less certain. The error of the result includes this uncertainty, by equation 1 of Meier, "Variance of
-    /// a weighted mean" (Biometrics 9, 1953). The biases of the values may all have the same sign, so they do
-    /// not average out. The bias of the mean is therefore the weighted mean of these biases.
+    /// less certain. The error of the result includes the uncertainty of the variances, by equation 1 of
+    /// Meier, "Variance of a weighted mean" (Biometrics 9, 1953). The biases of the values may all have the
+    /// same sign, so they do not average out. The bias of the mean is therefore the weighted mean of these
+    /// biases.
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without `LEAST_ERROR`, a value with neither error nor bias would have an infinite weight.
         let weight = |one: &Self| one.error.hypot(one.bias).max(LEAST_ERROR).powi(-2);
@@ -59,8 +60,9 @@ impl Interval {
 
     /// Returns this value divided by a factor that is not known exactly. The factor's logarithm lies between
     /// 0 and `log`, which may be negative. The estimate is divided by the factor whose logarithm is half of
-    /// `log`. The true factor may differ from this factor in the same direction in all samples. Half of `log`
-    /// is therefore added to the bias, and not to the standard error, which would average out.
+    /// `log`. In all samples, the true factor may differ in the same direction from the factor by which the
+    /// estimate is divided. Half of `log` is therefore added to the bias, and not to the standard error:
+    /// standard errors average out in a mean.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         biased(self.middle.ln() - 0.5 * log, self.error(), self.bias + 0.5 * log.abs())

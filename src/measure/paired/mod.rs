@@ -1,6 +1,6 @@
 //! Compares points by samples that were measured close in time, over several launches of the worker processes.
 //!
-//! The usual interval of a median treats all samples as independent. This interval is too narrow for two
+//! The usual interval of a median treats all samples as independent. The usual interval is too narrow for two
 //! reasons. First, a machine changes its speed for seconds at a time, so samples are not independent. Second,
 //! some conditions are random but constant within a launch (addresses, placement of threads, the kernel's
 //! binary), so the samples of one launch cannot show the effect of these conditions. Therefore, following
@@ -17,20 +17,21 @@
 //!    spread of a pair of points (two degrees of freedom). Therefore the pair's own variance is averaged with
 //!    the variance of a usual pair, which follows from the variances of all points (a moderated variance,
 //!    after Smyth 2004). The pair's own variance has (launches - 1) degrees of freedom. The variance of a
-//!    usual pair adds at most six degrees of freedom. It adds fewer degrees of freedom if the group has few
-//!    other points, or if the variances of the points differ much from each other ([`prior`]). It adds no
-//!    degrees of freedom if the group has fewer than four points, or if the pair's own variance is more than
-//!    twice as large as that of a usual pair. Student's t gives the interval ([`spread`]). If an anchor runs
-//!    on processors (CPUs), only the pair's own variance is used for a point's ratio to this anchor.
+//!    usual pair adds at most six degrees of freedom. The variance of a usual pair adds fewer degrees of
+//!    freedom if the group has few other points, or if the variances of the points differ much from each
+//!    other ([`prior`]). The variance of a usual pair adds no degrees of freedom if the group has fewer than
+//!    four points, or if the pair's own variance is more than twice as large as that of a usual pair.
+//!    Student's t gives the interval ([`spread`]). If an anchor runs on processors (CPUs), only the pair's
+//!    own variance is used for a point's ratio to this anchor.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the
-//!    ratio of two points, these effects cancel. Each group of points has a table of its own. The point's own
-//!    spread between launches is first averaged with the spread of all points in the point's own table. The
-//!    result is then averaged with the spread between launches in the tables of other groups of the same run.
-//!    Only groups that were measured on the same machine and devices, in the same number of launches (at
-//!    least two), are used. The degrees of freedom of a median's interval are the number of launches less
-//!    one, plus at most six from all other tables together. The other points of the point's own table add no
-//!    degrees of freedom. As in step 2, the point's own variance is not averaged with a variance that is less
-//!    than half as large.
+//!    ratio of two points, effects that are equal for all points cancel. Each group of points has a table of
+//!    its own. The point's own spread between launches is averaged first with the spread of all points in the
+//!    point's own table, and then with the spread between launches in the tables of other groups of the same
+//!    run. Only the tables of groups that were measured on the same machine and devices, in the same number
+//!    of launches (at least two), are used. The degrees of freedom of a median's interval are the number of
+//!    launches less one, plus at most six from all other tables together. The other points of the point's own
+//!    table add no degrees of freedom. As in step 2, the point's own variance is not averaged with another
+//!    variance that is less than half as large.
 //! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
 //!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
 //!    every interval ([`between`]).
@@ -65,8 +66,8 @@ use sample::by_point;
 use spread::Pooled;
 use std::collections::BTreeMap;
 
-/// Number of parts into which a point's samples are split if there is a single launch. Points with fewer samples are
-/// left out before, so no part is empty.
+/// Number of parts into which a point's samples are split if there is a single launch. Points with fewer than
+/// `PARTS` samples are left out before, so no part is empty.
 const PARTS: usize = MIN_SAMPLES;
 
 /// The comparison of points that were measured together.
@@ -138,7 +139,8 @@ impl Standing {
     }
 
     /// Returns the ratio like [`Self::ratio`]. The time of `reference` differs from run to run, which adds
-    /// the same error to all ratios to `reference`. This error is stored separately (see [`Relative`]).
+    /// the same error to all ratios to `reference`. The error that `reference` adds is stored separately (see
+    /// [`Relative`]).
     pub fn relative_to(&self, reference: &Self) -> Relative {
         let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
         let common = self.between.variance_of_reference(reference.between, reference.points);
@@ -147,8 +149,8 @@ impl Standing {
 
     /// Returns the error of a ratio without the part that the differences between runs add. If an anchor runs
     /// on processors, other programs may delay the anchor far more than the points. A few launches cannot
-    /// show whether this happened. The usual spread of all points therefore has no part in the error of a
-    /// ratio to such an anchor.
+    /// show whether other programs delayed the anchor. The usual spread of all points therefore has no part
+    /// in the error of a ratio to such an anchor.
     fn error_within_run(&self, other: &Self) -> Error {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -158,15 +160,15 @@ impl Standing {
     }
 
     /// Returns the ratio of this point's time to the time of `other`, a point that was measured at another
-    /// time. The ratio includes changes of the machine between the two measurements.
+    /// time. The ratio includes the effect of any change of the machine's speed between the two measurements.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
         let error = Error::of_sum([self.error_of_level(), other.error_of_level()]);
         interval(self.point.median - other.point.median, error)
     }
 
     /// Returns the ratio of this point's time to the time of `earlier`, like [`Self::ratio_apart`]. From run
-    /// to run, the times of all points of a kind of device change by a common factor. The error that this
-    /// factor adds to the ratio is stored separately (see [`Relative`]).
+    /// to run, the times of all points of a kind of device change by a common factor. The error that the
+    /// common factor adds to the ratio is stored separately (see [`Relative`]).
     pub fn relative_to_earlier(&self, earlier: &Self) -> Relative {
         let own = |one: &Self| [one.pooled.of_level(&one.point.plain), one.between.of_points(one.points)];
         let error = Error::of_sum([own(self), own(earlier)].concat());
@@ -215,9 +217,9 @@ impl Paired {
 
     /// Compares points that were measured together with anchors; otherwise, this function is like
     /// [`Self::of`]. `are_typical` has one value per point. The spread of times is estimated from the points
-    /// with the value true. If fewer than two of these points have enough samples, the spread is estimated
-    /// from all points. `on_processors` has one value per anchor: true if the anchor runs on processors
-    /// (CPUs). In the samples, the indices of the anchors follow the indices of the points.
+    /// for which `are_typical` is true. If fewer than two typical points have enough samples, the spread is
+    /// estimated from all points. `on_processors` has one value per anchor: true if the anchor runs on
+    /// processors (CPUs). In the samples, the indices of the anchors follow the indices of the points.
     pub fn with_anchors(samples: &[PairedSample], are_typical: &[bool], on_processors: &[bool]) -> Self {
         let points = are_typical.len() + on_processors.len();
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;

@@ -3,15 +3,15 @@
 
 use statrs::function::gamma::digamma;
 
-/// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance above this
-/// multiple of the typical variance is reduced to this multiple. Before the comparison, the bias of the
-/// logarithm of an observed variance ([`log_bias`]) is corrected. With two degrees of freedom, this
-/// correction makes the limit 9 times the typical variance. If all points have the same true variance, one
-/// observed variance in 8,000 exceeds this limit by chance.
+/// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance of more than
+/// `MOST_TIMES` times the typical variance is reduced to this limit. Before a variance is compared with the
+/// limit, the bias of the logarithm of an observed variance ([`log_bias`]) is corrected. With two degrees of
+/// freedom, this correction lowers the limit of an observed variance to 9 times the typical variance. If all
+/// points have the same true variance, one observed variance in 8,000 exceeds the lowered limit by chance.
 const MOST_TIMES: f64 = 16.0;
-/// Before the distribution of the points' true variances is estimated, a variance below this fraction of the mean
-/// variance is raised to this fraction. A variance can be 0, because with a coarse clock all times of a point can be
-/// equal.
+/// Before the distribution of the points' true variances is estimated, a variance below the fraction
+/// `LEAST_SHARE` of the mean variance is raised to this fraction. A variance can be 0, because with a coarse
+/// clock all times of a point can be equal.
 const LEAST_SHARE: f64 = 1e-4;
 /// The limits between which [`inverse_trigamma`] searches the degrees of freedom of the distribution of true
 /// variances ([`Prior`]). Degrees of freedom near the first limit mean that the true variances of points have
@@ -38,17 +38,17 @@ pub(super) struct Prior {
 }
 
 impl Prior {
-    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of freedom. Fewer
-    /// than three points cannot show whether the variances of points differ, so their true variances are taken to be
-    /// equal.
+    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of
+    /// freedom. Fewer than three points cannot show whether the variances of points differ, so the true
+    /// variances of one or two points are taken to be equal.
     pub fn of(variances: &[f64], degrees: usize) -> Self {
         let mean = mean_of(variances.iter().copied());
         if variances.len() < 3 || degrees == 0 || mean == 0.0 {
             return Self { variance: mean, degrees: f64::INFINITY, typical: mean };
         }
         let half = 0.5 * degrees as f64;
-        // The mean logarithm of observed variances is the logarithm of the true variance plus this bias, which is
-        // negative.
+        // The mean logarithm of observed variances is the logarithm of the true variance plus `bias`, which
+        // is negative.
         let bias = log_bias(half);
         let logs: Vec<f64> =
             variances.iter().map(|variance| variance.max(LEAST_SHARE * mean).ln() - bias).collect();
@@ -56,9 +56,10 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // The observed variances differ by chance even if all true variances are equal. This chance alone gives
-        // their logarithms the variance trigamma(half), where trigamma is the second derivative of the logarithm
-        // of the gamma function. What remains is the variance of the true variances' logarithms.
+        // The observed variances differ by chance even if all true variances are equal. Chance alone gives
+        // the logarithms of observed variances the variance trigamma(half), where trigamma is the second
+        // derivative of the logarithm of the gamma function. After subtracting trigamma(half), the variance
+        // of the true variances' logarithms remains.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };

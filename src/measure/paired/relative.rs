@@ -6,8 +6,8 @@ use super::interval::{Interval, biased};
 
 /// A ratio whose error is stored in two parts. One part belongs to this ratio only; the other part is common
 /// to several ratios. For example, the ratios of several groups of points to the time of the same anchor all
-/// contain the error of this anchor. The mean over these groups contains this error as well, however many
-/// groups there are.
+/// contain the error of this anchor. The mean over several groups contains the anchor's error as well,
+/// however many groups there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relative {
     /// The ratio. Its error does not include `common`.
@@ -36,8 +36,8 @@ impl Relative {
 
     /// Returns the geometric mean of some ratios, like [`Interval::mean`]; `None` if `all` is empty. The
     /// error that the ratios have in common is added once, after averaging. If the ratios state different
-    /// variances of this error, the largest variance is added. The true variance of the mean's error cannot
-    /// be larger, whether or not the ratios really share this error.
+    /// variances of the common error, the largest variance is added. The variance that the error adds to the
+    /// mean cannot be larger than the largest variance, whether or not the ratios really share the error.
     pub fn mean(all: &[Self]) -> Option<Interval> {
         let ratios: Vec<Interval> = all.iter().map(|one| one.ratio).collect();
         let mean = Interval::mean(&ratios)?;

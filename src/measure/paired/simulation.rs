@@ -12,7 +12,7 @@ const LAG_1: f64 = 0.55;
 const LAUNCHES: u32 = 3;
 const ROUNDS: u64 = 20;
 const RUNS: u64 = 24;
-/// Points whose times differ by less than this fraction tie.
+/// Points whose times differ by less than the fraction `RESOLUTION` tie.
 const RESOLUTION: f64 = 0.01;
 
 /// The sources of error of a machine: standard deviations of the logarithms of times, and two probabilities.
@@ -200,8 +200,8 @@ fn they_do_of_few_points_and_of_many() {
 }
 
 /// Tests that points with two speeds hardly make the comparison of points with one speed less exact. Two in
-/// five of the points with two speeds show only their fast mode in three launches. The intervals of these
-/// points contain the results of other runs less often.
+/// five of the points with two speeds show only their fast mode in three launches. The intervals of points
+/// that showed only their fast mode contain the results of other runs less often.
 #[test]
 fn steady_points_are_told_apart_beside_bimodal_ones() {
     let coverage = |machine, of: &dyn Fn(usize) -> bool| {
@@ -218,7 +218,8 @@ fn steady_points_are_told_apart_beside_bimodal_ones() {
     assert!(steady.1 <= 0.04 && steady.1 <= 1.2 * undisturbed.1, "{steady:?} {undisturbed:?}");
 }
 
-/// Returns the 95% interval of the median by the percentile bootstrap. This method assumes independent samples.
+/// Returns the 95% interval of the median by the percentile bootstrap. The percentile bootstrap assumes
+/// independent samples.
 fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     let mut resampled = || {
         let drawn: Vec<f64> = samples.iter().map(|_| samples[rng.random_range(0..samples.len())]).collect();

@@ -10,22 +10,25 @@ use crate::measure::summary::quantile;
 /// borrows the spread of all points. A table (of the points and launches of one group) borrows the spread of
 /// other tables.
 const BORROWED: usize = 6;
-/// A pair of points borrows only in tables of at least this many rows. With three rows, the spread of all rows would
-/// come from the pair itself and one more row. If this row is noisy, the pair would seem to be noisy too.
+/// A pair of points borrows only in tables of at least `FEWEST_LENDERS` rows. With three rows, the spread of
+/// all rows would come from the pair itself and one more row. If the third row is noisy, the pair would seem
+/// to be noisy too.
 const FEWEST_LENDERS: usize = 4;
-/// A variance that is more than this many times the usual variance borrows nothing. Without this limit, the
-/// variance of a point that is unsteadier than the others would be averaged with variances that are far too
-/// small for this point. In simulations of four launches (docs/methodology.md), one point varied eight times
-/// as much as the others. Of the 95% intervals of its ratios, 80 to 83% contained the true ratio if the point
-/// always borrowed, and 94 to 95% with this limit. Of the pairs of points that vary like the others, one in
-/// nine exceeds the limit by chance.
+/// A variance that is more than `MOST_TIMES_USUAL` times the usual variance borrows nothing. If every
+/// variance borrowed, the variance of a point that is unsteadier than the others would be averaged with
+/// variances that are far too small for the unsteady point. In simulations of four launches
+/// (docs/methodology.md), one point varied eight times as much as the others. Of the 95% intervals of the
+/// unsteady point's ratios, 80 to 83% contained the true ratio if the point always borrowed, and 94 to 95%
+/// with the limit `MOST_TIMES_USUAL`. Of the pairs of points that vary like the others, one in nine exceeds
+/// the limit `MOST_TIMES_USUAL` by chance.
 const MOST_TIMES_USUAL: f64 = 2.0;
 /// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only:
-/// from one row in this many. The other rows may be far from steady. For example, in a run of the paper's
-/// Figure 8 on a CPU, 19 of 37 points took 1.4 times as long in one launch as in the three other launches.
+/// from one row in `STEADY_PART`. Rows that are not among the steadiest may be far from steady. For example,
+/// in a run of the paper's Figure 8 on a CPU, 19 of 37 points took 1.4 times as long in one launch as in the
+/// three other launches.
 const STEADY_PART: usize = 3;
-/// The effect of a column is estimated from at least this many rows, or from all rows if the table has fewer.
-/// With fewer rows, the rows might be alike only by chance.
+/// The effect of a column is estimated from at least `LEAST_STEADY` rows, or from all rows if the table has
+/// fewer. Fewer rows might be alike only by chance.
 const LEAST_STEADY: usize = 6;
 
 /// The spread of the values in a table, pooled over all points. The table has a row per point and a column
@@ -38,14 +41,15 @@ pub(super) struct Pooled {
     together: Prior,
     rows: usize,
     columns: usize,
-    /// The spread in other tables: the square root of the mean of their `together.typical`, weighted by their
-    /// degrees of freedom. It has the sum of these degrees of freedom, but at most [`BORROWED`].
+    /// The spread in other tables: the square root of the mean of the other tables' `together.typical`,
+    /// weighted by the tables' degrees of freedom. The degrees of freedom of `elsewhere` are the sum of the
+    /// other tables' degrees of freedom, but at most [`BORROWED`].
     elsewhere: Error,
 }
 
 impl Pooled {
-    /// Pools two tables of the same shape. Their values are medians of the logarithms of times: in `relative` after the
-    /// drift was subtracted, in `plain` before.
+    /// Pools two tables of the same shape. The tables' values are medians of the logarithms of times: in
+    /// `relative` after the drift was subtracted, in `plain` before the drift was subtracted.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together: Vec<f64> = plain.iter().map(|row| variance(row)).collect();
@@ -61,8 +65,8 @@ impl Pooled {
         self.moderated(parts, variance(differences))
     }
 
-    /// Returns a copy in which the common spread of differences (`apart`) has no weight. The error of a difference
-    /// then follows only from the rows of this difference.
+    /// Returns a copy in which the common spread of differences (`apart`) has no weight. In this copy, the
+    /// error of a difference follows only from the rows of the difference.
     pub(super) fn alone(self) -> Self {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }
@@ -77,7 +81,8 @@ impl Pooled {
         self.error(variance, degrees)
     }
 
-    /// Stores the spread in other tables of the same run, machine and devices in `elsewhere`.
+    /// Sets `elsewhere` to the spread in `others`, which are other tables of the same run, machine and
+    /// devices.
     pub(super) fn borrow(&mut self, others: &[Self]) {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();
@@ -104,7 +109,8 @@ impl Pooled {
     /// Returns the number of degrees of freedom that `prior`, the common spread of all rows, adds to an
     /// error. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and
     /// the degrees of freedom of the other rows. `own_rows` is 1 for the error of a row's mean, and 2 for the
-    /// error of a difference between two rows. All rows but these `own_rows` are the other rows.
+    /// error of a difference between two rows. The other rows are all rows except the one or two rows whose
+    /// error is computed.
     ///
     /// `own_rows` is 2 also for a difference between a row and an anchor, although the anchor is no row of
     /// the table. [`Self::weighted`] averages two variances: the variance of the difference, and the common
@@ -112,11 +118,11 @@ impl Pooled {
     /// variances. The two variances are therefore not independent, and their mean has fewer degrees of
     /// freedom than both variances together.
     ///
-    /// A simple model shows the size of this effect. In the model, all values are normally distributed, the
-    /// anchor varies as much as each row, and the effect of a column is the mean of all rows. For a table of
-    /// four rows and two columns, the mean of the two variances has 3.2 degrees of freedom, and raycl
-    /// computes with 3. If `own_rows` were 1, the mean would have 3.4 degrees of freedom, and raycl would
-    /// compute with 4.
+    /// A simple model shows how many degrees of freedom the mean of the two variances has. In the model, all
+    /// values are normally distributed, the anchor varies as much as each row, and the effect of a column is
+    /// the mean of all rows. For a table of four rows and two columns, the mean of the two variances has 3.2
+    /// degrees of freedom, and raycl computes with 3. If `own_rows` were 1, the mean would have 3.4 degrees
+    /// of freedom, and raycl would compute with 4.
     fn borrowed(&self, prior: Prior, own_rows: usize) -> f64 {
         let others = self.rows.saturating_sub(own_rows) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
@@ -141,11 +147,11 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// Returns the distribution of the variances of the rows' residuals in a two-way table after subtracting the effects of
-/// rows and columns. For a single row or column, the variances are 0. For each row, the effect of a column is the
-/// median over all steady rows except the row itself. Unsteady rows therefore do not disturb the residuals of others,
-/// even if more than half of the rows are unsteady. With two or three rows, each row is compared with a single other
-/// row ([`to_the_nearest`]).
+/// Returns the distribution of the variances of the rows' residuals in a two-way table after subtracting the
+/// effects of rows and columns. For a single row or column, the variances are 0. For each row, the effect of
+/// a column is the median over all steady rows except the row itself. Unsteady rows therefore do not disturb
+/// the residuals of steady rows, even if more than half of the rows are unsteady. In a table with two or
+/// three rows, each row is compared with a single other row ([`to_the_nearest`]).
 fn interaction(table: &[&[f64]]) -> Prior {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {
@@ -170,18 +176,18 @@ fn interaction(table: &[&[f64]]) -> Prior {
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
         // The error of the column's effect makes the variance of the residuals larger. The division below
-        // corrects this. If the effect were a mean of rows, the correction would be exact. But the effect is
-        // a median. The variance of a median's error is about a half larger than that of a mean (less for few
-        // rows), so the correction is slightly too small.
+        // corrects the variance for this error. The correction would be exact if the effect were a mean of
+        // rows, but the effect is a median. The variance of a median's error is about a half larger than that
+        // of a mean (less for few rows), so the correction is slightly too small.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
 }
 
 /// Returns one variance per row of a table with at least two rows. For each row, the function computes the
-/// variance of its differences from each other row, and returns half of the least of these variances. With
-/// three rows, the median of the two other rows would be their mean, so one noisy row would make the
-/// residuals of both steady rows noisy.
+/// variance of its differences from each other row, and returns half of the least of these variances. In a
+/// table with three rows, medians would not help: the median of the two other rows would be their mean, so
+/// one noisy row would make the residuals of both steady rows noisy.
 fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
     let apart = |one: &[f64], other: &[f64]| {
         variance(&one.iter().zip(other).map(|(one, other)| one - other).collect::<Vec<f64>>())

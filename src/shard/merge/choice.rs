@@ -23,15 +23,15 @@ pub struct Chosen {
 
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes
 /// precedence over all other records, and a record with a time takes precedence over a record without a time.
-/// Among records without a time, [`Record::rank`] decides on the order. If these rules do not decide between
-/// several records of a point, the record of a preferred attempt is used. All points of a block have the same
-/// preferred attempt, because points of different attempts were not measured in the same rounds. To find the
-/// preferred attempt, raycl counts, for each attempt, those points of the block for which no other attempt
-/// has a better record. The preferred attempt is the one with the largest count. If several attempts have
-/// this count, the attempt with the most samples of the counted points is preferred. If these attempts also
-/// have equally many samples, the attempt whose name sorts first is preferred. Times of day are never
-/// compared, since the clocks of two machines may differ. If an attempt has several records of a point, its
-/// last record is used, as for a run without shards.
+/// Among records without a time, [`Record::rank`] decides on the order. If several records of a point are
+/// equally good by these rules, the record of the preferred attempt is used. All points of a block have the
+/// same preferred attempt, because points of different attempts were not measured in the same rounds. To find
+/// the preferred attempt, raycl counts, for each attempt, those points of the block for which no other
+/// attempt has a better record. The preferred attempt is the one with the largest count. Between attempts
+/// with equal counts, the attempt with the most samples of the counted points is preferred. Between attempts
+/// that also have equally many samples of these points, the attempt whose name sorts first is preferred.
+/// Times of day are never compared, since the clocks of two machines may differ. If an attempt has several
+/// records of a point, its last record is used, as for a run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -48,8 +48,8 @@ pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
 #[derive(Default)]
 struct Offered(BTreeMap<String, Vec<Measured>>);
 
-/// Points that an attempt measured together: all points of a block on a device. If records have no block, these are all
-/// points of a scene and an image size on a device.
+/// Points that an attempt measured together: all points of a block on a device or, if the records name no
+/// block, all points of a scene and an image size on a device.
 #[derive(PartialEq, Eq, Hash)]
 struct Together {
     device: String,
@@ -89,10 +89,10 @@ impl Offered {
         chosen
     }
 
-    /// Returns two numbers for each attempt and each set of points that it measured together. The first
-    /// number counts the points of the set for which no other attempt has a better record (a record with a
-    /// lower rank). The second is the number of samples in the attempt's records of the points that the first
-    /// number counts.
+    /// Returns two numbers for each attempt and each set of points that the attempt measured together. The
+    /// first number counts the points of the set for which no other attempt has a better record (a record
+    /// with a lower rank). The second number is the number of samples in the attempt's records of the points
+    /// that the first number counts.
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {
@@ -120,7 +120,8 @@ impl Chosen {
 
     /// Returns an error if a point with a record belongs to none of the kinds `all`, which are all kinds of
     /// device in the folder. The file of a kind may have been left out when the folders of several machines
-    /// were copied together. Without this check, the merge would leave out the records of this kind.
+    /// were copied together. Without this check, the merge would leave out the records of a kind whose file
+    /// is missing.
     pub fn refuse_unlisted(&self, out: &Path, all: &[Kind], attempts: &[Attempt]) -> Result<()> {
         let points = all.iter().flat_map(|kind| &kind.points);
         let listed: HashSet<&str> = points.map(|point| point.planned.key.as_str()).collect();

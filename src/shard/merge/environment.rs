@@ -52,7 +52,7 @@ mod tests {
             });
             std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
         }
-        // This attempt was killed before it wrote its environment.
+        // The attempt at shard 4 was killed before it wrote its environment.
         Attempt::begin(folder.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
         write(folder.path(), &Attempt::all(folder.path()).unwrap()).unwrap();
         let text = std::fs::read(folder.path().join("environment.json")).unwrap();

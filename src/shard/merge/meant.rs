@@ -13,7 +13,7 @@ use std::collections::HashMap;
 pub type Types = HashMap<String, String>;
 
 /// Returns the types of the devices that attempts measured on. The types are in the attempts' environments.
-/// An attempt that was killed before it wrote its environment is left out. Such an attempt has no records.
+/// An attempt that was killed before it wrote its environment is left out, since it has no records.
 pub fn types_of_devices(attempts: &[Attempt]) -> Result<Types> {
     let mut types = Types::new();
     for attempt in attempts {
@@ -33,10 +33,10 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
     Some(devices.iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned()).collect())
 }
 
-/// Returns the kinds that took part and are selected, and the words that match no kind. If there are no words, all
-/// kinds are selected. The host's kinds are always selected. A word is `all`, a type of device (`cpu`, `gpu`,
-/// `accelerator`), or a part of a kind's description. A word of digits only has to be a whole number there,
-/// as with `raycl run --device`.
+/// Returns the kinds that took part and are selected, and the words that match no kind. If there are no
+/// words, all kinds are selected. The kinds of host are always selected. A word is `all`, a type of device
+/// (`cpu`, `gpu`, `accelerator`), or a part of a kind's description. A word that consists only of digits must
+/// be a whole number in the description, and not a part of a longer number, as with `raycl run --device`.
 pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>, Vec<String>) {
     let has =
         |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());

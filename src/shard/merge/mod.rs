@@ -33,8 +33,8 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
-/// A merge removes temporary files that have this age or are older. A younger file may be one that another process is
-/// just writing. The results do not depend on this age.
+/// A merge removes temporary files whose age is at least `ABANDONED`. Another process may still be writing a
+/// younger temporary file. The results of a merge do not depend on `ABANDONED`.
 const ABANDONED: Duration = Duration::from_secs(3600);
 
 /// The result of a merge.
@@ -58,16 +58,17 @@ type Measured = (usize, Record);
 
 /// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains
 /// words that select kinds of device. Each word is `all`, a type of device (`cpu`, `gpu`, `accelerator`) or a
-/// part of a kind's description; a number has to be a whole number there. Without words, all kinds that took
-/// part are merged. The baselines are always merged.
+/// part of a kind's description. A word that consists only of digits must be a whole number in the
+/// description, and not a part of a longer number. Without words, all kinds that took part are merged. The
+/// baselines are always merged.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
     let attempts = Attempt::all(out)?;
     let chosen = choose(&attempts)?;
     // The kinds are read after the records. An attempt writes the files of its kinds before its first record.
-    // The kind of each record that was read is therefore among these kinds, even if the attempt has only just
-    // begun.
+    // The kind of each record that was read is therefore among the kinds that are read, even if the record's
+    // attempt has only just begun.
     let all = Kind::all(out)?;
     let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts)?, meant);
     chosen.refuse_unlisted(out, &all, &attempts)?;
@@ -167,7 +168,7 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
 }
 
 /// Returns a note on each attempt's journal (a file with one JSON object per line) that has damaged lines.
-/// The merged journals do not have these lines, so only this note reports the damage to the user.
+/// The merged journals do not have the damaged lines, so only this note reports the damage to the user.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
@@ -185,8 +186,8 @@ fn damage_to<T: DeserializeOwned>(attempt: &Attempt, journal: &str) -> Result<Op
     Ok(read.damage(&format!("parts/{}/{journal}", attempt.name)))
 }
 
-/// Returns a note if an attempt has records of measured points, but no samples in its file of samples. Only the records
-/// then contain the times.
+/// Returns a note if an attempt has records of measured points, but no samples in its file of samples. If an
+/// attempt has lost its samples, only its records contain the times.
 fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     if !lines::<Sample>(&attempt.folder.join(SAMPLES))?.is_empty() {
         return Ok(None);
@@ -204,9 +205,9 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
 }
 
 /// Returns the records in all attempts' `controls.jsonl`: records of control points that a block measured
-/// although the points belong to another block. If an attempt copied all launches of one of these records, an
-/// earlier attempt may have a record of the same launches. In this case, only one of the two records is
-/// returned.
+/// although the points belong to another block. If an attempt copied all launches of a control point's record
+/// from an earlier attempt, the earlier attempt may have a record of the same launches. Of two records of the
+/// same launches, only one is returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
     let (mut controls, mut known) = (Vec::new(), HashSet::new());
     for (index, attempt) in attempts.iter().enumerate() {
@@ -648,8 +649,8 @@ mod tests {
         let out = folder.path();
         merge_one_record(out);
         std::fs::remove_file(Kind::file(out, "gpu", "x")).unwrap();
-        // A merge that fails changes nothing: the merge does not even remove the unfinished file of an
-        // earlier merge that was killed.
+        // A merge that fails changes nothing: it does not even remove the unfinished file that an earlier,
+        // killed merge has left.
         let killed = out.join(".raycl-killed");
         let file = std::fs::File::create(&killed).unwrap();
         file.set_modified(std::time::SystemTime::now() - 2 * ABANDONED).unwrap();
@@ -660,8 +661,8 @@ mod tests {
     }
 
     /// In this test, a link that leads to itself stands for any file or folder that cannot be read, for
-    /// example because of its permissions or a failed disk. If a merge took such a file for a missing one, it
-    /// would replace the merged results by fewer results.
+    /// example because of its permissions or a failed disk. If a merge took an unreadable file for a missing
+    /// one, the merge would replace the merged results by fewer results.
     #[cfg(unix)]
     #[test]
     fn a_merge_that_cannot_read_an_attempt_leaves_the_results_of_an_earlier_merge() {
@@ -738,7 +739,8 @@ mod tests {
         assert_eq!(folder.anchors.len(), 2, "the anchors of devices without records are left out");
         let peaks = Peak::stored_in(out).unwrap();
         assert_eq!([0, 1].map(|index| peaks.get(index).map(|peak| peak.device.clone())), expected);
-        // If only one of the two kinds of device is selected, its driver is not added to its name in the merged folder.
+        // If only one of the two kinds of device is selected, the name of this kind in the merged folder does
+        // not contain the driver.
         merge(out, &["7.0".to_owned()]).unwrap();
         let driver = Attempt::all(out).unwrap()[1].name.clone();
         let of_second = Peak { device: "cpu".into(), driver, ..crate::peak::fixtures::rates() };

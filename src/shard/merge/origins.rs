@@ -1,6 +1,6 @@
 //! Finds the attempt that measured a launch (of worker processes). An attempt that continues an earlier
-//! attempt copies launches from the earlier attempt. The folders of both attempts then have the lines of
-//! these launches.
+//! attempt copies launches from the earlier attempt. The folders of both attempts then contain the lines of
+//! the copied launches.
 
 use super::lines;
 use crate::error::Result;
@@ -18,9 +18,9 @@ pub type Launch = (usize, u32);
 pub struct Origins {
     /// The original of each copied launch.
     originals: HashMap<Launch, Launch>,
-    /// The name of each attempt's machine. The list begins with the attempts of the folder. Next come
-    /// attempts whose folders are missing, but from which other attempts copied launches. The machine of an
-    /// attempt without a folder is known from the attempt's name.
+    /// The name of each attempt's machine. The list begins with the machines of the attempts in the folder.
+    /// Then follow the machines of attempts whose folders are missing, but from which other attempts copied
+    /// launches. The machine of an attempt without a folder is known from the attempt's name.
     hosts: Vec<String>,
 }
 
@@ -58,7 +58,7 @@ impl Origins {
     }
 
     /// Returns the machine that measured a record's samples. The names of several machines are separated by
-    /// `, `. `None` if the record has no samples.
+    /// `, `. Returns `None` if the record has no samples.
     pub fn host(&self, attempt: usize, record: &Record) -> Option<String> {
         let launches = self.of_record(attempt, record);
         let hosts: BTreeSet<&str> =
@@ -119,8 +119,8 @@ impl OfLaunch for RoundLoad {
 }
 
 /// Calls `use_line` with the lines of the attempts' journals of this name, and with the index of each line's
-/// attempt. `use_line` returns true if it used the line. Copies of lines that were used are left out. The
-/// originals come first, so a copy is used only if the original is missing.
+/// attempt. `use_line` returns true if it used the line. Copies of lines that were used are left out.
+/// Original lines are read before copies, so a copy is used only if the original is missing.
 pub fn each_line<T: OfLaunch>(
     attempts: &[Attempt],
     journal: &str,

@@ -1,6 +1,6 @@
-//! Reports attempts whose plan differs from the plan of the folder. Such attempts exist if the folders of
-//! several machines, each with its own plan, were copied together. These plans may differ, since a plan
-//! depends on the times that its machine measured earlier.
+//! Reports attempts whose plan differs from the plan of the folder. Attempts have different plans if the
+//! folders of several machines, each with its own plan, were copied together. The plans of two machines may
+//! differ, since a plan depends on the times that its machine measured earlier.
 
 use crate::error::Result;
 use crate::record::journals::SHARDS;

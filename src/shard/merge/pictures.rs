@@ -35,7 +35,7 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>
     for name in pictures.into_iter().flatten() {
         let bytes = match read(attempt, name) {
             Ok(bytes) => bytes,
-            // A picture may be lost with its machine. The record's times are still used.
+            // A picture may be lost with its machine. The times in the picture's record are still used.
             Err(why) => {
                 let place = attempt.file_name().unwrap_or_default().to_string_lossy();
                 lost.push(Lost { path: format!("parts/{place}/{name}"), why });
@@ -74,8 +74,8 @@ fn read(attempt: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     read_inside(attempt, name)
 }
 
-/// Returns true if a path in a record is relative, has no `..` and does not begin with `./`. A path of this form can lead out of the
-/// record's folder only through a link.
+/// Returns true if a path in a record is relative, has no `..` and does not begin with `./`. A path of this
+/// form can lead out of the record's folder only through a link of the file system.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
@@ -180,7 +180,8 @@ mod tests {
             let (target, at) = (target.to_owned(), at.to_owned());
             move |parent: &Path| symlink(&target, parent.join(&at)).unwrap()
         };
-        // This path leads to `b.png` in the attempt's folder, but would lead out of the folder `out`.
+        // In the attempt's folder, the path `deep/../../b.png` leads to `b.png`. In the folder `out`, this
+        // path would lead out of the folder.
         let deep = link("far/away", "parts/attempt/deep");
         let (result, files) = strangers("deep/../../b.png", deep);
         assert!(result.is_ok() && files.is_empty(), "{result:?} {files:?}");
