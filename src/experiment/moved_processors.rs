@@ -86,6 +86,13 @@ pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
 }
 
+/// Returns the reading of the core-to-core latency that decides whether a sample counts, of the readings before and
+/// after the sample: one that is not near, if there is one, and otherwise the larger one.
+pub(super) fn decisive_ns(readings: [Option<f64>; 2], near_ns: f64) -> Option<f64> {
+    let known = || readings.into_iter().flatten();
+    known().find(|ns| !is_near(Some(*ns), near_ns)).or_else(|| known().reduce(f64::max))
+}
+
 /// Returns how long a launch may still wait for near processors. The launch began `elapsed` ago, and has
 /// spent the part `waited` of this time waiting.
 pub(super) fn patience(elapsed: Duration, waited: Duration) -> Duration {
@@ -195,6 +202,15 @@ mod tests {
         assert_eq!([15.5, 20.0, 20.3, 31.0, 62.0, 62.1].map(count), [false, false, true, true, true, false]);
         assert!(is_near(None, 31.0));
         assert!(is_near(Some(14.0), f64::INFINITY) && is_near(Some(164.0), f64::INFINITY));
+    }
+
+    #[test]
+    fn a_sample_counts_only_if_both_readings_around_it_are_near() {
+        let of = |before, after| decisive_ns([before, after], 31.0);
+        assert_eq!([of(Some(14.0), Some(31.0)), of(Some(31.0), Some(14.0))], [Some(14.0); 2]);
+        assert_eq!([of(Some(164.0), Some(31.0)), of(Some(30.0), Some(33.0))], [Some(164.0), Some(33.0)]);
+        assert_eq!([of(None, Some(31.0)), of(None, None)], [Some(31.0), None]);
+        assert_eq!(decisive_ns([Some(14.0), Some(31.0)], f64::INFINITY), Some(31.0));
     }
 
     /// Waits for near processors, whose latency is 31 ns. Successive readings return the values

@@ -4,7 +4,7 @@ use super::device_of;
 use crate::anchor;
 use crate::error::Result;
 use crate::experiment::Run;
-use crate::experiment::moved_processors::{is_near, patience, wait_until_near};
+use crate::experiment::moved_processors::{decisive_ns, is_near, patience, wait_until_near};
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::result_sink::ResultSink;
 use crate::experiment::rounds::Rounds;
@@ -75,17 +75,17 @@ impl Latency {
         self.waited += start.elapsed();
     }
 
-    /// Returns the larger of two readings of the core-to-core latency, before and after a sample that has
-    /// just ended, in nanoseconds. If the last reading is more recent than [`READING_EVERY`], no new reading
-    /// is taken, and the last reading is returned. Returns `None` if no reading is known.
-    fn around_sample(&mut self) -> Option<f64> {
+    /// Returns one of two readings of the core-to-core latency, before and after a sample that has just ended,
+    /// in nanoseconds (see [`decisive_ns`]). If the last reading is more recent than [`READING_EVERY`], no new
+    /// reading is taken, and the last reading is returned. Returns `None` if no reading is known.
+    fn around_sample(&mut self, near_ns: f64) -> Option<f64> {
         let (at, before) = self.last?;
         if at.elapsed() < READING_EVERY {
             return before;
         }
         let after = core_to_core_ns();
         self.last = Some((Instant::now(), after));
-        [before, after].into_iter().flatten().reduce(f64::max)
+        decisive_ns([before, after], near_ns)
     }
 }
 
@@ -173,7 +173,7 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
 
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool> {
         let at_ms = self.at_ms();
-        let core_to_core_ns = self.latency.around_sample();
+        let core_to_core_ns = self.latency.around_sample(self.sink.near_ns());
         let taken = Taken { launch: self.launch, at_ms, core_to_core_ns, times: *times };
         let pending = &self.points[point];
         let device = device_of(self.run, pending).filter(|_| self.run.spread);

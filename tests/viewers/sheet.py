@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Makes docs/images/beside-f3d.jpg: ten meshes, each as f3d shows it by default, and to its right as raycl does.
+"""Makes docs/images/beside-viewers.jpg: ten meshes, each as f3d, Blender and raycl show it by default, side by side.
 
-Usage: tests/f3d/sheet.py RAYCL FOLDER. Needs f3d and xvfb-run (`apt install f3d xvfb xauth`), and Pillow from PyPI.
+Usage: tests/viewers/sheet.py RAYCL FOLDER. Needs f3d and xvfb-run (`apt install f3d xvfb xauth`), and Pillow and Blender
+from PyPI (`pip install pillow bpy`).
 """
 import math
 import struct
@@ -14,7 +15,9 @@ from PIL import Image
 REPOSITORY = Path(__file__).resolve().parents[2]
 SIZE = (400, 250)
 # The factor by which pictures are scaled on the sheet.
-SCALE = 0.75
+SCALE = 0.6
+# The space in pixels between the two meshes of a row.
+GAP = 8
 
 
 def write_obj(path, points, faces):
@@ -100,18 +103,27 @@ def main():
     meshes += [REPOSITORY / "scenes/table/globe.obj", REPOSITORY / "tests/data/meshes/two.glb"]
     meshes += [folder / f"{name}.obj" for name in ("boxes", "spheres", "terrain", "leaves")]
     width, height = (round(side * SCALE) for side in SIZE)
-    sheet = Image.new("RGB", (4 * width + 8, len(meshes) // 2 * height), "white")
+    sheet = Image.new("RGB", (6 * width + GAP, len(meshes) // 2 * height), "white")
     for number, mesh in enumerate(meshes):
-        for column, picture in enumerate((by_f3d(mesh, folder), by_raycl(raycl, mesh, folder))):
+        pictures = by_f3d(mesh, folder), by_blender(mesh, folder), by_raycl(raycl, mesh, folder)
+        for column, picture in enumerate(pictures):
             picture = Image.open(picture).convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
-            sheet.paste(picture, (number % 2 * (2 * width + 8) + column * width, number // 2 * height))
-    sheet.save(REPOSITORY / "docs/images/beside-f3d.jpg", quality=80)
+            sheet.paste(picture, (number % 2 * (3 * width + GAP) + column * width, number // 2 * height))
+    sheet.save(REPOSITORY / "docs/images/beside-viewers.jpg", quality=80)
 
 
 def by_f3d(mesh, folder):
     picture = folder / f"{mesh.stem}-f3d.png"
     size = ",".join(map(str, SIZE))
     subprocess.run(["xvfb-run", "-a", "f3d", "--quiet", "--resolution", size, "--output", picture, mesh], check=True)
+    return picture
+
+
+def by_blender(mesh, folder):
+    picture = folder / f"{mesh.stem}-blender.png"
+    script = Path(__file__).with_name("blender.py")
+    command = [sys.executable, script, mesh, picture, *map(str, SIZE)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return picture
 
 
