@@ -1,18 +1,20 @@
-//! Chooses where to cut a node in two, by the binned surface-area heuristic. A node is divided into slices along each
-//! of the three axes, and a cut lies between two slices. The cost of a cut is a sum over its two sides: half the
-//! surface area of the side's box, times the number of triangles on this side. A node is a list of primitives (a
-//! primitive is a triangle's box and number) or, in the upper part of a large tree, a list of cells of primitives.
+//! Chooses where to cut a node in two, by the binned surface-area heuristic. A node of the tree is divided
+//! into slices along each of the three axes, and a cut lies between two slices. The cost of a cut is a sum
+//! over the cut's two sides: half the surface area of the side's box, times the number of triangles on the
+//! side. A node is a list of primitives (a primitive is a triangle's box and number) or, in the upper part of
+//! a large tree, a list of cells of primitives.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
 use super::bounds::{Bounds, Primitive};
 use glam::Vec4;
 
-/// What a node is divided into: primitives or, in the upper part of a large tree, cells of primitives.
+/// An item of a node: a primitive or, in the upper part of a large tree, a cell of primitives.
 pub(super) trait Boxed {
-    /// The box, as a primitive. The number of a cell's primitive has no meaning.
+    /// The item's box, as a primitive. If the item is a cell, the triangle number in this primitive has no
+    /// meaning.
     fn primitive(&self) -> &Primitive;
-    /// Number of triangles.
+    /// Number of triangles in the item.
     fn count(&self) -> u32;
 }
 
@@ -36,13 +38,13 @@ pub(super) struct Slicer<const N: usize> {
 }
 
 /// If a float in `0..2^22` is added to this number, the sum's low bits are the integer nearest to the float.
-/// The addition is cheaper than a saturating conversion to an integer.
+/// Rounding by this addition is cheaper than Rust's saturating conversion to an integer.
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
     /// Cuts `region` into slices along each axis. The region should contain the doubled centres of all
-    /// primitives, as `Primitive::centre` returns them. Primitives outside the region go to the first or last
-    /// slice.
+    /// primitives, as `Primitive::centre` returns them. A primitive outside the region belongs to the first
+    /// or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis has only one slice if the region's extent along this axis is zero or overflows.
@@ -59,12 +61,13 @@ impl<const N: usize> Slicer<N> {
     }
 
     /// Returns the number of a primitive's slice along one axis. The arithmetic is the same as in `slices`,
-    /// so both functions return the same slice.
+    /// so `slice` and `slices` agree.
     #[inline(always)]
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
         let position = (centre - self.low[AXIS]) * self.scale[AXIS] - 0.5;
-        // These comparisons send a NaN to slice 0, as the vector `max` and `min` in `slices` do.
+        // Like the vector operations `max` and `min` in `slices`, the following two comparisons send a NaN to
+        // slice 0.
         let position = if position > 0.0 { position } else { 0.0 };
         let position = if position < (N - 1) as f32 { position } else { (N - 1) as f32 };
         (position + ROUND).to_bits() as usize & (N - 1)
@@ -77,23 +80,24 @@ impl<const N: usize> Slicer<N> {
     }
 }
 
-/// A cut of a node: its axis and position, and the two children.
+/// A cut of a node: the cut's axis and position, and the node's two children.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub axis: usize,
-    /// The first slice of the right child.
+    /// The number of the first slice that belongs to the right child.
     pub slice: usize,
     /// Number of triangles in the left child.
     pub left_count: usize,
-    /// The children's boxes.
+    /// The boxes of the two children.
     pub bounds: [Bounds; 2],
-    /// For each child, a box around the doubled centres of the child's primitives. A primitive's doubled centre is the
-    /// sum of the lowest and the highest corner of its box. Because of rounding, a doubled centre may lie slightly
-    /// outside.
+    /// For each child, a box around the doubled centres of the child's primitives. A primitive's doubled
+    /// centre is the sum of the lowest and the highest corner of its box. Because of rounding, a doubled
+    /// centre may lie slightly outside this box.
     pub regions: [Bounds; 2],
 }
 
-/// Numbers of triangles and boxes of the items in `N` slices (a power of two) along each axis.
+/// For each of `N` slices (a power of two) along each axis: the box around the items in the slice, and the
+/// number of their triangles.
 #[derive(Clone, Debug)]
 pub(super) struct Bins<const N: usize> {
     bounds: [[Bounds; N]; 3],
@@ -115,7 +119,7 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Adds the counts and the boxes of `other`: the bins of other primitives, made by the same slicer.
+    /// Adds the counts and the boxes of `other`, which are the bins of further primitives in the same slices.
     pub fn merge(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             for slice in 0..N {
@@ -142,9 +146,9 @@ impl<const N: usize> Bins<N> {
         (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
     }
 
-    /// Returns the better of `best` and the best cut along one axis. A cut is given by its cost, its axis and the first
-    /// slice of its right side. An empty side has an infinite area and no triangles, so the cost of its cut is NaN,
-    /// which is not less than any other cost.
+    /// Returns the better of `best` and the best cut along one axis. A cut is given as a tuple of its cost,
+    /// its axis and the first slice of its right side. An empty side has an infinite area and no triangles,
+    /// so the cost of a cut with an empty side is NaN, which does not compare as less than another cost.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

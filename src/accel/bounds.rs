@@ -13,7 +13,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The empty box: its union with another box is the other box.
+    /// The empty box. The union of the empty box and any box is that box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
     /// Returns the box that contains a single point.
@@ -32,7 +32,7 @@ impl Bounds {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
 
-    /// Returns half the surface area, which is infinite for the empty box.
+    /// Returns half the surface area of the box, which is infinite for the empty box.
     #[inline(always)]
     pub fn half_area(self) -> f32 {
         let e = self.high - self.low;
@@ -40,8 +40,9 @@ impl Bounds {
     }
 }
 
-/// A triangle's box and number. The number lies in `low.w` as the bits of a normal float: arithmetic on whole
-/// registers includes this lane, and would be slow with denormal floats.
+/// A triangle's box and number. The triangle's number is stored in `low.w` as the bits of a normal float:
+/// arithmetic on whole vector registers includes this lane, and would be slow if the lane held a denormal
+/// float.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Primitive(pub Bounds);
 
@@ -49,7 +50,7 @@ pub(super) struct Primitive(pub Bounds);
 const NUMBER_BASE: u32 = 0x3f80_0000;
 
 impl Primitive {
-    /// Makes the primitive of the triangle with these corners and with the number `triangle`.
+    /// Makes the primitive of the triangle with the given corners and the number `triangle`.
     #[inline(always)]
     pub fn new(corners: [Vec3; 3], triangle: u32) -> Self {
         let [a, b, c] = corners;

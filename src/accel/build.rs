@@ -1,9 +1,10 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
 //! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in a
-//! buffer, and a cut moves them within this part of the buffer. To find a cut, a node is divided into slices
-//! along each axis, and the primitives of each slice are counted. In large nodes, all cores count and move
-//! the primitives, chunk by chunk. The two sides of a cut are independent tasks, except in small subtrees.
+//! buffer, and a cut of the node reorders these primitives in place. To find a cut, a node is divided into
+//! slices along each axis, and the primitives of each slice are counted. In large nodes, all cores count and
+//! move the primitives, chunk by chunk. The two sides of a cut are built as independent tasks, except in
+//! small subtrees.
 //!
 //! The upper part of a large tree for one frame is built over cells of primitives: see `cells.rs`.
 
@@ -15,61 +16,62 @@ use super::{Bvh, Node, TreeUse};
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// In nodes with more triangles than this, all cores count the triangles of each slice and move them to the sides of a
-/// cut.
+/// In a node with more triangles than this number, all cores together count the triangles of each slice and
+/// move the triangles to the sides of a cut.
 const PARALLEL_NODE: usize = 1 << 16;
-/// Number of triangles in a chunk. If all cores compute boxes, they do so chunk by chunk. In a node with more than
+/// Number of triangles in a chunk, the unit of work when all cores compute boxes. In a node with more than
 /// `PARALLEL_NODE` triangles, all cores also count and move the triangles chunk by chunk.
 pub(super) const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
-/// If a subtree has at most this many triangles, and its parent has more, the subtree's nodes are joined into one
-/// piece as soon as the subtree is finished. Most of these pieces are large, and the allocator returns the memory of
-/// a large piece to the system when the piece is freed. The allocator would keep the memory of many small pieces, so
-/// large meshes would need a tenth more memory.
+/// If a subtree has at most this many triangles, and its parent has more, the builder joins the subtree's
+/// nodes into one allocation as soon as the subtree is finished. The allocator returns the memory of such a
+/// large allocation to the system when it is freed. The allocator would keep the memory of many small
+/// allocations, and large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
-/// To find a cut, nodes with more triangles than this are divided into `FINE` slices along each axis. All other
-/// nodes are divided into `COARSE` slices. Lists of cells are always divided into `FINE` slices.
+/// To find a cut, nodes with more triangles than this number are divided into `FINE` slices along each axis.
+/// All other nodes are divided into `COARSE` slices. Lists of cells are always divided into `FINE` slices.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
-/// From this depth on, a node is divided into two halves whose numbers of triangles differ by at most one. The halving
-/// limits the depth of every mesh's tree.
+/// From this depth on, a node is divided into two halves whose numbers of triangles differ by at most one.
+/// Halving limits the depth of the tree of any mesh.
 const HALVING_DEPTH: u32 = 64;
 /// From this depth on, a list of cells is divided into two halves. A mesh has at most 2^16 cells. After 48 cuts and 16
 /// halvings, each list has a single cell, so the subtree of every cell begins at depth 64 (`HALVING_DEPTH`) or less.
 const CELLS_HALVING_DEPTH: u32 = 48;
-/// If a tree is for one frame, and the mesh has at least this many triangles, the upper part of the tree is built over
-/// cells. The cuts between cells are not those of least cost, so casting takes longer: by 3.5% for ten million
-/// triangles on an H200 (docs/log.md, 2026-11-28). With 200,000 triangles, building took only 7 ms less.
+/// If a tree is for one frame, and the mesh has at least this many triangles, the upper part of the tree is
+/// built over cells. The cuts between cells do not have the least cost, so casting takes longer: by 3.5% for
+/// ten million triangles on an H200 (docs/log.md, 2026-11-28). For a mesh of 200,000 triangles, cells made
+/// building only 7 ms faster.
 const LARGE_MESH: usize = 1 << 19;
 
 /// A subtree to be built.
 struct Work<'a> {
     /// The subtree's primitives.
     primitives: &'a mut [Primitive],
-    /// The part of the leaf order that belongs to this subtree.
+    /// The slice of the leaf order (the list of all triangles) that belongs to this subtree.
     order: &'a mut [u32],
     /// The subtree's box.
     bounds: Bounds,
     /// A box that contains twice the centre of each primitive's box.
     region: Bounds,
-    /// Number of cuts above this subtree.
+    /// Number of cuts between the root of the whole tree and this subtree.
     depth: u32,
 }
 
-/// A finished subtree: its nodes in depth-first order, in several pieces.
+/// A finished subtree: the subtree's nodes in depth-first order, in several vectors.
 #[derive(Default)]
 struct Subtree {
     pieces: Vec<Vec<Node>>,
-    /// Number of nodes in all pieces.
+    /// Number of nodes in all vectors of `pieces`.
     nodes: usize,
     /// Number of edges from the root of the whole tree to the deepest leaf of this subtree.
     depth: u32,
 }
 
 impl Subtree {
-    /// Returns the same subtree in one piece.
+    /// Returns the same subtree with all nodes in one vector.
     fn joined(self) -> Self {
         Self { pieces: vec![self.pieces.concat()], ..self }
     }
@@ -90,8 +92,8 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize, cells: Option<usize>) -> Bvh 
         None => grow_from_primitives(mesh, &mut order, leaf_size),
         Some(most) => grow_cells(&mut Sorted::of(mesh, most).cells(), &mut order, 0, leaf_size),
     };
-    // The triangles' boxes have been freed before the pieces of the tree are joined, since joining needs memory for a
-    // second copy of the nodes.
+    // At this point, the triangles' boxes have already been freed. Joining the vectors of nodes needs memory
+    // for a second copy of the nodes.
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
 
@@ -112,7 +114,7 @@ pub(super) fn boxes_of(primitives: &[Primitive]) -> (Bounds, Bounds) {
         .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)))
 }
 
-/// Builds the subtree over at least one cell.
+/// Builds the subtree over a list of cells, which must not be empty.
 fn grow_cells(cells: &mut [Cell], order: &mut [u32], depth: u32, leaf_size: usize) -> Subtree {
     let bounds = cells.iter().map(|cell| cell.primitive().0).fold(Bounds::EMPTY, Bounds::union);
     if let [cell] = cells {
@@ -132,8 +134,8 @@ fn grow_cells(cells: &mut [Cell], order: &mut [u32], depth: u32, leaf_size: usiz
     )
 }
 
-/// Finds the best cut through cells, moves the cells to its two sides, and returns the number of cells on the left
-/// side; `None` if there is no cut.
+/// Finds the best cut through cells, moves the cells to the two sides of the cut, and returns the number of
+/// cells on the left side; `None` if no cut has a finite cost.
 fn cut_cells(cells: &mut [Cell]) -> Option<usize> {
     let centres = cells.iter().map(|cell| Bounds::point(cell.primitive().centre()));
     let region = centres.fold(Bounds::EMPTY, Bounds::union);
@@ -142,7 +144,8 @@ fn cut_cells(cells: &mut [Cell]) -> Option<usize> {
     Some(partition(cells, &slicer, &cut))
 }
 
-/// Builds a subtree: a large subtree as two tasks, a small one in this task.
+/// Builds a subtree. The two sides of a large subtree are built as two parallel tasks, a small subtree in the
+/// current task.
 fn grow(work: Work, leaf_size: usize) -> Subtree {
     let count = work.primitives.len();
     if count <= TASK.max(leaf_size) {
@@ -156,8 +159,8 @@ fn grow(work: Work, leaf_size: usize) -> Subtree {
     grow_both(bounds, counts, || grow(left, leaf_size), || grow(right, leaf_size))
 }
 
-/// Builds the two subtrees below a node as two tasks, and puts the node before them. `bounds` is the node's box, and
-/// `counts` has the subtrees' numbers of triangles.
+/// Builds the two subtrees below a node as two parallel tasks, and puts the node before the subtrees' nodes.
+/// `bounds` is the node's box, and `counts` has the subtrees' numbers of triangles.
 fn grow_both(
     bounds: Bounds,
     counts: [usize; 2],
@@ -177,7 +180,8 @@ fn grow_both(
     Subtree { pieces, nodes: 1 + left.nodes + right.nodes, depth: left.depth.max(right.depth) }
 }
 
-/// Builds a subtree in this task, appends its nodes to `nodes`, and returns the depth of its deepest node.
+/// Builds a subtree in the current task, appends its nodes to `nodes`, and returns the depth of its deepest
+/// node.
 fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
     let (count, depth, index) = (work.primitives.len(), work.depth, nodes.len());
     nodes.push(Node::leaf(work.bounds, count));
@@ -185,9 +189,9 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
-        // Kernels keep the first of two hits at the same distance. If two triangles of a leaf lie in the same
-        // place, rays therefore hit the triangle that comes first in the mesh. Triangles in the same place
-        // have equal centres, so only `halve` can put them into different leaves.
+        // Kernels keep the first of two hits at the same distance. Since the leaf's triangles are sorted by
+        // number, rays hit the one of several coincident triangles that comes first in the mesh. Coincident
+        // triangles have equal centres, so only `halve` can put them into different leaves.
         work.order.sort_unstable();
         return depth;
     }
@@ -215,9 +219,10 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut, moves the primitives to its two sides, and returns the cut; `None` if there is no cut.
-/// `region` comes from cutting the parent's region, so it may be larger than the bounds of the primitives'
-/// doubled centres. If no cut is found in `region`, the search is repeated with the exact bounds.
+/// Finds the best cut, moves the primitives to the two sides of the cut, and returns the cut; `None` if no
+/// cut has a finite cost. `region` comes from cutting the parent's region, so `region` may be larger than the
+/// bounds of the primitives' doubled centres. If no cut is found in `region`, the search is repeated with the
+/// exact bounds.
 fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);
@@ -228,7 +233,7 @@ fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<C
     Some(cut)
 }
 
-/// Does the same as `cut`, but on all cores.
+/// Does the same as [`cut`], but on all cores.
 fn cut_in_chunks(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<FINE>::new(region);
@@ -286,7 +291,8 @@ mod tests {
         assert_eq!(of(TreeUse::ManyFrames), [None, None]);
     }
 
-    /// The triangles' sizes grow along a row, so that each cut separates only the few largest from the rest.
+    /// The triangles' sizes grow along a row, so that each cut separates only the few largest triangles from
+    /// all others.
     #[test]
     fn cells_are_halved_from_a_depth_on() {
         let mut mesh = Mesh::default();
@@ -301,7 +307,8 @@ mod tests {
         let mut order = vec![0; 60_000];
         let mut sorted = Sorted::of(&mesh, most_cells(60_000));
         let tree = grow_cells(&mut sorted.cells(), &mut order, CELLS_HALVING_DEPTH, 1);
-        // The 234 cells take 8 halvings. A cell has at most 352 triangles of nearly one centre, which take 9.
+        // Halving 234 cells down to single cells takes 8 levels. A cell has at most 352 triangles with nearly
+        // the same centre, and halving these takes 9 levels.
         assert!(tree.depth <= CELLS_HALVING_DEPTH + 8 + 9, "depth {}", tree.depth);
     }
 }

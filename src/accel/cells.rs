@@ -1,6 +1,6 @@
-//! Divides the triangles of a large mesh among the cells of a regular grid. If the mesh's tree is for one frame, its
-//! upper part is then built over the cells. Without cells, each of the upper levels would read and move the boxes of
-//! all triangles, which do not fit into the processor's caches.
+//! Divides the triangles of a large mesh among the cells of a regular grid. If the mesh's tree is for one
+//! frame only, the upper levels of the tree are then built over the cells. Without cells, building each upper
+//! level would read and move the boxes of all triangles, which do not fit into the processor's caches.
 
 use super::bins::Boxed;
 use super::bounds::{Bounds, Primitive};
@@ -10,23 +10,24 @@ use glam::{DVec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The grid has at most one cell per this many triangles of the mesh. Most cells of a surface's grid are empty, so the
-/// others have several times as many triangles on average.
+/// The grid has at most one cell per this many triangles of the mesh. Most cells of a grid around a surface
+/// are empty, so the cells that are not empty have several times as many triangles on average.
 const TRIANGLES_PER_CELL: usize = 256;
-/// The number of a cell has 16 bits.
+/// The largest number of cells, because a cell's number is stored in 16 bits.
 const MOST_CELLS: usize = 1 << 16;
-/// More threads would gain little in `order_by_cell`, because each reads all triangles.
+/// The largest number of threads in `order_by_cell`. More threads would gain little, because each thread
+/// reads the cells of all triangles.
 const MOST_READERS: usize = 16;
 
-/// Returns the largest number of cells for a mesh.
+/// Returns the largest number of cells for a mesh with this number of triangles.
 pub(super) fn most_cells(triangles: usize) -> usize {
     (triangles / TRIANGLES_PER_CELL).clamp(1, MOST_CELLS)
 }
 
-/// A cell of the grid that has triangles.
+/// A cell of the grid, with at least one triangle.
 pub(super) struct Cell<'a> {
     pub primitives: &'a mut [Primitive],
-    /// The box around all boxes of `primitives`. The number of this primitive has no meaning.
+    /// The box around all boxes of `primitives`. The triangle number in this primitive has no meaning.
     bounds: Primitive,
     /// The box around the doubled centres of `primitives`.
     pub region: Bounds,
@@ -49,10 +50,10 @@ impl Boxed for Cell<'_> {
     }
 }
 
-/// The primitives of a mesh's triangles, ordered by cells.
+/// The primitives (box and number) of a mesh's triangles, ordered by the cells of a grid.
 pub(super) struct Sorted {
     primitives: Vec<Primitive>,
-    /// Number of primitives in each cell that has any.
+    /// Number of primitives in each cell that is not empty.
     counts: Vec<usize>,
 }
 
@@ -78,7 +79,7 @@ impl Sorted {
         Self { primitives, counts }
     }
 
-    /// Returns the cells that have triangles.
+    /// Returns the cells that are not empty.
     pub fn cells(&mut self) -> Vec<Cell<'_>> {
         let mut rest = self.primitives.as_mut_slice();
         let mut parts = Vec::with_capacity(self.counts.len());
@@ -91,20 +92,21 @@ impl Sorted {
     }
 }
 
-/// Returns the triangles' numbers, ordered by cell. `cells` has the cell of each triangle, and `counts` the number of
-/// triangles in each cell.
+/// Returns the triangles' numbers, ordered by cell. `cells` contains the cell of each triangle, and `counts`
+/// the number of triangles in each cell.
 fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     let mut order = vec![0; cells.len()];
-    // A thread writes the triangles of neighbouring cells, and reads the cells of all triangles. The triangles of a
-    // cell are written by one thread, in the mesh's order, so the result does not depend on the number of threads.
+    // Each thread reads the cells of all triangles, and writes the triangles of a few neighbouring cells. One
+    // thread writes all triangles of a cell, in the mesh's order, so the result does not depend on the number
+    // of threads.
     let most = cells.len().div_ceil(rayon::current_num_threads().min(MOST_READERS));
     let shares = shares_of(&mut order, counts, most);
     shares.into_par_iter().for_each(|(own, part)| write_share(part, own.start, &counts[own], cells));
     order
 }
 
-/// Divides `order` into shares of neighbouring cells. Each share has at most `most` triangles, or a single cell.
-/// Returns the cells of each share, and its part of `order`.
+/// Divides `order` into shares of neighbouring cells. Each share has at most `most` triangles, or consists of
+/// a single cell. Returns the range of cells of each share, and the share's slice of `order`.
 fn shares_of<'a>(
     mut order: &'a mut [u32],
     counts: &[usize],
@@ -127,12 +129,13 @@ fn shares_of<'a>(
 /// Writes the numbers of the triangles in a share's cells to `part`, ordered by cell. The share begins with the cell
 /// `first`; `counts` has the number of triangles in each cell of the share, and `cells` the cell of each triangle.
 fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) {
-    // The places at which the next triangle of each cell is written. At first, these are the places at which the
-    // cells' triangles begin.
+    // For each cell, the index in `part` at which the cell's next triangle is written. At first, this is the
+    // index at which the cell's triangles begin.
     let begin = |next: &mut usize, count: &usize| Some(std::mem::replace(next, *next + count));
     let mut next: Vec<usize> = counts.iter().scan(0, begin).collect();
     for (triangle, cell) in (0..).zip(cells) {
-        // A cell before this share wraps around to a large number, which lies outside `next`.
+        // For a cell before this share, the difference wraps around to a large number, which lies outside
+        // `next`.
         if let Some(next) = next.get_mut(usize::from(*cell).wrapping_sub(first)) {
             part[*next] = triangle;
             *next += 1;
@@ -144,8 +147,8 @@ fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) 
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     low: Vec4,
-    /// Number of cells per length along each axis; 0 along an axis whose extent is zero, infinite or too small for the
-    /// division. All points then lie in the axis's first cell.
+    /// Number of cells per length along each axis; 0 along an axis whose extent is zero, infinite or too
+    /// small for the division. If the scale is 0, all points lie in the first cell along the axis.
     scale: Vec4,
     /// Number of cells along each axis.
     steps: [u32; 3],
@@ -156,12 +159,13 @@ impl Grid {
     fn new(region: Bounds, most: usize) -> Self {
         let extent = (region.high - region.low).truncate().as_dvec3();
         let steps_of = |side: f64| {
-            // The conversion turns NaN, the quotient of two zeros or of two infinities, into 0.
+            // The conversion to u32 turns NaN, the quotient of two zeros or of two infinities, into 0.
             let steps = |extent: f64| ((extent / side).ceil() as u32).clamp(1, most as u32);
             extent.to_array().map(steps)
         };
         let cells = |steps: [u32; 3]| steps.map(f64::from).iter().product::<f64>();
-        // The first side is too short, unless the box is a line.
+        // The side of a cell from which the search starts is too short, unless the box is a line: the grid
+        // would have too many cells.
         let mut side = extent.max_element() / most as f64;
         while cells(steps_of(side)) > most as f64 {
             side *= 1.02;
@@ -172,7 +176,7 @@ impl Grid {
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO), steps }
     }
 
-    /// Returns the number of cells.
+    /// Returns the number of cells of the grid.
     fn cells(&self) -> usize {
         self.steps.iter().map(|&steps| steps as usize).product()
     }
@@ -180,7 +184,7 @@ impl Grid {
     /// Returns the number of the cell that contains a point. A point outside the grid belongs to a cell at its border.
     fn cell(&self, point: Vec4) -> u16 {
         let at = (point - self.low) * self.scale;
-        // The conversions turn negative numbers and NaN into 0.
+        // The conversions to u32 turn negative numbers and NaN into 0.
         let [x, y, z] = [0, 1, 2].map(|axis| (at[axis] as u32).min(self.steps[axis] - 1));
         ((z * self.steps[1] + y) * self.steps[0] + x) as u16
     }

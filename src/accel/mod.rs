@@ -1,4 +1,5 @@
-//! Bounding volume hierarchies over a mesh's triangles, so that a ray need not be tested against all of them.
+//! Bounding volume hierarchies over a mesh's triangles, so that a ray need not be tested against all
+//! triangles.
 //!
 //! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree
 //! collapsed to 2 to 32 children per node, as rows of 32-bit words. [`validate`](Bvh::validate) checks a tree
@@ -26,16 +27,17 @@ pub use wide::WideBvh;
 /// size, a scene and a device) is stored under a key. If the point uses a tree, its key contains this hash.
 /// If the trees over the fixed meshes change, because the code that builds trees or the trees' layout has
 /// changed, a test fails until the hash is updated. With a new hash, points that use a tree are measured
-/// again. Points are measured with trees for many frames.
+/// again. The hash covers trees for many frames ([`TreeUse::ManyFrames`]), with which points are measured.
 pub const FINGERPRINT: &str = "9bed1dff56cfc58f";
 
-/// For how many frames a tree is built.
+/// Whether a tree is built for one frame or for many frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeUse {
-    /// The whole tree is built over triangles.
+    /// Many frames are cast with the tree, so the whole tree is built over triangles, for fast casting.
     ManyFrames,
-    /// The upper part of a large mesh's tree is built over the cells of a grid. Over ten million triangles, such a tree
-    /// is finished in three quarters of the time, but casting takes a few per cent longer.
+    /// Only one frame is cast with the tree, so the upper part of a large mesh's tree is built over the cells
+    /// of a grid, for fast building. With ten million triangles, building such a tree takes three quarters of
+    /// the time of a tree for many frames, but casting takes a few per cent longer.
     OneFrame,
 }
 
@@ -77,12 +79,12 @@ impl Node {
 /// A binary bounding volume hierarchy, stored depth first: the root is node 0, and a left child follows its
 /// parent.
 ///
-/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at 0.
-/// The triangles of a left child begin where its parent's triangles begin, and the triangles of a
-/// right child follow its sibling's triangles.
+/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at 0. The
+/// triangles of a left child begin where the parent's triangles begin, and the triangles of a right child
+/// follow the triangles of the left child.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
-    /// The nodes; empty if there are no triangles.
+    /// The nodes in depth-first order; empty if the mesh has no triangles.
     pub nodes: Vec<Node>,
     /// The triangles' numbers in the mesh, in leaf order.
     pub order: Vec<u32>,
@@ -105,18 +107,19 @@ impl Bvh {
         Self::build_for(TreeUse::ManyFrames, mesh, leaf_size)
     }
 
-    /// Builds a tree like [`Self::build`], for this use. Trees for different uses may differ.
+    /// Builds a tree like [`Self::build`], but for one frame or many frames, as `tree_use` says. The trees
+    /// for the two uses may differ.
     pub fn build_for(tree_use: TreeUse, mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size, build::cells_for(tree_use, mesh.triangles.len()))
     }
 
     /// Returns an estimate of the memory in bytes that the host needs to build a tree over `triangles`
-    /// triangles. The estimate contains the leaf order, the nodes, and the larger of two amounts that are not
-    /// in use at the same time. The first is a buffer of boxes. The second is a copy of the nodes, since the
-    /// nodes are made in pieces and then joined. The estimate assumes that a leaf contains
-    /// (`leaf_size` + 1) / 2 triangles on average. If leaves contain more triangles, the tree has fewer nodes,
-    /// and takes less memory. The estimate holds for leaf sizes up to 31; with larger leaves, ordering a large
-    /// mesh's triangles by cells can take slightly more.
+    /// triangles. The estimate is the sum of the leaf order, the nodes, and the larger of two buffers that
+    /// are not in use at the same time: the buffer of the triangles' boxes, and a second copy of the nodes,
+    /// which exists while the builder joins vectors of nodes. The estimate assumes that a leaf contains
+    /// (`leaf_size` + 1) / 2 triangles on average. If leaves contain more triangles, the tree has fewer
+    /// nodes, and takes less memory. The estimate holds for leaf sizes up to 31; with larger leaves, ordering
+    /// a large mesh's triangles by cells can take slightly more.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = triangles * size_of::<bounds::Primitive>() as u64;

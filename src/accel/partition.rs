@@ -1,5 +1,5 @@
-//! Moves a node's primitives to their side of a cut, within the node's own part of the buffer. A second
-//! buffer would take 32 more bytes per triangle while a tree is built.
+//! Sorts a node's primitives by the side of a cut on which they lie, in place. A second buffer would take 32
+//! more bytes per triangle while a tree is built.
 
 use super::bins::{Bins, Boxed, Cut, Slicer};
 use super::bounds::Primitive;
@@ -15,9 +15,10 @@ pub(super) fn partition<const N: usize>(items: &mut [impl Boxed], slicer: &Slice
     }
 }
 
-/// Moves the items of the left side to the front, and returns their number. To this end, each item in turn is
-/// exchanged with the first item of the right side. If the item belongs to the right side itself, the exchange has
-/// no effect on the sides. The exchange is done nevertheless, because a branch would often be mispredicted.
+/// Moves the items of the left side to the front, and returns their number. The loop exchanges each item in
+/// turn with the first item of the right side. If the item itself belongs to the right side, the exchange
+/// only reorders the right side. The loop exchanges such an item, too, because a branch that avoids this
+/// would often be mispredicted.
 ///
 /// ```text
 ///   0         left        at            the end
@@ -38,9 +39,8 @@ fn partition_on<const N: usize, const AXIS: usize>(
 }
 
 /// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned
-/// alone. `bins` has an element for each chunk, from which the number of the chunk's primitives on the left
-/// side follows. Then, the primitives that still lie on the wrong side of the whole node exchange their
-/// positions.
+/// by itself. `bins` has an element for each chunk, from which the number of the chunk's primitives on the
+/// left side follows. Then, primitives that lie on the wrong side in the whole node exchange their positions.
 ///
 /// ```text
 ///   chunk 0    chunk 1     chunk 2
@@ -120,7 +120,7 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// Returns the numbers of the triangles, in ascending order.
+    /// Returns the triangle numbers of primitives, in ascending order.
     fn numbers(primitives: &[Primitive]) -> Vec<u32> {
         let mut numbers: Vec<u32> = primitives.iter().map(|primitive| primitive.triangle()).collect();
         numbers.sort_unstable();

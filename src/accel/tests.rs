@@ -1,4 +1,5 @@
-//! Trees over random, degenerate, coincident, tiny and huge triangles, compared with an exhaustive search.
+//! Tests that rays find the same hits in trees over random, degenerate, coincident, tiny and huge triangles
+//! as in an exhaustive search.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -56,7 +57,8 @@ fn closest_of_all(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<f64> {
     all.filter_map(|triangle| hit_distance(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
 }
 
-/// Checks trees over a mesh: one built over triangles, and trees whose upper parts are built over few or many cells.
+/// Checks several trees over a mesh: a tree that is built over triangles, and trees whose upper levels are
+/// built over few or many cells of a grid.
 fn check(mesh: &Mesh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
     for cells in [None, Some(1), Some(7), Some(4096)] {
         check_tree(mesh, build::build(mesh, leaf_size, cells), leaf_size, width, scale, seed);
@@ -142,8 +144,8 @@ fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
 }
 
 /// The triangles are far apart along each axis in turn, so each split by cost separates only few triangles
-/// from the rest. With splits by cost alone, the tree would be far deeper. From a depth of 64 on, the builder
-/// therefore splits nodes into halves with equal numbers of triangles.
+/// from all others. With splits by cost alone, the tree would be far deeper than the bound. From a depth of
+/// 64 on, the builder therefore splits nodes into halves with equal numbers of triangles.
 #[test]
 fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
@@ -157,8 +159,8 @@ fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     assert!((64..=64 + 10).contains(&bvh.depth), "depth {}", bvh.depth);
 }
 
-/// The mesh has a row of five thousand triangles on one side, and a hundred triangles on the other side. Each of the
-/// hundred is half as far from the origin as the previous one.
+/// The mesh has a row of five thousand triangles on one side, and a hundred triangles on the other side. Each
+/// of the hundred triangles is half as far from the origin as the previous triangle.
 #[test]
 fn the_depth_is_that_of_the_deeper_side() {
     for side in [1.0, -1.0] {
@@ -211,7 +213,8 @@ fn nodes_on_all_cores_give_a_right_tree() {
 #[test]
 fn nodes_on_all_cores_are_cut_across_any_axis() {
     for axis in Vec3::AXES {
-        // The mesh is ten times as long along this axis, so that the first cut is across the axis.
+        // The mesh is ten times as long along `axis` as along the other two axes, so that the first cut is
+        // perpendicular to `axis`.
         let stretch = Vec3::ONE + 9.0 * axis;
         let mut mesh = random_mesh(16, 70_000, 0.01, 1.0);
         mesh.positions.iter_mut().for_each(|corner| *corner *= stretch);
@@ -333,7 +336,7 @@ fn normal_rows_hold_the_normal_of_each_corner() {
     }
 }
 
-/// Hashes every part of a tree that a device reads, for every width and two leaf sizes.
+/// Hashes everything that a device reads of a mesh's trees, for every width and two leaf sizes.
 fn hash_trees(hasher: &mut blake3::Hasher, mesh: &Mesh) {
     for (width, leaf_size) in WideBvh::WIDTHS.into_iter().flat_map(|width| [(width, 4), (width, 16)]) {
         let tree = WideBvh::of_mesh(mesh, width, leaf_size).unwrap();
@@ -363,7 +366,7 @@ fn the_fingerprint_is_that_of_this_builder() {
         mesh.normals = vec![Vec3::Y];
         hash_trees(&mut hasher, &mesh);
     }
-    // This mesh has so many triangles that its root is cut on all cores.
+    // This mesh has so many triangles that all cores together cut the root of its tree.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
     order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
     let actual = &hasher.finalize().to_hex()[..16];
@@ -400,8 +403,8 @@ fn a_ray_along_an_axis_misses_boxes_beside_it() {
 fn a_build_needs_the_order_the_nodes_and_the_boxes_or_the_nodes_again() {
     let boxes = 1000 * size_of::<super::bounds::Primitive>();
     let order = 1000 * size_of::<u32>();
-    // The estimate assumes that leaves of at most four triangles contain two and a half on average: 401 leaves at most,
-    // and as many other nodes.
+    // The estimate assumes that leaves of at most four triangles contain two and a half triangles on average.
+    // A tree over 1000 triangles then has at most 401 leaves, and as many inner nodes.
     let nodes = 802 * size_of::<Node>();
     assert_eq!(Bvh::build_bytes(1000, 4), (boxes + order + nodes) as u64);
     // With one triangle per leaf, the nodes take more bytes than the boxes.

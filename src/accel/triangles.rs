@@ -1,20 +1,21 @@
-//! A tree's triangles in leaf order, as rows of floats.
+//! Writes a tree's triangles in leaf order (the order of the tree's leaves), as rows of floats.
 
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Words per triangle in [`write_triangle_rows`]: three float4, or 48 bytes.
+/// Number of 32-bit words per triangle in [`write_triangle_rows`]: three float4, or 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
-/// Floats per triangle in [`write_normal_rows`]: 36 bytes.
+/// Number of floats per triangle in [`write_normal_rows`]: 9 floats, or 36 bytes.
 pub const NORMAL_FLOATS: usize = 9;
 
 /// Number of rows of zeros after the last triangle. Kernels that load several triangles at once (TOGETHER in
 /// cl/tile_cpu/triangles_of_leaf.cl) may read these rows.
 pub const PADDING_ROWS: usize = 8;
 
-/// Writes the triangles of `order` into `rows`, 12 words each. No bit of a corner changes, because watertight tests
-/// need the mesh's exact corners. The remaining words of `rows` become zero.
+/// Writes the triangles of `order` into `rows`, 12 words each. The corners are copied bit by bit, because
+/// watertight intersection tests need the mesh's exact corners. The words of `rows` after the last triangle
+/// become zero.
 ///
 /// | words | content |
 /// |---|---|
@@ -31,8 +32,8 @@ pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     });
 }
 
-/// Writes the corner normals n0, n1 and n2 of each triangle of `order` into `rows`, three floats each. The remaining
-/// floats of `rows` become zero.
+/// Writes the corner normals n0, n1 and n2 of each triangle of `order` into `rows`, three floats each. The
+/// floats of `rows` after the last triangle become zero.
 pub fn write_normal_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     write_rows(order, rows, |number| {
         let [a, b, c] = mesh.corner_normals(&mesh.triangles[number as usize]);

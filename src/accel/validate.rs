@@ -3,7 +3,7 @@
 use super::{Bvh, Node, WideBvh};
 use crate::scene::Mesh;
 
-/// The result of a check: a message about the first problem, if there is one.
+/// The result of a check: an error with a message about the first problem.
 type Verdict = Result<(), String>;
 
 impl Bvh {
@@ -12,7 +12,7 @@ impl Bvh {
     ///
     /// # Errors
     ///
-    /// Returns the first problem found.
+    /// Returns a message about the first problem in the tree.
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         if self.nodes.is_empty() != self.order.is_empty() {
@@ -29,8 +29,8 @@ impl Bvh {
             waiting.push((0, 0, 0));
         }
         while let Some((number, first, level)) = waiting.pop() {
-            // A depth-first walk must reach the nodes in the order of their numbers. If the walk does so, it
-            // reaches each node once, and there is no cycle.
+            // A depth-first walk must reach the nodes in the order of their numbers. If the order is right,
+            // the walk reaches each node once, and the tree has no cycle.
             expect_equal("the next node in depth-first order", number, reached)?;
             reached += 1;
             depth = depth.max(level);
@@ -75,7 +75,7 @@ impl WideBvh {
     ///
     /// # Errors
     ///
-    /// Returns the first problem found.
+    /// Returns a message about the first problem in the tree.
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         let mut held = vec![0u32; self.order.len()];

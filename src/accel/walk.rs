@@ -1,4 +1,4 @@
-//! Traverses a tree with a ray on the host, in f64, step by step as the kernels do.
+//! Traverses a tree with a ray on the host, in f64, with the same steps as the kernels.
 
 use super::WideBvh;
 use glam::DVec3;
@@ -12,23 +12,24 @@ pub struct Hit {
     pub distance: f64,
 }
 
-/// The result of a traversal, and its cost.
+/// The closest hit that a traversal finds, and the traversal's cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Walk {
-    /// The closest hit.
+    /// The closest hit; `None` if the ray hits no triangle.
     pub hit: Option<Hit>,
     /// Number of nodes whose children's boxes were tested.
     pub nodes: u32,
-    /// Number of triangles tested.
+    /// Number of triangles against which the ray was tested.
     pub triangles: u32,
 }
 
 impl WideBvh {
-    /// Finds the closest hit nearer than `reach`. Nearer boxes are visited first.
+    /// Finds the closest hit at a distance below `reach`. Of a node's children, the child whose box is nearer
+    /// is visited first.
     ///
-    /// `test(triangle, reach)` returns the distance at which the ray hits a triangle of the mesh. `test` returns
-    /// `None` if the ray misses the triangle, or if the distance is not below `reach`. Of several closest hits at the
-    /// same distance, the one that is found first is returned.
+    /// `test(triangle, reach)` returns the distance at which the ray hits a triangle of the mesh. `test`
+    /// returns `None` if the ray misses the triangle, or if the distance is not below `reach`. If several
+    /// triangles are hit at the closest distance, returns the hit that the traversal finds first.
     pub fn closest_hit(
         &self,
         origin: DVec3,
@@ -65,7 +66,8 @@ impl WideBvh {
 }
 
 /// Returns the distance at which a ray enters a box, or 0 if the ray begins in the box. Returns `None` if the
-/// ray misses the box. A miss by no more than a few rounding errors of f64 counts as a hit.
+/// ray misses the box. If the ray misses the box by no more than a few rounding errors of f64, this counts as
+/// a hit.
 fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

@@ -1,5 +1,5 @@
-//! Trees in the form that devices read: each node has up to 32 children, whose boxes are stored as rows of
-//! floats.
+//! Trees in the form that OpenCL devices read: each node has up to 32 children, whose boxes are stored in the
+//! node as rows of floats.
 
 use super::{Bvh, Node, TreeUse};
 use crate::error::{Error, Result};
@@ -22,8 +22,8 @@ use rayon::prelude::*;
 /// | 6W .. 7W | 6 | the child word |
 /// | 7W .. stride | | zeros that pad nodes of up to 8 children to whole cache lines; wider nodes have no padding |
 ///
-/// The plane of `axis` on `side` (0 low, 1 high) is therefore row `2 * axis + side`. The bounds of a child's box are
-/// the smallest and the largest coordinates of the corners of all triangles below the child, without rounding.
+/// The plane of `axis` on `side` (0 low, 1 high) is therefore row `2 * axis + side`. A child's box is exact:
+/// its bounds are the smallest and the largest coordinates of the corners of all triangles below the child.
 ///
 /// # Child words
 ///
@@ -33,22 +33,22 @@ use rayon::prelude::*;
 /// | 25 .. 31 | 0 | number of triangles, 0 to 63 |
 /// | 0 .. 25 | its node number | index of its first triangle in leaf order |
 ///
-/// A node has W slots for children. Children come first, unused slots last. An unused slot is a leaf without triangles
-/// ([`WideBvh::UNUSED`]). The box of an unused slot is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), and a traversal
-/// that visits the slot does no harm.
+/// A node has W slots for children. The used slots come first, the unused slots last. An unused slot is a
+/// leaf without triangles ([`WideBvh::UNUSED`]). The box of an unused slot is the point (`f32::MAX`,
+/// `f32::MAX`, `f32::MAX`), and a traversal that visits the slot does no harm.
 ///
 /// # Order
 ///
-/// The inner children of a node are contiguous. After these children come all nodes below the first child,
-/// then all nodes below the second child, and so on. A node's triangles are contiguous in leaf order; `order`
-/// maps an index in leaf order to the triangle's number in the mesh.
+/// The inner children of a node are contiguous. After the inner children of a node come all nodes below the
+/// first of these children, then all nodes below the second, and so on. A node's triangles are contiguous in
+/// leaf order; `order` maps an index in leaf order to the triangle's number in the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WideBvh {
     /// Children per node: 2, 4, 8, 16 or 32.
     pub width: usize,
     /// Number of words from the start of one node to the start of the next.
     pub stride: usize,
-    /// The words of all nodes; a float is stored as its bits.
+    /// The 32-bit words of all nodes. A float is stored as its bits.
     pub nodes: Vec<u32>,
     /// The triangles' numbers in the mesh, in leaf order.
     pub order: Vec<u32>,
@@ -56,7 +56,7 @@ pub struct WideBvh {
     pub depth: u32,
 }
 
-/// A subtree of a [`Bvh`], the binary tree.
+/// A subtree of the binary tree ([`Bvh`]) from which the wide tree is made.
 #[derive(Clone, Copy)]
 struct Subtree {
     /// The index of the subtree's root in the binary tree.
@@ -74,8 +74,8 @@ impl Subtree {
         Self { node, first, count: root.count, is_leaf: root.is_leaf(), half_area: root.half_area() }
     }
 
-    /// Returns true if the subtree becomes an inner node. A subtree becomes a leaf if a leaf can hold all its
-    /// triangles.
+    /// Returns true if the subtree becomes an inner node of the wide tree. A subtree becomes a leaf if a leaf
+    /// of `leaf_size` triangles can hold all triangles of the subtree.
     fn is_inner(&self, leaf_size: usize) -> bool {
         self.count as usize > leaf_size && !self.is_leaf
     }
@@ -88,9 +88,9 @@ impl Subtree {
 }
 
 impl WideBvh {
-    /// The supported widths.
+    /// The supported numbers of children per node.
     pub const WIDTHS: [usize; 5] = [2, 4, 8, 16, 32];
-    /// The largest number of triangles in a leaf.
+    /// The largest supported number of triangles in a leaf.
     pub const MAX_LEAF_SIZE: usize = 63;
     /// The largest number of triangles, and of nodes, that a child word can index.
     pub const MAX_INDEX: usize = 1 << 25;
@@ -101,16 +101,16 @@ impl WideBvh {
     /// The position of the lowest bit of a leaf's triangle count in its child word.
     pub const COUNT_SHIFT: u32 = Self::MAX_INDEX.ilog2();
 
-    /// Returns the number of words in a node with this many children.
+    /// Returns the number of words in a node with `width` slots for children.
     pub const fn stride(width: usize) -> usize {
         if width <= 8 { 8 * width } else { 7 * width }
     }
 
-    /// Builds a mesh's tree in the form that a device reads. With fewer than 32 children per node, the leaves of the
-    /// binary tree are small, and several of them together can form one leaf of up to `leaf_size` triangles. If a node
-    /// would have unused slots, such a leaf is split to fill these slots. With 32 children per node, leaves are not
-    /// split: 32 work-items prepare the triangles of a leaf in parallel, so smaller leaves would only mean that more
-    /// leaves are visited.
+    /// Builds a mesh's tree in the form that a device reads. With fewer than 32 children per node, the leaves
+    /// of the binary tree are small, and several of these leaves together can form one wide leaf of up to
+    /// `leaf_size` triangles. If a node would have unused slots, wide leaves are split to fill the slots.
+    /// With 32 children per node, leaves are not split: 32 work-items prepare the triangles of a leaf in
+    /// parallel, so smaller leaves would only mean that more leaves are visited.
     ///
     /// # Errors
     ///
@@ -119,7 +119,8 @@ impl WideBvh {
         Self::of_mesh_for(TreeUse::ManyFrames, mesh, width, leaf_size)
     }
 
-    /// Builds a tree like [`Self::of_mesh`], for this use. Trees for different uses may differ.
+    /// Builds a tree like [`Self::of_mesh`], but for one frame or many frames, as `tree_use` says. The trees
+    /// for the two uses may differ.
     ///
     /// # Errors
     ///
@@ -130,13 +131,14 @@ impl WideBvh {
     }
 
     /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's
-    /// children, the function starts with the node's binary subtree as the only child. It then repeatedly
-    /// replaces a child by the two children of this child in the binary tree, until all slots are used or
-    /// only leaves of the binary tree are left. First, only children with more than `leaf_size` triangles are
-    /// replaced, the one of largest surface area first. If slots are still unused, smaller children are
-    /// replaced in the same order, since testing an unused slot costs as much as testing a used one. Leaves
-    /// therefore become as small as the slots allow, but never smaller than the leaves of the binary tree.
-    /// The binary tree should therefore have the leaf size with which rays are cast fastest.
+    /// children, the function starts with the node's binary subtree as the only child. The function then
+    /// repeatedly replaces a child by the two children of this child in the binary tree, until all slots are
+    /// used or only leaves of the binary tree are left. First, only children with more than `leaf_size`
+    /// triangles are replaced, the child with the largest surface area first. If slots are still unused,
+    /// children with fewer triangles are replaced in the same order, since testing an unused slot costs as
+    /// much as testing a used slot. The leaves of the wide tree therefore become as small as the slots allow,
+    /// but never smaller than the leaves of the binary tree. The binary tree should therefore have the leaf
+    /// size with which rays are cast fastest.
     ///
     /// # Errors
     ///
@@ -150,7 +152,8 @@ impl WideBvh {
             let inner = wide.collapse_node(&bvh, 0, Subtree::new(&bvh, 0, 0), leaf_size);
             let collapse = |child| Self::collapse(&bvh, child, width, leaf_size);
             let parts: Vec<Self> = inner.into_par_iter().map(collapse).collect();
-            // Trees of large meshes take hundreds of megabytes, so everything is freed as soon as it is copied.
+            // The trees of large meshes take hundreds of megabytes, so the nodes of the binary tree are freed
+            // as soon as the wide nodes are made from them.
             drop(bvh.nodes);
             wide.append(parts);
         }
@@ -174,7 +177,7 @@ impl WideBvh {
         wide
     }
 
-    /// Makes a tree of this width from a binary subtree, whose root becomes node 0.
+    /// Makes a wide tree from a subtree of the binary tree. The subtree's root becomes node 0.
     fn collapse(bvh: &Bvh, subtree: Subtree, width: usize, leaf_size: usize) -> Self {
         let mut wide = Self::unused(width);
         let mut waiting = vec![(0, 1, subtree)];
@@ -188,8 +191,8 @@ impl WideBvh {
         wide
     }
 
-    /// Writes a node. For each of its inner children, appends a node whose slots for children are still unused. Returns
-    /// the subtrees of these children.
+    /// Writes a node. For each inner child of the node, appends a node whose slots for children are still
+    /// unused. Returns the binary subtrees of the inner children.
     fn collapse_node(&mut self, bvh: &Bvh, node: usize, subtree: Subtree, leaf_size: usize) -> Vec<Subtree> {
         let mut children = Vec::with_capacity(self.width);
         children.push(subtree);
@@ -201,9 +204,10 @@ impl WideBvh {
         children
     }
 
-    /// Appends trees that were made from the subtrees of the root's inner children, in this order. The root of each
-    /// tree replaces the node of its child; the other nodes are appended. All threads copy, since the system fills each
-    /// new page of memory with zeros, which takes longer than copying.
+    /// Appends the wide trees `parts`, which were made from the subtrees of the root's inner children, in the
+    /// order of these children. The root of each appended tree replaces the placeholder node of the child;
+    /// all other nodes are appended. All threads copy, since the system fills each new page of memory with
+    /// zeros, which takes longer than copying.
     fn append(&mut self, parts: Vec<Self>) {
         let (width, stride, own) = (self.width, self.stride, self.nodes.len());
         self.depth = parts.iter().map(|part| part.depth + 1).fold(self.depth, u32::max);
@@ -232,7 +236,7 @@ impl WideBvh {
         self.nodes = nodes;
     }
 
-    /// Returns the number of nodes.
+    /// Returns the number of nodes in the tree.
     pub fn node_count(&self) -> usize {
         self.nodes.len() / self.stride
     }
@@ -272,7 +276,8 @@ impl WideBvh {
         }
     }
 
-    /// Writes a node. The nodes that are appended next become the inner children of this node.
+    /// Writes the boxes and child words of a node. The caller must append the nodes of the inner children
+    /// next, since the child words refer to the next node numbers.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
         for (slot, child) in children.iter().enumerate() {
@@ -297,8 +302,8 @@ impl WideBvh {
 }
 
 /// Replaces subtrees with more than `least` triangles by their two children, always the subtree with the
-/// largest surface first. Stops when there are `width` subtrees, or when only leaves of the binary tree and
-/// subtrees with at most `least` triangles are left.
+/// largest surface first. Stops when `children` has `width` subtrees, or when only leaves of the binary tree
+/// and subtrees with at most `least` triangles are left.
 fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
         let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));

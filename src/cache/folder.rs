@@ -1,5 +1,5 @@
-//! Finds the cache's folder, and checks who owns it. raycl runs programs from the cache, so only the user may
-//! write to this folder.
+//! Finds the folder of raycl's cache, and checks who owns the folder. raycl runs compiled programs from the
+//! cache, so only the user may write to the cache's folder.
 
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
@@ -13,8 +13,8 @@ const DEFAULT_LIMIT_MIB: u64 = 512;
 /// The longest name of a file or folder, in bytes, that the usual file systems allow.
 const LONGEST_NAME_BYTES: usize = 255;
 
-/// Returns the limit of the cache's size in bytes, from the environment. If the variable's value is not a
-/// whole number of MiB, this function returns the default limit. raycl's commands refuse such a value
+/// Returns the limit of the cache's size in bytes, from the environment. If the value of `RAYCL_CACHE_MIB` is
+/// not a whole number of MiB, returns the default limit; raycl's commands refuse such a value before
 /// ([`check_limit`]).
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
@@ -25,7 +25,8 @@ pub fn check_limit() -> Result<()> {
     limit_of(std::env::var_os(LIMIT).as_deref()).map(|_| ())
 }
 
-/// Returns the limit in bytes that the variable's text gives, or the default if the text is blank.
+/// Returns the limit in bytes from the text of the environment variable, or the default limit if the text is
+/// blank.
 fn limit_of(text: Option<&OsStr>) -> Result<u64> {
     let text = text.map(OsStr::to_string_lossy).filter(|text| !text.trim().is_empty());
     let mib = text.map_or(Ok(DEFAULT_LIMIT_MIB), |text| {
@@ -42,29 +43,31 @@ pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
-/// Returns the path of the user's private folder among the temporary files. The folder need not exist.
+/// Returns the path of the user's private folder in the system's folder of temporary files. The private
+/// folder need not exist.
 #[cfg(unix)]
 pub fn temporary_path() -> Option<PathBuf> {
     let user = rustix::process::geteuid().as_raw();
     Some(std::env::temp_dir().join(format!("raycl-{user}")))
 }
 
-/// On systems other than Unix, raycl does not check who owns a folder, so there is no such folder.
+/// On systems other than Unix, raycl does not check who owns a folder, so it uses no private folder of
+/// temporary files.
 #[cfg(not(unix))]
 pub fn temporary_path() -> Option<PathBuf> {
     None
 }
 
-/// Makes a private folder among the temporary files ([`temporary_path`]). Later processes of this user get the same
-/// folder. Returns `None` if the folder cannot be made, if the path is a link, or if somebody else owns the folder or
-/// may write into it.
+/// Makes the user's private folder in the system's folder of temporary files ([`temporary_path`]). Later
+/// processes of the same user get the same folder. Returns `None` if the folder cannot be made, if the path
+/// is a link, or if somebody else owns the folder or may write into it.
 pub fn temporary() -> Option<PathBuf> {
     private(temporary_path()?)
 }
 
-/// Makes a private folder, if it does not exist, although everybody may write into the folder around it, as into some
-/// volumes of containers. Returns `None` for the same reasons as [`temporary`], and if another user except the
-/// superuser owns the nearest ancestor that exists.
+/// Makes a private folder, if it does not exist. Accepts a parent folder into which everybody may write, such
+/// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. Also returns `None`
+/// if the nearest ancestor that exists belongs neither to this user nor to the superuser.
 pub fn private_in_shared(folder: PathBuf) -> Option<PathBuf> {
     let around = existing_ancestor(&folder)?.metadata().ok()?;
     if is_own_or_roots(&around) { private(folder) } else { None }
@@ -78,7 +81,7 @@ fn private(folder: PathBuf) -> Option<PathBuf> {
     (own && trusted(&folder).is_some()).then_some(folder)
 }
 
-/// Makes a folder that only its owner can use.
+/// Makes a folder that only the folder's owner can list, read or write.
 #[cfg(unix)]
 pub fn make(folder: &Path) -> std::io::Result<()> {
     use std::os::unix::fs::DirBuilderExt as _;
@@ -135,9 +138,9 @@ pub fn existing_ancestor(folder: &Path) -> Option<&Path> {
     folder.ancestors().find(|folder| folder.symlink_metadata().is_ok())
 }
 
-/// Returns true if no other user except the superuser can put files into a folder, or can replace it by writing into
-/// the folder around it. Folders further up are not examined. If the folder does not exist, this function asks only
-/// whether another user could create it in its nearest ancestor that exists.
+/// Returns true if no other user except the superuser can put files into a folder, or can replace the folder
+/// by writing into its parent. Ancestors further up are not examined. If the folder does not exist, this
+/// function asks only whether another user could create it in its nearest ancestor that exists.
 pub fn is_private(folder: &Path) -> bool {
     if folder.symlink_metadata().is_ok() && trusted(folder).is_none() {
         return false;
@@ -146,8 +149,8 @@ pub fn is_private(folder: &Path) -> bool {
     around.and_then(|around| around.metadata().ok()).is_some_and(|metadata| keeps_names(&metadata))
 }
 
-/// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for all other files,
-/// and for links.
+/// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for a file
+/// that others own or may write, and for links.
 pub fn read_own(path: &Path) -> Option<Vec<u8>> {
     let metadata = path.symlink_metadata().ok()?;
     if !metadata.is_file() || !is_own(&metadata) {
@@ -168,9 +171,10 @@ fn is_own(_: &std::fs::Metadata) -> bool {
     true
 }
 
-/// Returns true if no other user except the superuser can rename what this user has put into a folder. A folder that
-/// everybody may write, such as /tmp, guarantees this by its sticky bit. A group that may write is accepted: on many
-/// systems, each user has a group of his own, which may write the user's folders.
+/// Returns true if no other user except the superuser can rename what this user has put into a folder. A
+/// folder that everybody may write, such as /tmp, must have the sticky bit, which forbids renaming files of
+/// other users. A folder that a group may write is accepted: on many systems, each user has a private group,
+/// which may write the user's folders.
 #[cfg(unix)]
 fn keeps_names(metadata: &std::fs::Metadata) -> bool {
     use std::os::unix::fs::MetadataExt as _;
@@ -213,7 +217,7 @@ mod tests {
         assert!(!can_be_written(Path::new("/proc/a/b")), "not even the superuser can");
         std::os::unix::fs::symlink("nowhere", folder.path().join("broken")).expect("a link");
         assert!(!can_be_written(&folder.path().join("broken/a")));
-        // A name may have 255 bytes.
+        // The name of a file or folder may have up to 255 bytes.
         let named = |bytes: usize| folder.path().join("missing").join("n".repeat(bytes)).join("a");
         assert!(can_be_written(&named(255)) && !can_be_written(&named(256)));
     }

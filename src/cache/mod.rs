@@ -1,6 +1,6 @@
-//! Stores data that later runs would otherwise recompute, such as compiled programs and lists of devices. Each entry is
-//! one file in a folder that belongs to the user. raycl ignores an entry that is corrupt, that belongs to another user,
-//! or whose key is not the requested key.
+//! Stores data that later runs would otherwise recompute, such as compiled programs and lists of devices.
+//! Each entry is one file in a folder that belongs to the user. raycl ignores an entry that is corrupt,
+//! belongs to another user, or has another key than the requested one.
 
 mod entry;
 mod folder;
@@ -15,21 +15,22 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// Prefix of the names of unfinished files. A process is writing this file, or was killed while writing.
+/// The prefix of the names of unfinished files: files that a process is writing, or was writing when it was
+/// killed.
 const UNFINISHED: &str = ".unfinished-";
-/// The least space that a file takes on most disks: a block. An entry counts as at least this many bytes, so the limit
-/// of the cache's size also limits the number of its entries.
+/// The least space that a file takes on most disks: a block. A cache entry counts as at least this many
+/// bytes, so the limit of the cache's size also limits the number of its entries.
 const BLOCK_BYTES: u64 = 4096;
-/// A file's time may lie this far in the future: the clock of a file server can differ from this machine's
-/// clock.
+/// The modification time of a cache file is accepted if it lies at most this far in the future: the clock of
+/// a file server can differ from this machine's clock.
 const CLOCKS_DIFFER_BY: Duration = Duration::from_secs(60);
 
-/// A cache: a folder of entries, and the limit of its size. If there is no folder, nothing is stored.
+/// A cache: a folder of entries, and the limit of its size. If `folder` is `None`, the cache stores nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Cache {
     folder: Option<PathBuf>,
     limit_bytes: u64,
-    /// True if the folder is not made when it is missing.
+    /// True if raycl does not make the cache's folder when the folder is missing.
     only_existing: bool,
 }
 
@@ -40,8 +41,8 @@ pub struct Entry {
     pub path: PathBuf,
     /// The file's size.
     pub bytes: u64,
-    /// The time of the last use of the entry. If the file's time lies in the future, the last use is unknown.
-    /// `used` is then the Unix epoch, so that the entry is removed before all others.
+    /// The time of the last use of the entry. If the file's modification time lies in the future, the last
+    /// use is unknown; `used` is then the Unix epoch, so that this entry is removed before all others.
     pub used: SystemTime,
 }
 
@@ -59,7 +60,7 @@ impl Cache {
         Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes, only_existing: false }
     }
 
-    /// Returns a cache in this folder that takes at most `limit_bytes`.
+    /// Returns a cache in the given folder, whose entries take at most `limit_bytes` together.
     pub fn at(folder: &Path, limit_bytes: u64) -> Self {
         Self { folder: Some(folder.to_owned()), limit_bytes, only_existing: false }
     }
@@ -69,13 +70,14 @@ impl Cache {
         Self::default()
     }
 
-    /// Returns this cache, changed so that it stores nothing while its folder is missing: it never makes the folder.
+    /// Returns this cache, changed so that it never makes its folder: while the folder is missing, the cache
+    /// stores nothing.
     #[must_use]
     pub fn only_while_it_exists(self) -> Self {
         Self { only_existing: true, ..self }
     }
 
-    /// Returns the folder's path.
+    /// Returns the path of the cache's folder.
     pub fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
     }
@@ -96,8 +98,8 @@ impl Cache {
         self.folder().and_then(folder::why_unusable)
     }
 
-    /// Returns the content of the entry with this kind (the sort of data, such as `program`) and this key; `None` if
-    /// there is no valid entry.
+    /// Returns the content of the entry with this kind (the sort of data, such as `program`) and this key;
+    /// `None` if the cache has no valid entry with this kind and key.
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;
@@ -108,11 +110,12 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry. Returns true if the cache contains the entry afterwards. Makes the folder if it is missing,
-    /// except after [`only_while_it_exists`](Self::only_while_it_exists). Stores nothing if another user owns the
-    /// folder or may write into it, since [`get`](Self::get) would ignore the entry. Also stores nothing if the folder
-    /// cannot be listed, since old entries could then not be removed. If storing fails, for example because the disk is
-    /// full, the next run only takes longer.
+    /// Stores an entry. Returns true if the cache contains the entry afterwards. Makes the folder if it is
+    /// missing, except after [`only_while_it_exists`](Self::only_while_it_exists). Stores nothing if another
+    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also
+    /// stores nothing if the folder cannot be listed, since raycl could not remove old entries from such a
+    /// folder. If the entry cannot be stored, for example because the disk is full, no error is reported: the
+    /// next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
@@ -150,7 +153,8 @@ impl Cache {
         Ok(entries)
     }
 
-    /// Removes the least recently used entries, until the remaining entries are within the limit.
+    /// Removes the least recently used entries, until the total size of the remaining entries is within the
+    /// limit.
     fn trim(&self) {
         let mut left_bytes = 0;
         for entry in self.entries() {
@@ -162,14 +166,15 @@ impl Cache {
     }
 }
 
-/// Returns the number of bytes by which an entry of this size counts towards the limit.
+/// Returns the number of bytes by which an entry of the given size counts towards the limit of the cache's
+/// size.
 fn counted_bytes(bytes: u64) -> u64 {
     bytes.max(BLOCK_BYTES)
 }
 
-/// Removes entries. Returns the number of removed entries and their size in bytes. An entry that is already
-/// gone is no error: another process may have finished, replaced or removed its file since the entries were
-/// listed.
+/// Removes entries. Returns the number of removed entries and their size in bytes. If an entry is already
+/// gone, this is no error: another process may have finished, replaced or removed the entry's file since the
+/// entries were listed.
 fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
     let (mut count, mut bytes, mut failed) = (0, 0, None);
     for entry in entries {
@@ -189,14 +194,16 @@ fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
 fn write(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
     file.write_all(bytes)?;
-    // A file server dates files by its own clock, which may differ from this machine's clock.
+    // Without this call, a file server would date the file by the server's clock, which may differ from this
+    // machine's clock.
     let _ = file.as_file().set_modified(SystemTime::now());
     file.persist(path)?;
     Ok(())
 }
 
-/// Returns the entry of a file, even if the file is unfinished; `None` if the cache did not create the file. A time
-/// after `latest` is wrong, for example because the clock was ahead when the file was written.
+/// Returns the cache entry that a file contains, even if the file is unfinished; `None` if the cache did not
+/// create the file. A modification time after `latest` is wrong, for example because the clock was ahead when
+/// the file was written.
 fn entry_of(file: &std::fs::DirEntry, latest: SystemTime) -> Option<Entry> {
     let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();
@@ -226,7 +233,7 @@ mod tests {
         entry.path
     }
 
-    /// Gives an entry of the kind `program` another time of its last use.
+    /// Sets the time of the last use of an entry of the kind `program`.
     fn date(cache: &Cache, key: &str, used: SystemTime) {
         let file = std::fs::File::open(cache.folder().unwrap().join(file_name("program", key))).unwrap();
         file.set_modified(used).unwrap();
@@ -368,7 +375,8 @@ mod tests {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
         };
         assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
-        // Neither the group nor other users may write. Reading is harmless.
+        // The cache is not used if the group or other users may write into its folder. That they may read the
+        // folder is harmless.
         for others in [0o777, 0o720, 0o702] {
             mode(&folder, others);
             assert_eq!(cache.get("program", "key"), None, "a folder of {others:o}");
@@ -433,7 +441,7 @@ mod tests {
             bytes: 3,
             used: SystemTime::UNIX_EPOCH,
         };
-        // The first entry in the list has no file, as if another process had removed it.
+        // The first entry in the list has no file, as if another process had removed the file.
         let listed = [vec![entry("gone")], cache.entries()].concat();
         let bytes = listed[1].bytes + listed[2].bytes;
         assert_eq!(remove(&listed).unwrap(), (2, bytes));

@@ -1,10 +1,11 @@
-//! Checks that devices have the same model, driver and limits, so that any of these devices can measure a
-//! point.
+//! Checks that devices have the same model, driver and limits, so that it does not matter which of these
+//! devices measures a point.
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// Refuses devices that differ in one of the properties in `facts`. The message names the first difference.
+/// Returns an error if devices differ in one of the properties in `facts`. The error names the first
+/// difference.
 pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     let [first, others @ ..] = devices else { return Ok(()) };
     for other in others {
@@ -25,7 +26,7 @@ pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     Ok(())
 }
 
-/// Returns the properties that must be equal.
+/// Returns the names and values of the properties in which all devices must agree.
 fn facts(device: &DeviceInfo) -> [(&'static str, String); 8] {
     let limits = &device.limits;
     let hardware = &device.hardware;

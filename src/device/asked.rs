@@ -1,13 +1,14 @@
-//! Queries a device, and reads the answers as raw bytes. A failed query, or an answer of an impossible
-//! length, makes the device unusable, but does not stop raycl.
+//! Queries an OpenCL device for its properties, and reads the answers as raw bytes. A failed query, or an
+//! answer of an impossible length, makes the device unusable, but does not stop raycl.
 
 use super::direct::{device_answer, one_line};
 use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
-/// The reasons why a device is unusable if its driver lacks a feature. For some reasons, the constant has
-/// only the beginning of the text. Only another driver can make the device usable.
+/// The reasons why a device is unusable if its driver lacks a feature. `TOO_OLD` and `UNREADABLE` contain
+/// only the beginning of a reason's text. A device with one of these reasons can only be used with another
+/// driver.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
 const NO_GROUPS: &str = "its driver reports that a work-group may have no work-items";
@@ -24,8 +25,8 @@ pub(super) fn may_be_usable_soon(reason: &str) -> bool {
     !lasting.iter().any(|start| reason.starts_with(start))
 }
 
-/// Returns why a device with the OpenCL version `version` (such as "OpenCL 1.1 A Driver") cannot be used;
-/// `None` if the device can be used.
+/// Returns why raycl cannot use a device with the OpenCL version `version` (such as "OpenCL 1.1 A Driver");
+/// `None` if raycl can use the device.
 fn unsuitable_version(version: &str) -> Option<String> {
     match numbers_of(version) {
         None => Some(format!("{UNREADABLE}: '{version}'")),
@@ -52,7 +53,7 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// Makes a device that has not been queried yet.
+    /// Prepares a device for queries, without a query yet.
     pub fn new(device: ocl::Device) -> Self {
         Self { device, failure: None }
     }
@@ -71,7 +72,7 @@ impl Asked {
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
             shares_memory: self.has(Query::HostUnifiedMemory),
             is_cpu,
-            lane_operations: LaneOperations::Barriers, // the caller may choose faster operations
+            lane_operations: LaneOperations::Barriers, // the caller may set faster operations
         }
     }
 
@@ -100,13 +101,13 @@ impl Asked {
         sizes.len() >= 2 && sizes.iter().take(2).all(|&size| size > 0)
     }
 
-    /// Queries a number of 4 or 8 bytes, the two sizes of scalars in OpenCL. Returns 0 if the query fails.
+    /// Queries a property that is an integer of 4 or 8 bytes. Returns 0 if the query fails.
     pub fn number(&mut self, query: Query) -> u64 {
         self.numbers(query).first().copied().unwrap_or_default()
     }
 
-    /// Returns true if the answer to a query is a number other than 0. OpenCL 2 has deprecated the query
-    /// HostUnifiedMemory. If it fails, the answer is false, and the device stays usable.
+    /// Returns true if the answer to a query is a number other than 0. If the query fails, returns false, and
+    /// the device stays usable: OpenCL 2 has deprecated the query HostUnifiedMemory.
     fn has(&self, query: Query) -> bool {
         let answer = device_answer(self.device, query as u32).unwrap_or_default();
         parse_numbers(&answer).first().is_some_and(|number| *number != 0)
@@ -146,8 +147,8 @@ impl Asked {
     }
 }
 
-/// Returns the numbers in an answer: one number of 4 bytes, or numbers of 8 bytes. Returns no numbers if the length
-/// is neither 4 bytes nor a multiple of 8 bytes.
+/// Returns the integers in a device's answer: one integer of 4 bytes, or integers of 8 bytes. Returns no
+/// integers if the length of the answer is neither 4 bytes nor a multiple of 8 bytes.
 fn parse_numbers(bytes: &[u8]) -> Vec<u64> {
     if let Ok(word) = <[u8; 4]>::try_from(bytes) {
         return vec![u64::from(u32::from_ne_bytes(word))];

@@ -4,15 +4,15 @@
 
 use std::collections::HashMap;
 
-/// The beginnings of the names that PoCL gives to CPUs; LLVM's name of the processor's type follows.
+/// The beginnings of the names that PoCL gives to CPUs. After the beginning follows LLVM's name of the
+/// processor's type.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
 /// Returns the name under which people know a device. The name is derived from the driver's name alone,
-/// because stored records contain only the driver's name. If the driver's name has no known form, it is
-/// returned unchanged.
+/// because stored records contain only the driver's name. A name of an unknown form is returned unchanged.
 pub fn common_name(name: &str) -> String {
-    // In the results that `raycl merge` writes, a text in brackets distinguishes devices of the same name. This text
-    // stays at the end.
+    // In the results that `raycl merge` writes, a text in brackets at the end of a name distinguishes devices
+    // of the same name. The common name ends with the same text in brackets.
     let brackets = name.find(" (").filter(|_| name.ends_with(')')).unwrap_or(name.len());
     let (name, brackets) = name.split_at(brackets);
     match POCL.iter().find_map(|start| name.strip_prefix(start)) {
@@ -21,15 +21,15 @@ pub fn common_name(name: &str) -> String {
     }
 }
 
-/// Returns the common name of a device and, if it differs, the driver's name in brackets, since other devices
-/// can have the same common name.
+/// Returns the common name of a device. If the driver's name differs, adds it in brackets, since several
+/// devices can have the same common name.
 pub fn both_names(name: &str) -> String {
     let common = common_name(name);
     if common == name { common } else { format!("{common} ({name})") }
 }
 
-/// Returns the common name of each device. If several devices have the same common name, each of them keeps its
-/// driver's name.
+/// Returns the common name of each device. If several devices have the same common name, the function returns
+/// the driver's name for each of these devices.
 pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str, String> {
     let mut all: HashMap<&str, String> = names.map(|name| (name, common_name(name))).collect();
     let mut counts: HashMap<String, usize> = HashMap::new();
@@ -41,8 +41,8 @@ pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str
 }
 
 /// Returns the processor's model. In `rest`, LLVM's name of the processor's type precedes the model, as in
-/// `skylake-avx512-Intel(R) Xeon(R) Processor`. LLVM's names have neither capital letters nor blanks. If no
-/// model follows, returns LLVM's name.
+/// `skylake-avx512-Intel(R) Xeon(R) Processor`. LLVM's names of processor types have neither capital letters
+/// nor blanks. If no model follows, returns LLVM's name.
 fn model(rest: &str) -> String {
     let parts: Vec<&str> = rest.split('-').collect();
     let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');
@@ -76,7 +76,7 @@ mod tests {
             ("cpu-x86-64-v3-Common KVM processor", "Common KVM processor, PoCL"),
             ("pthread-cortex-a72", "cortex-a72, PoCL"),
             ("cpu-alderlake-13th Gen Intel(R) Core(TM) i7-1360P", "13th Gen Intel Core i7-1360P, PoCL"),
-            // Names that Intel's driver gives to the same processors, and names of GPUs.
+            // Names that Intel's driver gives to CPUs, and names of GPUs.
             ("Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", "Intel Xeon Platinum 8481C"),
             ("Intel(R) UHD Graphics 770", "Intel UHD Graphics 770"),
             ("NVIDIA H200", "NVIDIA H200"),

@@ -1,4 +1,4 @@
-//! Compiles the source of a program.
+//! Compiles the source of an OpenCL program.
 
 use super::direct::build;
 use super::errors::CallError;

@@ -1,5 +1,5 @@
-//! Calls functions of OpenCL without the crate `ocl`. This crate panics at a status that it does not know, takes a
-//! build without messages for a success, and loses messages that are not UTF-8.
+//! Calls functions of OpenCL without the crate `ocl`. The crate `ocl` panics at a status that it does not
+//! know, takes a failed build without messages for a success, and loses messages that are not UTF-8.
 
 use super::errors::{CallError, compiler_log};
 use super::panics::noted;
@@ -9,14 +9,14 @@ use ocl::{Device, Platform, Program};
 use std::ffi::{CStr, c_void};
 use std::ptr;
 
-/// The largest answer to a query that is accepted, in bytes. A driver that announces a larger answer is
+/// The largest answer to a query that raycl accepts, in bytes. A driver that announces a larger answer is
 /// broken.
 const LARGEST_BYTES: usize = 1 << 30;
 
-/// The reason of a rejection if the compiler prints no messages.
+/// The text that raycl shows if the compiler rejects a program without a message.
 const UNEXPLAINED: &str = "the compiler rejects the program, and says nothing about the reason";
 
-/// The statuses that raycl's messages name. Other statuses appear as numbers.
+/// The OpenCL statuses that raycl's messages name. All other statuses appear as numbers.
 const NAMED: [Status; 24] = [
     Status::CL_DEVICE_NOT_FOUND,
     Status::CL_DEVICE_NOT_AVAILABLE,
@@ -57,7 +57,7 @@ fn named(status: i32) -> Option<Status> {
     NAMED.into_iter().find(|known| *known as i32 == status)
 }
 
-/// Returns the devices of a platform, or an empty list if the platform has none.
+/// Returns the devices of a platform, or an empty list if the platform has no devices.
 ///
 /// # Errors
 ///
@@ -79,12 +79,12 @@ pub fn devices(platform: Platform) -> Result<Vec<Device>, String> {
         return Err(returned("clGetDeviceIDs", status));
     }
     devices.retain(|device| !device.is_null());
-    // SAFETY: the driver returned these devices.
+    // SAFETY: the driver returned these device handles.
     let core = devices.into_iter().map(|device| unsafe { ocl::core::DeviceId::from_raw(device) });
     Ok(core.map(Device::from).collect())
 }
 
-/// Returns a device's answer to a query, as bytes. The error names the status.
+/// Returns a device's answer to a query, as bytes. The error names the status of the failed query.
 pub fn device_answer(device: Device, query: u32) -> Result<Vec<u8>, String> {
     let device = device.as_core().as_raw();
     // SAFETY: `answer` passes memory of the size that it states.
@@ -92,7 +92,7 @@ pub fn device_answer(device: Device, query: u32) -> Result<Vec<u8>, String> {
     answer(ask).map_err(|status| returned("clGetDeviceInfo", status))
 }
 
-/// Returns a platform's answer to a query for a text. The error names the status.
+/// Returns a platform's answer to a query for a text. The error names the status of the failed query.
 pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
     let platform = platform.as_core().as_ptr();
     // SAFETY: `answer` passes memory of the size that it states.
@@ -107,15 +107,16 @@ pub fn one_line(bytes: &[u8]) -> String {
     text.chars().map(|c| if c.is_whitespace() { ' ' } else { c }).collect()
 }
 
-/// Builds a program for a device. The compiler's messages are in the error.
+/// Builds a program for a device. If the compiler rejects the program, the error contains the compiler's
+/// messages.
 pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Result<Program, CallError> {
     let devices = [device.as_core().as_raw()];
-    // SAFETY: the list has one device, `options` ends with a zero, and there is no callback.
+    // SAFETY: the list has one device, `options` ends with a zero byte, and no callback is passed.
     let status = unsafe {
         ffi::clBuildProgram(program.as_ptr(), 1, devices.as_ptr(), options.as_ptr(), None, ptr::null_mut())
     };
-    // Some drivers return success although the compiler has rejected the program. The status of the build
-    // itself then shows the rejection.
+    // Some drivers return success although the compiler has rejected the program. With such drivers, the
+    // build status that the driver stores with the program (`CL_PROGRAM_BUILD_STATUS`) shows the rejection.
     let is_rejected = status == Status::CL_BUILD_PROGRAM_FAILURE as i32
         || status == 0 && build_status(&program, device) == Some(ffi::CL_BUILD_ERROR);
     if is_rejected {
@@ -123,8 +124,8 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     }
     match status {
         0 => Ok(Program::from(program)),
-        // The program is freed before the caller gets the error. If freeing panics, the message of the panic
-        // needs the error, so `noted` stores the error at once.
+        // The program is freed before the caller gets the error. If freeing the program panics, the message
+        // of the panic must contain this error, so `noted` stores the error at once.
         _ => Err(CallError {
             status: named(status),
             ..CallError::new(noted(returned("clBuildProgram", status)))
@@ -132,19 +133,20 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     }
 }
 
-/// Returns the compiler's messages, or a fixed sentence if the compiler printed none.
+/// Returns the compiler's messages, or a fixed sentence if the compiler printed no messages.
 fn rejection(log: &[u8]) -> String {
     let log = compiler_log(&String::from_utf8_lossy(log));
     if log.is_empty() { UNEXPLAINED.to_owned() } else { log }
 }
 
-/// Returns the status of a build, such as CL_BUILD_ERROR; `None` if the driver does not report it.
+/// Returns the status of a build, such as CL_BUILD_ERROR; `None` if the driver does not report the status.
 fn build_status(program: &ocl::core::Program, device: Device) -> Option<i32> {
     let bytes = build_answer(program, device, ffi::CL_PROGRAM_BUILD_STATUS)?;
     Some(i32::from_ne_bytes(bytes.try_into().ok()?))
 }
 
-/// Returns the compiler's messages without zero bytes; none if the driver does not return them.
+/// Returns the compiler's messages without zero bytes, or no bytes if the driver does not return the
+/// messages.
 fn build_log(program: &ocl::core::Program, device: Device) -> Vec<u8> {
     let mut log = build_answer(program, device, ffi::CL_PROGRAM_BUILD_LOG).unwrap_or_default();
     log.retain(|&byte| byte != 0);
@@ -160,9 +162,9 @@ fn build_answer(program: &ocl::core::Program, device: Device, query: u32) -> Opt
     .ok()
 }
 
-/// Returns the answer to a query, or the status of a query that failed. `ask` calls OpenCL. Its parameters
-/// are the size of the memory for the answer in bytes, this memory (or null), and the place for the answer's
-/// size (or null).
+/// Returns the answer to a query, or the status of a query that failed. `ask` calls OpenCL. The parameters of
+/// `ask` are the size in bytes of the memory for the answer, a pointer to this memory (or null), and a
+/// pointer to which OpenCL writes the answer's size (or null).
 fn answer(ask: impl Fn(usize, *mut c_void, *mut usize) -> i32) -> Result<Vec<u8>, i32> {
     let checked = |status| if status == 0 { Ok(()) } else { Err(status) };
     let mut size = 0;
@@ -214,7 +216,7 @@ mod tests {
     fn an_answer_is_read_in_two_calls_and_a_status_or_an_impossible_size_is_an_error() {
         let text = |size: usize, value: *mut c_void, needed: *mut usize| {
             if !needed.is_null() {
-                // SAFETY: `answer` passes a place for the size.
+                // SAFETY: `answer` passes a valid pointer for the size.
                 unsafe { *needed = 3 };
             }
             if size >= 3 {
@@ -226,7 +228,8 @@ mod tests {
         assert_eq!(answer(text), Ok(b"abc".to_vec()));
         assert_eq!(answer(|_, _, _| -1108), Err(-1108));
         let endless = |_: usize, _: *mut c_void, needed: *mut usize| {
-            // SAFETY: `answer` passes a place for the size in its first call, and makes no second call.
+            // SAFETY: `answer` passes a valid pointer for the size in its first call, and makes no second
+            // call.
             unsafe { *needed = 1 << 46 };
             0
         };
@@ -235,7 +238,7 @@ mod tests {
             if needed.is_null() {
                 return -5;
             }
-            // SAFETY: `answer` passes a place for the size in its first call.
+            // SAFETY: `answer` passes a valid pointer for the size in its first call.
             unsafe { *needed = 3 };
             0
         };

@@ -1,5 +1,5 @@
-//! Finds devices. Every property is queried once, as raw bytes, so that an unexpected answer makes a device
-//! unusable but does not stop raycl.
+//! Finds OpenCL devices. raycl queries every property of a device once, as raw bytes, so that an unexpected
+//! answer makes a device unusable but does not stop raycl.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -19,21 +19,21 @@ use crate::memory::{address_space_limit, readable};
 use crate::sources::Sources;
 use crate::threads::{cores, locked};
 
-/// All devices, and the platforms that list none.
+/// All OpenCL devices, and the platforms that list no device.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
     /// Every device of every platform, in the loader's order. An unusable device states why it is unusable.
     pub devices: Vec<Device>,
-    /// Platforms without devices.
+    /// The names of the platforms without devices.
     pub empty_platforms: Vec<String>,
-    /// Platforms whose drivers failed to list their devices, each with the reason.
+    /// The names of the platforms whose drivers failed to list devices, each with the reason.
     pub failed_platforms: Vec<String>,
 }
 
 impl Survey {
     /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in
-    /// kernel files of the user: a mistake must not stop a command that uses another device. If a kernel file
-    /// of the user causes an error on a device, this device stays untested. If this device is chosen,
+    /// kernel files of the user: a mistake must not stop a command that uses another device. A device on
+    /// which a kernel file of the user causes an error stays untested. If the user chooses such a device,
     /// [`Device::test_lanes`] is called again and returns the error.
     pub(super) fn test_lanes(&mut self, sources: &Sources) {
         for device in &mut self.devices {
@@ -45,7 +45,7 @@ impl Survey {
 /// Lists every device of every platform. An unusable device states why it is unusable. `sources` contains the kernel
 /// that tests how the work-items that share a tile exchange values on a device.
 ///
-/// Returns an error if there is no platform or no device.
+/// Returns an error if no platform is found, or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     Ok(with_devices(survey(sources)?)?.devices)
 }
@@ -56,7 +56,7 @@ pub(super) fn discover_untested() -> Result<Survey> {
     with_devices(survey_untested()?)
 }
 
-/// Returns an error if there is no device, usable or not.
+/// Returns an error if the survey contains no device, not even an unusable device.
 fn with_devices(survey: Survey) -> Result<Survey> {
     if survey.devices.is_empty() {
         return Err(no_device(&survey));
@@ -64,7 +64,7 @@ fn with_devices(survey: Survey) -> Result<Survey> {
     Ok(survey)
 }
 
-/// Returns the error if there are platforms, but no device.
+/// Returns the error if platforms are found, but no device.
 fn no_device(Survey { empty_platforms, failed_platforms, .. }: &Survey) -> Error {
     let parts = [
         ("platforms without a device", empty_platforms),
@@ -80,7 +80,7 @@ fn no_device(Survey { empty_platforms, failed_platforms, .. }: &Survey) -> Error
 /// PoCL's environment variable that names the devices that PoCL lists.
 const CHOSEN: &str = "POCL_DEVICES";
 
-/// Returns advice if PoCL is one of the platforms without devices, and an environment variable or PoCL's cache folder
+/// Returns advice if PoCL lists no device, and an environment variable or PoCL's folder for compiled kernels
 /// may be the cause.
 pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
     if !empty_platforms.iter().any(|platform| is_pocl(platform.trim())) {
@@ -93,9 +93,9 @@ pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
 /// `cpu`.
 const EVERY_CPU: &str = "pthread";
 
-/// Returns advice if the environment variable `POCL_DEVICES` has a value, even an empty one: PoCL then lists only the
-/// devices that the variable names. Returns `None` if the value is [`EVERY_CPU`], which the advice recommends: another
-/// cause then leaves PoCL without devices.
+/// Returns advice if the environment variable `POCL_DEVICES` has a value, even an empty one: PoCL then lists
+/// only the devices that the variable names. Returns `None` if the value is [`EVERY_CPU`], which the advice
+/// recommends: if PoCL lists no device with this value, the variable is not the cause.
 fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
     let value = value.filter(|value| *value != EVERY_CPU)?.display();
     Some(format!(
@@ -104,7 +104,7 @@ fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
     ))
 }
 
-/// Lists every device, and every platform without devices. Returns an error if there is no platform.
+/// Lists every device, and every platform without devices. Returns an error if no platform is found.
 pub fn survey(sources: &Sources) -> Result<Survey> {
     let mut survey = survey_untested()?;
     survey.test_lanes(sources);
@@ -129,8 +129,9 @@ fn survey_untested() -> Result<Survey> {
     Ok(survey)
 }
 
-/// Lets one thread at a time list devices. A driver starts when its devices are listed for the first time.
-/// While PoCL 3.1 starts, a second thread gets no device from PoCL.
+/// Waits until no other thread lists devices, and returns the lock that lets this thread list them. A driver
+/// starts when its devices are listed for the first time. While PoCL 3.1 starts in one thread, PoCL returns
+/// no device to a second thread.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     locked(&ONE_AT_A_TIME)
@@ -147,7 +148,7 @@ fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
     Ok(platforms.into_iter().map(ocl::Platform::new))
 }
 
-/// The name of a platform or a device that has none.
+/// The name that raycl shows for a platform or device without a name.
 const UNNAMED: &str = "unnamed";
 
 /// Returns a platform's name. If the platform's driver does not report the name, also returns the reason.
@@ -165,8 +166,8 @@ fn or_unnamed(name: String) -> String {
 }
 
 /// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its
-/// properties have changed. Changes of three properties are not noticed, since these are copied from `known`:
-/// the lane operations (how work-items exchange values), the label, and `twins_before` (the number of earlier
+/// properties have changed. Three properties are copied from `known`, so their changes are not noticed: the
+/// lane operations (how work-items exchange values), the label, and `twins_before` (the number of earlier
 /// devices with the same name). Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
@@ -177,7 +178,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
         devices.into_iter().map(move |device| (platform, device))
     });
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
-    // `twins_before` numbers the devices with the same name in the order of this list.
+    // `twins_before` numbers the devices with the same name in the order of `inspected`.
     let mut device =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
     device.info.limits.lane_operations = known.limits.lane_operations;
@@ -187,15 +188,16 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     (device.info == *known).then_some(device)
 }
 
-/// The remedy if a driver is installed, but cannot list its devices.
+/// The advice to a user if a driver is installed, but cannot list its devices.
 const FAILED: &str = "a driver is installed, but could not list its devices: check that enough memory is free and that you may use the device, and run the command again";
 const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
-/// Returns the error if there is no platform. `limit_bytes` is the limit of this process's address space, or `None` if
-/// there is no limit. `files` is the number of files that this process may open, or `None` if the number is not small.
-/// The loader silently leaves out drivers that it cannot load, for example because the address space is too small.
+/// Returns the error if no platform is found. `limit_bytes` is the limit of this process's address space, or
+/// `None` if there is no limit. `files` is the number of files that this process may open, or `None` if the
+/// number is not small. The OpenCL loader silently leaves out drivers that it cannot load, for example
+/// because the address space is too small.
 fn no_platform(limit_bytes: Option<u64>, files: Option<u64>) -> Error {
     let of_files =
         files.map(|files| (format!("open only {files} files"), "raise the limit with `ulimit -n 1024`"));
@@ -216,21 +218,22 @@ fn no_platform(limit_bytes: Option<u64>, files: Option<u64>) -> Error {
     Error::run(message).with_help(format!("{remedy}, and repeat the command. {HOW_TO_GET_ONE}"))
 }
 
-/// Returns how many files this process may open, if so few are hardly enough to load a driver (`ulimit -n`).
+/// Returns how many files this process may open (`ulimit -n`), if this limit is so low that a driver can
+/// hardly be loaded; otherwise `None`.
 #[cfg(unix)]
 fn few_open_files() -> Option<u64> {
     use rustix::process::{Resource, getrlimit};
     getrlimit(Resource::Nofile).current.filter(|files| *files < 16)
 }
 
-/// Returns `None`: only the limits of Unix are known.
+/// Returns `None`, since raycl queries this limit only on Unix.
 #[cfg(not(unix))]
 fn few_open_files() -> Option<u64> {
     None
 }
 
-/// Returns the number of platforms. The number must be queried before the `ocl` crate is used: without platforms, each
-/// enumeration of that crate sleeps 10 seconds, and some enumerations panic.
+/// Returns the number of platforms. The number must be queried before the `ocl` crate is used: if no platform
+/// exists, each enumeration of platforms by the `ocl` crate sleeps 10 seconds, and some enumerations panic.
 fn platform_count() -> Result<u32> {
     /// The status CL_PLATFORM_NOT_FOUND_KHR of OpenCL's loader.
     const NOT_FOUND: i32 = -1001;
@@ -245,7 +248,8 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Sets each device's `twins_before`: the number of earlier devices with the same platform and name.
+/// Sets each device's `twins_before`: the number of devices before it in the list with the same platform and
+/// name.
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {

@@ -1,4 +1,5 @@
-//! The drivers that an OpenCL loader would start. raycl can try each driver alone, and so find the broken drivers.
+//! The drivers that an OpenCL loader (the library that starts all installed drivers) would start. raycl can
+//! try each driver alone, and so find the broken drivers.
 
 use std::ffi::OsString;
 use std::io;
@@ -8,27 +9,28 @@ use std::path::{Path, PathBuf};
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
 /// The environment variable that names another folder of .icd files, a single .icd file, or the library of a driver.
 const FOLDER: &str = "OCL_ICD_VENDORS";
-/// The variable that names another folder if `OCL_ICD_VENDORS` is not set.
+/// The environment variable that names another folder of .icd files, used if `OCL_ICD_VENDORS` is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The environment variable that names the libraries of further drivers.
 pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
-/// The remedy if a driver crashes or hangs, and there are other drivers.
+/// The advice to a user if a driver crashes or hangs and other drivers are installed.
 const USE_OTHERS: &str = "if a driver crashes or hangs, set the environment variable OCL_ICD_VENDORS to a folder that contains only the .icd files of the other drivers";
-/// The remedy if the only driver crashes or hangs.
+/// The advice to a user if the only installed driver crashes or hangs.
 const CORRECT_DRIVER: &str = "check the environment variables that the driver reads (those of PoCL begin with POCL_) and the limits on processes and memory (`ulimit -a` shows them), update the driver, or install it again";
 
-/// Returns the remedy if a driver crashes or hangs. `others` is the number of other drivers.
+/// Returns the advice to a user if a driver crashes or hangs. `others` is the number of other installed
+/// drivers.
 pub fn crash_advice(others: usize) -> &'static str {
     if others > 0 { USE_OTHERS } else { CORRECT_DRIVER }
 }
 
-/// What a loader reads to find a driver.
+/// What an OpenCL loader reads to find a driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
     /// An .icd file, which names the driver's library.
     Icd(PathBuf),
-    /// The name of the driver's library.
+    /// The file name of the driver's library.
     Library(String),
 }
 
@@ -42,7 +44,7 @@ impl std::fmt::Display for Driver {
 }
 
 impl Driver {
-    /// Returns true if the name of the driver's library contains `pocl`.
+    /// Returns true if the driver is PoCL: the name of the driver's library contains `pocl`.
     pub fn is_pocl(&self) -> bool {
         let library = match self {
             Self::Icd(file) => std::fs::read(file).unwrap_or_default(),
@@ -61,9 +63,9 @@ pub fn installed() -> Vec<Driver> {
     drivers_at(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
-/// Returns the drivers that a loader finds in the usual folder. If `named_path` is not `None`, returns
-/// instead the drivers in the folder `named_path`, or the driver that the .icd file or library `named_path`
-/// names. An .icd file whose name has no slash is first searched for in the usual folder.
+/// Returns the drivers that an OpenCL loader finds in the folder `usual`. If `named_path` is not `None`,
+/// returns instead the drivers in the folder `named_path`, or the driver that the .icd file or library
+/// `named_path` names. An .icd file whose name has no slash is first searched for in `usual`.
 fn drivers_at(named_path: Option<&Path>, usual: &Path) -> Vec<Driver> {
     let folder = named_path.unwrap_or(usual);
     if named_path.is_none() || folder.is_dir() {
@@ -90,9 +92,10 @@ fn is_icd(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "icd")
 }
 
-/// Returns environment variables that make a loader find only the given drivers. Copies the .icd files of the drivers
-/// into `folder`, which must be empty, and must exist as long as the loader is used. Also writes an .icd file for a
-/// driver that is named as a library, since not every loader reads a variable that names libraries.
+/// Returns environment variables that make an OpenCL loader find only the given drivers. Copies the .icd
+/// files of these drivers into `folder`, which must be empty, and must exist as long as the loader is used.
+/// Also writes an .icd file for a driver that is named as a library, since not every loader reads a variable
+/// that names libraries.
 ///
 /// # Errors
 ///
@@ -125,7 +128,8 @@ mod tests {
         assert_eq!(drivers_at(None, folder.path()).len(), 2);
         assert_eq!(drivers_at(Some(folder.path()), Path::new("/none")).len(), 2);
         assert_eq!(drivers_at(Some(&a), Path::new("/none")), icd(&a));
-        // The loader ocl-icd, too, first searches its own folder for a name that has no slash.
+        // Like this function, the OpenCL loader ocl-icd searches for a name without a slash first in its
+        // usual folder.
         assert_eq!(drivers_at(Some(Path::new("a.icd")), folder.path()), icd(&a));
         assert_eq!(drivers_at(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         std::fs::create_dir(folder.path().join("within")).expect("a folder");

@@ -1,4 +1,4 @@
-//! What the errors of drivers mean.
+//! Interprets the errors that OpenCL drivers return.
 
 use ocl::enums::Status;
 
@@ -21,12 +21,12 @@ pub fn may_pass(status: Status) -> bool {
     lacks_resources(status) || matches!(status, Status::CL_DEVICE_NOT_AVAILABLE)
 }
 
-/// A call of OpenCL that failed.
+/// The failure of a call of an OpenCL function.
 #[derive(Debug)]
 pub struct CallError {
     /// The function and its status, or the compiler's messages.
     pub message: String,
-    /// The status of the call; `None` if it is unknown, or if the compiler rejected a program.
+    /// The status of the call; `None` if the status is unknown, or if the compiler rejected a program.
     pub status: Option<Status>,
 }
 
@@ -54,7 +54,7 @@ impl From<ocl::core::Error> for CallError {
     }
 }
 
-/// The words with which messages of the crate `ocl` name the function that failed.
+/// The words before the name of the failed function in messages of the crate `ocl`.
 pub const EXECUTING: &str = "Error executing function: ";
 
 /// Rewrites a message of the `ocl` crate as a sentence: the OpenCL function and its status. The crate's message has a
@@ -78,9 +78,9 @@ const MOST_LINES: usize = 100;
 /// The largest number of bytes of a compiler's messages that are shown and stored.
 const MOST_BYTES: usize = 16 * 1024;
 
-/// Returns a compiler's messages without blank lines. If there are too many lines or bytes, returns only the
-/// first lines, and then the number of the lines that were left out. If the first line alone has too many
-/// bytes, returns the beginning of this line.
+/// Returns a compiler's messages without blank lines. If the messages have more than `MOST_LINES` lines or
+/// `MOST_BYTES` bytes, returns only the first lines, and then the number of the lines that were left out. If
+/// the first line alone has too many bytes, returns the beginning of this line.
 pub fn compiler_log(log: &str) -> String {
     let lines: Vec<_> = log.lines().filter(|line| !line.trim().is_empty()).collect();
     let (mut shown, mut bytes) = (0, 0);
@@ -90,7 +90,7 @@ pub fn compiler_log(log: &str) -> String {
     }
     let mut text = lines[..shown].join("\n");
     if let Some(line) = lines.first().filter(|_| shown == 0) {
-        // A character has at most four bytes.
+        // A character has at most four bytes in UTF-8.
         text = line.chars().take(MOST_BYTES / 4).chain("...".chars()).collect();
         shown = 1;
     }

@@ -1,6 +1,6 @@
-//! Further properties of a device's hardware: compute capability, clock, timer, PCI bus, UUID. Drivers report most of
-//! these properties only with an extension of OpenCL. The device is usable even if some of these properties are
-//! missing.
+//! Properties of a device's hardware that OpenCL 1.2 alone does not report, or that not every driver reports:
+//! compute capability, clock, timer, PCI bus, UUID. Drivers report most of these properties only with an
+//! extension of OpenCL. The device is usable even if some of these properties are missing.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,11 +12,11 @@ pub struct Hardware {
     pub compute_capability: Option<String>,
     /// The highest clock that the driver reports.
     pub max_clock_mhz: Option<u64>,
-    /// Resolution of the timer that profiling reads.
+    /// Resolution of the timer with which the driver times kernels.
     pub timer_resolution_ns: Option<u64>,
     /// The device's PCI address: domain, bus, device and function, such as "0000:1b:00.0".
     pub pci_bus: Option<String>,
-    /// The 16 bytes of the UUID as hexadecimal digits.
+    /// The 16 bytes of the device's UUID as hexadecimal digits.
     pub uuid: Option<String>,
 }
 
@@ -32,13 +32,13 @@ const UUID_KHR: u32 = 0x106A;
 
 impl Hardware {
     /// Returns what distinguishes the device from all others of its model: its UUID or, if the UUID is
-    /// unknown, its PCI address. Returns `None` if neither is known.
+    /// unknown, its PCI address. Returns `None` if neither UUID nor PCI address is known.
     pub fn id(&self) -> Option<&str> {
         self.uuid.as_deref().or(self.pci_bus.as_deref())
     }
 
-    /// Queries a device with the given `extensions`. `ask` returns the bytes of an answer, or `None` if the
-    /// query fails.
+    /// Queries a device with the given `extensions`. `ask` returns the bytes of the device's answer to a
+    /// query, or `None` if the query fails.
     pub fn ask(extensions: &[String], ask: impl Fn(u32) -> Option<Vec<u8>>) -> Self {
         let has = |name: &str| extensions.iter().any(|extension| extension == name);
         let attributes = has("cl_nv_device_attribute_query");
@@ -61,7 +61,7 @@ impl Hardware {
     }
 }
 
-/// Reads a scalar of 4 or 8 bytes.
+/// Reads a driver's answer that is an integer of 4 or 8 bytes.
 fn first_number(bytes: &[u8]) -> Option<u64> {
     match bytes.len() {
         4 => Some(u64::from(u32::from_ne_bytes(bytes.try_into().ok()?))),

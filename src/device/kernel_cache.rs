@@ -1,13 +1,14 @@
-//! The folder in which PoCL stores compiled kernels. If PoCL cannot write to this folder, it lists no device. PoCL
-//! runs the kernels that it finds in this folder, so nobody but the user may write to it.
+//! The folder in which PoCL stores compiled kernels. If PoCL cannot write to this folder, PoCL lists no
+//! device. PoCL runs the kernels that it finds in this folder, so nobody but the user may write to the
+//! folder.
 
 use crate::cache::{can_be_written, is_private, private_in_shared, temporary, temporary_path};
 use std::path::{Path, PathBuf};
 
-/// PoCL's environment variable that names its folder for compiled kernels.
+/// The environment variable that names PoCL's folder for compiled kernels.
 const FOLDER: &str = "POCL_CACHE_DIR";
-/// The value of `POCL_CACHE_DIR` if there is no folder that PoCL may use. /dev/null is no folder, so nobody can create
-/// this folder, and PoCL lists no device.
+/// The value of `POCL_CACHE_DIR` if PoCL may use no folder. /dev/null is not a folder, so nobody can create a
+/// folder in it, and PoCL lists no device.
 const NO_FOLDER: &str = "/dev/null/no-folder-for-pocl";
 /// A disk with less free space than this number of bytes counts as full. PoCL usually writes some hundred KiB
 /// for each program.
@@ -16,22 +17,25 @@ const ROOM_BYTES: u64 = 1 << 20;
 /// for each program.
 const ROOM_FILES: u64 = 16;
 
-/// Returns the environment variables to set before a driver is loaded. If PoCL cannot or must not use its default
-/// folder, the variables name a private folder among the temporary files instead. If PoCL cannot use this folder
-/// either, the variables name a folder that cannot exist, so that PoCL lists no device. Returns no variables if PoCL
-/// can use its default folder, or if the user has set `POCL_CACHE_DIR` to a text that is not empty.
+/// Returns the environment variables for PoCL's folder of compiled kernels, which raycl must set before a
+/// driver is loaded. If PoCL cannot or must not use its default folder, the variables name a private folder
+/// in the system's folder of temporary files instead. If PoCL can use neither folder, the variables name a
+/// folder that cannot exist, so that PoCL lists no device. Returns no variables if PoCL can use its default
+/// folder, or if the user has set `POCL_CACHE_DIR` to a text that is not empty.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
     if cfg!(not(unix)) || named().is_some() {
         return Vec::new();
     }
     let is_fit = |folder: &PathBuf| why_unfit(folder).is_none();
     let default = default_folder().filter(is_fit);
-    // PoCL ends the process if the variable is set, but empty. PoCL is then told its default folder.
+    // PoCL ends the process if `POCL_CACHE_DIR` is set, but empty. If the user has set the variable to an
+    // empty text, raycl sets it to PoCL's default folder.
     if default.is_some() && std::env::var_os(FOLDER).is_none() {
         return Vec::new();
     }
     let other = || temporary().map(|folder| folder.join("pocl")).filter(is_fit);
-    // Everybody may write into some volumes of containers. raycl then makes PoCL's default folder itself.
+    // Everybody may write into some volumes of containers. In such a volume, raycl itself makes PoCL's
+    // default folder, as a private folder.
     let made =
         || default_folder().filter(|folder| folder.is_absolute()).and_then(private_in_shared).filter(is_fit);
     let folder = default.or_else(other).or_else(made);
@@ -71,8 +75,8 @@ fn cache_advice_on(folder: &Path) -> Option<String> {
     })
 }
 
-/// Returns the advice if PoCL can use neither its default folder nor the user's private folder among the temporary
-/// files.
+/// Returns the advice if PoCL can use neither its default folder nor the user's private folder in the
+/// system's folder of temporary files.
 fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String {
     let reason = |folder: &Path| {
         let why = why_unfit(folder).unwrap_or("it is a link, or it cannot be created");
@@ -87,9 +91,9 @@ fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String 
     )
 }
 
-/// Returns advice if PoCL can store no compiled kernel in its folder, because the disk is full, or can run no kernel
-/// from there, because the file system is mounted with the option noexec. PoCL then reports that the build of a
-/// program has failed, or PoCL ends the process.
+/// Returns advice if PoCL can store no compiled kernel in its folder, because the disk is full, or can run no
+/// kernel from there, because the file system is mounted with the option noexec. In both cases, PoCL reports
+/// that the build of a program has failed, or ends the process.
 pub fn folder_advice() -> Option<String> {
     let folder = folder().filter(|folder| folder != Path::new(NO_FOLDER))?;
     if is_noexec(&folder) {
@@ -107,7 +111,7 @@ fn noexec_advice(folder: &Path) -> String {
     )
 }
 
-/// Returns advice if a disk with this room counts as full. `folder` is PoCL's folder on the disk.
+/// Returns advice if a disk with the given free space counts as full. `folder` is PoCL's folder on the disk.
 fn advice_for(room: &Room, folder: &Path) -> Option<String> {
     let remedy = if room.bytes < ROOM_BYTES {
         "is full: free up space on it"
@@ -123,16 +127,18 @@ fn advice_for(room: &Room, folder: &Path) -> Option<String> {
     ))
 }
 
-/// What can still be stored on a disk.
+/// The free space of a disk, in bytes and in files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Room {
     /// The free bytes.
     bytes: u64,
-    /// The number of further files; `None` if the file system has no limit of their number.
+    /// The number of further files that the disk can store; `None` if the file system does not limit the
+    /// number of files.
     files: Option<u64>,
 }
 
-/// Returns the room on a folder's disk; `None` if the folder is missing, or if the system reports no disk.
+/// Returns the free space of a folder's disk; `None` if the folder is missing, or if the system reports no
+/// size of the disk.
 #[cfg(unix)]
 fn room(folder: &Path) -> Option<Room> {
     let disk = rustix::fs::statvfs(folder).ok().filter(|disk| disk.f_blocks > 0)?;
@@ -140,21 +146,22 @@ fn room(folder: &Path) -> Option<Room> {
     Some(Room { bytes: disk.f_bavail.saturating_mul(disk.f_frsize), files })
 }
 
-/// Returns the number of further files for which a disk has room; `None` if the disk has no limit of their
-/// number. Btrfs, for example, has no such limit, and reports a limit of 0 and room for 0 files.
+/// Returns the number of further files for which a disk has room; `None` if the file system does not limit
+/// the number of files. Btrfs, for example, has no limit, and reports a limit of 0 and room for 0 files.
 #[cfg(unix)]
 fn files_left(most: u64, left: u64) -> Option<u64> {
     (most > 0).then_some(left)
 }
 
-/// On systems other than Unix, raycl does not ask for the room.
+/// On systems other than Unix, raycl does not query the free space of disks.
 #[cfg(not(unix))]
 fn room(_: &Path) -> Option<Room> {
     None
 }
 
-/// Returns true if no program can be run from a folder, or from its nearest ancestor that exists, because the file
-/// system is mounted with the option noexec. PoCL's compiled kernels are libraries, which PoCL could not load.
+/// Returns true if no program can be run from a folder, or from its nearest ancestor that exists, because the
+/// file system is mounted with the option noexec. PoCL's compiled kernels are shared libraries, which cannot
+/// be loaded from such a file system.
 #[cfg(target_os = "linux")]
 fn is_noexec(folder: &Path) -> bool {
     use crate::cache::existing_ancestor;
@@ -163,7 +170,7 @@ fn is_noexec(folder: &Path) -> bool {
     disk.is_some_and(|disk| disk.f_flag.contains(StatVfsMountFlags::NOEXEC))
 }
 
-/// On systems other than Linux, raycl does not ask for the options of mounts.
+/// On systems other than Linux, raycl does not query the mount options of file systems.
 #[cfg(not(target_os = "linux"))]
 fn is_noexec(_: &Path) -> bool {
     false
@@ -243,8 +250,8 @@ mod tests {
         assert!(closed.contains("if it cannot write to its folder") && closed.contains("'/dev/null/pocl'"));
     }
 
-    /// Whether a file system is mounted with noexec depends on the machine, so this test asks the system for its
-    /// mounts. Of several mounts at one place, the last one is in force.
+    /// Whether a file system is mounted with noexec depends on the machine, so this test reads the list of
+    /// mounts. If several file systems are mounted at one path, the last mount in the list is in force.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_mount_without_execution_is_noticed() {

@@ -1,6 +1,6 @@
-//! Finds the devices of an earlier run in the cache. If the cache contains the selected device and this
-//! device has not changed, raycl starts only the driver of this device, and does not repeat the test of the
-//! device's lane operations (how its work-items exchange values).
+//! Finds the OpenCL devices that an earlier process of raycl listed and stored in the cache. If the cache
+//! contains the selected device and the device has not changed, raycl starts only the driver of this device,
+//! and does not repeat the test of the device's lane operations (how its work-items exchange values).
 
 use super::asked::may_be_usable_soon;
 use super::discover::{again, discover_untested};
@@ -19,21 +19,22 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of the cache entries that contain lists of devices.
 const KIND: &str = "devices";
-/// Environment variables that make loaders look for drivers in other places than [`VENDORS`].
+/// Environment variables that make OpenCL loaders search for drivers at other paths than [`VENDORS`].
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
-/// Folders in which systems show their hardware.
+/// Folders in which Linux shows accelerators as device files.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
-/// The note that is added to the name of an accelerator that this process may not use.
+/// The text that raycl adds to the name of an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
-/// Platforms whose drivers list every accelerator of a vendor. Each pair has a part of the platform's name,
-/// and the start of the names under which the system shows these accelerators. The drivers of other platforms
-/// list only devices that the user names (as rusticl does), or list no platform if they have no device.
+/// Platforms whose drivers list every accelerator of a vendor. Each pair has a text that the platform's name
+/// contains, and the start of the names under which the system shows the vendor's accelerators. The drivers
+/// of other platforms list only devices that the user names (as rusticl does), or list no platform if the
+/// driver has no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
-/// A stored list of devices is used for this long if the list may soon change. If the stored list were not
-/// used at all, every process would start all drivers and query all devices, even while another process
+/// The time for which raycl uses a stored list of devices that may soon change. If raycl did not use such a
+/// list at all, every process would start all drivers and query all devices, even while another process
 /// measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
-/// Linux's file with an identifier that changes at every start of the system.
+/// The file in which Linux shows an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
 
 /// An entry of the cache: a list of devices.
@@ -44,9 +45,10 @@ struct Entry {
     listed_at: Option<u64>,
 }
 
-/// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
-/// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
-/// all devices are listed, and `lane_test` says when their lane operations (how work-items exchange values) are tested.
+/// Returns the device whose index `choose` returns; `None` if `choose` picks no device. Uses the stored list
+/// of devices if drivers and environment are unchanged and the chosen device still reports the same
+/// properties. If not, lists all devices again; `lane_test` says when the lane operations (how work-items
+/// exchange values) of the newly listed devices are tested.
 ///
 /// # Errors
 ///
@@ -60,8 +62,8 @@ pub fn pick_one(
 ) -> Result<Option<Device>> {
     let key = key(sources)?;
     let known = stored(cache, &key);
-    // A device that is not in the stored list may be new. If the stored list lacks the device, all devices are listed
-    // again, and messages refer to the new list.
+    // If the stored list lacks the wanted device, the device may be new: all devices are listed again, and
+    // messages refer to the new list.
     let index = known.as_deref().and_then(|known| choose(known).ok().flatten());
     let device = known.as_deref().zip(index).and_then(|(known, index)| again(known.get(index)?));
     if device.is_some() {
@@ -71,8 +73,8 @@ pub fn pick_one(
     chosen(devices, sources, lane_test, choose)
 }
 
-/// Returns the device whose index `choose` returns. If the device's lane operations (how work-items exchange
-/// values) should be tested now but the first test failed, the test is repeated, and its error is returned.
+/// Returns the device whose index `choose` returns. If `lane_test` is `Now` but the first test of the
+/// device's lane operations (how work-items exchange values) failed, repeats the test and returns its error.
 fn chosen(
     devices: Vec<Device>,
     sources: &Sources,
@@ -105,9 +107,9 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
 }
 
 /// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not
-/// store a list with untested lane operations, since later runs would treat the assumed operations as tested
-/// ones. A list that may soon change is stored with the current time: after the change, the key under which
-/// the list is stored may be the same.
+/// store a list with untested lane operations, since later processes would treat the assumed operations as
+/// tested. Stores a list that may soon change with the current time, because the key under which the list is
+/// stored may stay the same after the change.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms, failed_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
@@ -139,8 +141,9 @@ fn now() -> u64 {
 }
 
 /// Returns true if a list probably stays the same until the system starts again. The list may change earlier
-/// if a device may be usable soon, or if a driver lists no device although the system shows some. In the
-/// second case, perhaps a GPU is being reset, or the driver's module is being loaded again.
+/// if a device may be usable soon, or if a driver lists no device although the system shows some. A driver
+/// may list no device, for example, while a GPU is being reset, or while the driver's kernel module is being
+/// loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =
@@ -160,7 +163,8 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
 /// start. For example, NVIDIA's driver fails after an update, until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let vendors = vendor_paths(|name| std::env::var_os(name));
-    // Systems other than Linux do not have this file, so their lists stay valid after the next start of the system.
+    // Systems other than Linux do not have the file `BOOT`, so their stored lists stay valid after the next
+    // start of the system.
     let boot = std::fs::read_to_string(BOOT).unwrap_or_default();
     let (probe, _) = probe(sources)?;
     Ok(key_of(&probe, (cores(), boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
@@ -183,7 +187,8 @@ fn key_of(
     parts.collect::<Vec<_>>().join("\n")
 }
 
-/// Returns the paths at which loaders look for drivers; `variable` returns the value of an environment variable.
+/// Returns the paths at which OpenCL loaders search for drivers; `variable` returns the value of an
+/// environment variable.
 fn vendor_paths(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let named = ELSEWHERE.into_iter().filter_map(variable).map(PathBuf::from);
     std::iter::once(PathBuf::from(VENDORS)).chain(named).collect()
@@ -203,9 +208,9 @@ fn drivers(path: &Path) -> Vec<String> {
     files.iter().filter_map(named).collect()
 }
 
-/// Returns the names of possible accelerators in a folder of devices, such as /dev. If this process may not
-/// use an accelerator, a note is added to its name, since the driver does not list this accelerator. For
-/// example, the user may not be in the group `render`.
+/// Returns the names of possible accelerators in a folder of devices, such as /dev. Adds a note to the name
+/// of an accelerator that this process may not use, for example because the user is not in the group
+/// `render`: the driver does not list such an accelerator.
 fn accelerators(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder)
         .into_iter()
@@ -250,7 +255,8 @@ mod tests {
         assert!(all.iter().any(|device| device.info == listed));
         assert_eq!(cache.entries().len(), 1, "a list is stored");
         assert_eq!(picked(&cache), listed, "from the stored list");
-        // A driver that has been replaced has another version than the stored list states.
+        // The stored list is changed so that it states another version of the driver, as if the driver had
+        // been replaced since.
         let key = key(&Sources::Embedded).unwrap();
         let mut devices = stored(&cache, &key).unwrap();
         devices.iter_mut().for_each(|info| info.driver = "0.1".into());
@@ -260,7 +266,7 @@ mod tests {
         assert!(cached.contains(&listed), "the cache holds the device as it is now");
     }
 
-    /// The device may have been added after the list was stored.
+    /// A device that the stored list lacks may have been added after the list was stored.
     #[test]
     fn a_device_that_the_stored_list_lacks_is_searched_for_in_a_new_list() {
         let folder = tempfile::tempdir().unwrap();
@@ -303,8 +309,8 @@ mod tests {
     #[test]
     fn an_accelerator_that_may_be_used_now_changes_the_key() {
         let hardware = tempfile::tempdir().unwrap();
-        // Nobody may use a link whose target does not exist. The test cannot use a file without permissions instead,
-        // since the superuser may use such a file.
+        // Nobody can open a link whose target does not exist, so the link stands for an accelerator that this
+        // process may not use. A file without permissions would not do, since the superuser may open it.
         std::os::unix::fs::symlink("node", hardware.path().join("renderD128")).unwrap();
         let key = || key_of("probe", (2, "boot"), &[], &[hardware.path()], Vec::new());
         let before = key();
@@ -327,8 +333,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let mut survey = discover_untested().unwrap();
-        // Other devices are removed: this machine may have unusable devices, or devices whose lane operations are only
-        // assumed.
+        // This machine may have unusable devices, or devices whose lane operations are only assumed. The test
+        // removes these devices from the list.
         survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
         store(&cache, "a", &survey, &[]);
         survey.devices[0].lanes_are_tested = false;

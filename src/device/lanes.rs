@@ -10,30 +10,33 @@ use crate::sources::{Sources, does_not_compile};
 use ocl::{Buffer, Context, Kernel, MemFlags, Queue};
 use serde::{Deserialize, Serialize};
 
-/// The implementations of the operations in cl/common/lanes.cl, by which work-items exchange values. The slowest comes
-/// first. The macros LANES_BY_* in that file have the numbers of these variants.
+/// The implementations of the operations in cl/common/lanes.cl, by which work-items exchange values. The
+/// slowest implementation comes first. The macros LANES_BY_* in cl/common/lanes.cl have the numbers of these
+/// variants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
-    /// `__local` memory and barriers: works on any device, with one group of 32 work-items per work-group.
+    /// `__local` memory and barriers: this implementation works on any device, with one group of 32
+    /// work-items per work-group.
     #[default]
     Barriers,
     /// Sub-groups of 32 work-items (`cl_khr_subgroups`).
     SubGroups,
-    /// Inline PTX: votes and shuffles.
+    /// Inline PTX with the instructions for votes and shuffles.
     PtxShuffles,
-    /// Inline PTX: votes, shuffles and reductions.
+    /// Inline PTX with the instructions for votes, shuffles and reductions.
     Ptx,
 }
 
-/// When the lane operations of a device are tested.
+/// When raycl tests the lane operations of a device (how its work-items exchange values).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LaneTest {
-    /// While the devices are listed, before raycl chooses one of them.
+    /// raycl tests all devices while it lists them, before it chooses a device.
     Now,
-    /// When [`Device::test_lanes`](super::Device::test_lanes) is called. Until then, the device is assumed to
-    /// have the fastest operations that its extensions suggest. The test takes 0.4 s on a GPU, so a picture
-    /// whose kernels do not exchange values need not wait for the test.
+    /// raycl tests a device when [`Device::test_lanes`](super::Device::test_lanes) is called. Before this
+    /// test, raycl assumes that the device has the fastest operations that its extensions suggest. The test
+    /// takes 0.4 s on a GPU, so a picture whose kernels do not exchange values between work-items need not
+    /// wait for the test.
     Later,
 }
 
@@ -41,25 +44,25 @@ pub enum LaneTest {
 const LANES: usize = GROUP_LANES as usize;
 /// Number of groups of 32 lanes in the tested work-group.
 const GROUPS: usize = 4;
-/// Number of values that the test's kernel writes per lane.
+/// Number of values that the kernel of the lane test writes per lane.
 const ANSWERS: usize = 8;
 /// A word with one bit per lane. The test computes each lane's rank among the lanes whose bits are set in this word.
 const AMONG: u32 = 0x0f0f_00ff;
-/// The value of every answer before the kernel runs. No right answer has this value, so an answer that the kernel does
-/// not write counts as wrong.
+/// The value of every answer before the kernel runs. No right answer equals this value, so an answer that the
+/// kernel does not write counts as wrong.
 const NO_ANSWER: u32 = u32::MAX;
 
 /// The file of the kernel that tests how work-items exchange values.
 const PROBE: &str = "probe/lanes.cl";
 
-/// The result of trying an implementation out on a device.
+/// The result of testing an implementation of lane operations on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Trial {
-    /// All answers are right.
+    /// All values that the test's kernel wrote are right.
     Right,
-    /// Some answers are wrong.
+    /// Some values that the test's kernel wrote are wrong.
     Wrong,
-    /// The driver refuses the kernel, with this message.
+    /// The driver refuses the test's kernel, with this message.
     Refused(String),
     /// The device cannot be used now, for example because its memory is full, so it is unknown whether the
     /// implementation works.
@@ -67,13 +70,13 @@ enum Trial {
 }
 
 impl LaneOperations {
-    /// Returns the number of tiles per work-group with which kernels are fastest. This number is above one if
-    /// the work-items of one tile need not wait for the work-items of another tile.
+    /// Returns the number of tiles per work-group with which kernels are fastest. The number is 1 with
+    /// barriers, which make the work-items of a tile wait for those of all tiles in the work-group.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
 
-    /// Returns a short description for messages, such as "PTX shuffles".
+    /// Returns a short description of the implementation for messages, such as "PTX shuffles".
     pub fn about(self) -> &'static str {
         match self {
             Self::Barriers => "barriers",
@@ -90,8 +93,7 @@ impl LaneOperations {
     }
 
     /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this
-    /// device. Returns barriers if there is no such implementation, and `None` if the device cannot be used
-    /// now.
+    /// device. Returns barriers if no implementation passes, and `None` if the device cannot be used now.
     ///
     /// # Errors
     ///
@@ -108,7 +110,8 @@ impl LaneOperations {
         })
     }
 
-    /// Returns the compiler option for the version of OpenCL C that the implementation needs.
+    /// Returns the compiler option that selects the version of OpenCL C that this implementation of lane
+    /// operations needs.
     pub fn standard(self, opencl_3: bool) -> &'static str {
         match (self, opencl_3) {
             (Self::SubGroups, true) => "-cl-std=CL3.0",
@@ -126,11 +129,12 @@ pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
 }
 
 /// Returns the first implementation in `hinted` that works, or barriers if none works. Returns `None` if an
-/// implementation could not be tried out. `try_out` takes an implementation and the source of the test's kernel.
+/// implementation could not be tested. `try_out` tests an implementation with the given source of the test's
+/// kernel.
 ///
-/// An implementation that works only with raycl's own files is an error. Without this error, a mistake in a
-/// user's file would select another implementation, and the kernels would be compiled without the user's
-/// change.
+/// Returns an error if an implementation works with raycl's own kernel files, but not with the user's files.
+/// Without this error, a mistake in a user's file would make raycl select another implementation, whose code
+/// does not contain the user's change.
 fn fastest(
     hinted: &[LaneOperations],
     sources: &Sources,
@@ -177,10 +181,11 @@ fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
         .with_help("correct the file; comments in raycl's cl/common/lanes.cl explain the operations")
 }
 
-/// Returns the implementations that may work, fastest first. Compilers that produce PTX also accept inline
-/// PTX. Returns none if a work-group cannot have as many work-items as the test needs. Also returns none for
-/// a CPU: one thread of a CPU executes a whole work-group, and drivers emulate sub-groups by barriers.
-/// Kernels that use such sub-groups in loops crash or hang on PoCL 5.0, although the test passes on PoCL 5.0.
+/// Returns the implementations of lane operations that may work on a device, the fastest first. Compilers
+/// that produce PTX also accept inline PTX. Returns no implementation if a work-group cannot have as many
+/// work-items as the test needs. Also returns no implementation for a CPU: one thread of a CPU executes a
+/// whole work-group, and drivers emulate sub-groups by barriers. On PoCL 5.0, kernels that use emulated
+/// sub-groups in loops crash or hang, although the test passes.
 fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     if info.limits.is_cpu || info.limits.work_group_size < LANES * GROUPS {
         &[]
@@ -193,8 +198,8 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     }
 }
 
-/// Builds the test's kernel with this implementation of lane operations, runs it, and compares its answers
-/// with the right answers.
+/// Builds the test's kernel with this implementation of lane operations, runs the kernel, and compares its
+/// answers with the right answers.
 fn try_out(
     operations: LaneOperations,
     source: &str,
@@ -202,13 +207,14 @@ fn try_out(
     platform: ocl::Platform,
     device: ocl::Device,
 ) -> Trial {
-    // A driver that fails in this test must not prevent the use of other devices.
+    // If the driver panics in this test, the panic is caught, so that raycl can still use other devices.
     let asked = caught(|| ask(operations, source, info, platform, device));
     forget_failures();
     judged(asked)
 }
 
-/// Judges the answers of the test's kernel. `asked` is an error if the driver panicked.
+/// Decides whether the answers of the test's kernel are right. `asked` is an error if the crate `ocl`
+/// panicked.
 fn judged(asked: std::result::Result<std::result::Result<Vec<u32>, CallError>, String>) -> Trial {
     match asked {
         Err(_) => Trial::Unknown,
@@ -250,8 +256,8 @@ fn ask(
         .local_work_size([LANES, GROUPS])
         .arg(&answers)
         .build()?;
-    // SAFETY: the kernel has the one argument that its source declares, and the buffer is as long as its
-    // output.
+    // SAFETY: the kernel has the one argument that its source declares, and the buffer is as long as the
+    // kernel's output.
     unsafe { kernel.enq()? };
     let mut values = vec![0; answers.len()];
     answers.read(&mut values).enq()?;
@@ -306,8 +312,8 @@ mod tests {
         assert!(!expected.contains(&NO_ANSWER));
     }
 
-    /// The device need not have sub-groups: macros replace the functions for sub-groups. The test depends
-    /// only on the size of sub-groups and on the numbers of lanes and groups.
+    /// In this test, macros replace the functions for sub-groups, so the device need not have sub-groups. The
+    /// macros state the size of sub-groups, and the numbers of lanes and groups.
     #[test]
     fn sub_groups_of_another_size_write_no_answers() {
         let Device { info, platform, device, .. } = discover(&Sources::Embedded).unwrap().remove(0);
@@ -325,8 +331,8 @@ mod tests {
             let source = functions + &probe(&Sources::Embedded).unwrap().0;
             ask(LaneOperations::SubGroups, &source, &info, platform, device).unwrap()
         };
-        // The last two answers of a lane are the number that another lane has stored, and its own number. The macros do
-        // not make all other answers right.
+        // The last two answers of a lane are the number that another lane has stored, and the lane's own
+        // number. Only these two answers are compared, since the macros do not make all other answers right.
         let last = |all: &[u32]| {
             all.chunks(ANSWERS).map(|answers| answers[ANSWERS - 2..].to_vec()).collect::<Vec<_>>()
         };
@@ -382,7 +388,7 @@ mod tests {
         assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Barriers);
         gpu.extensions.push("cl_nv_compiler_options".into());
         assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Ptx);
-        // No CPU supports PTX.
+        // A CPU does not support PTX, so a test of `Ptx` would fail there.
         let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         assert!(device.lanes_are_tested);
         device.info.limits.lane_operations = LaneOperations::Ptx;
@@ -425,8 +431,8 @@ mod tests {
         }
     }
 
-    /// The expected answers of lane 2 of group 1 are written out as arithmetic. In this group, lane n has the number (7
-    /// n + 1) mod 32.
+    /// The expected answers of lane 2 of group 1 are written out as arithmetic. In group 1, lane n has the
+    /// number (7 n + 1) mod 32.
     #[test]
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
         let [_, fifth, _, smaller, _, _, mirrored, own] = answers(1, 2);

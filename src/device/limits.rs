@@ -1,4 +1,4 @@
-//! The limits of a device.
+//! The limits of an OpenCL device, such as memory sizes and work-group sizes.
 
 use super::LaneOperations;
 use serde::{Deserialize, Serialize};
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 /// The limits of a device and its main properties, as its driver reports them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// Bytes of `__local` memory of a work-group. Never exceed this limit: otherwise PoCL 3.1 aborts the process.
+    /// Bytes of `__local` memory of a work-group. PoCL 3.1 aborts the process if a kernel needs more.
     pub local_bytes: u64,
-    /// Bytes of `__constant` memory of a kernel.
+    /// Bytes of `__constant` memory that a kernel may use.
     pub constant_bytes: u64,
     /// True if `local_bytes` is the limit of a smaller device that an experiment imitates.
     #[serde(skip)]
@@ -16,9 +16,9 @@ pub struct DeviceLimits {
     /// True if `constant_bytes` is the limit of a smaller device that an experiment imitates.
     #[serde(skip)]
     pub constant_is_emulated: bool,
-    /// Bytes of global memory.
+    /// Bytes of the device's global memory.
     pub global_bytes: u64,
-    /// Bytes of the largest buffer.
+    /// Bytes of the largest buffer that the device can allocate.
     pub allocation_bytes: u64,
     /// Largest number of work-items in a work-group.
     pub work_group_size: usize,
@@ -26,15 +26,16 @@ pub struct DeviceLimits {
     pub work_item_sizes: [usize; 3],
     /// Number of compute units.
     pub compute_units: u32,
-    /// Number of rays per vector that suits the device. On a CPU, this is the number of floats in the widest vector
-    /// that the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT), rounded down to 1, 2, 4, 8 or
-    /// 16. On other devices it is 1.
+    /// Number of rays per vector that suits the device. On a CPU, `native_width` is the number of floats in
+    /// the widest vector that the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT),
+    /// rounded down to 1, 2, 4, 8 or 16. On all devices except CPUs, `native_width` is 1.
     pub native_width: u32,
-    /// True if the device uses the host's memory, as CPUs and GPUs in a processor do
+    /// True if the device uses the host's memory, as CPUs and integrated GPUs do
     /// (CL_DEVICE_HOST_UNIFIED_MEMORY).
     #[serde(default)]
     pub shares_memory: bool,
-    /// True if work-groups run on threads of a CPU, whose stacks hold private arrays.
+    /// True if the device runs work-groups on threads of a CPU, so that private arrays are on the threads'
+    /// stacks.
     pub is_cpu: bool,
     /// How the work-items that share a tile exchange values.
     #[serde(default)]
@@ -59,8 +60,8 @@ impl DeviceLimits {
     }
 
     /// Returns the given local size if the device allows this size, else a smaller local size. First, each
-    /// side is reduced to the device's limit for this side. Then, while a work-group has too many work-items,
-    /// its longer side is halved.
+    /// side is reduced to the device's limit for this side. After that, the longer side of the local size is
+    /// halved while the local size has too many work-items for the device.
     pub fn fitting(&self, [across, down]: [u32; 2]) -> [u32; 2] {
         let within = |side: u32, axis: usize| {
             u32::try_from(self.work_item_sizes[axis]).map_or(side, |most| side.min(most)).max(1)
@@ -80,8 +81,9 @@ pub fn power_of_two(number: usize) -> usize {
     1 << number.max(1).ilog2()
 }
 
-/// Returns the number of rays per vector that suits a device. On a CPU, the number is the reported number of floats per
-/// native vector, rounded down to 1, 2, 4, 8 or 16. On other devices it is 1, because their lanes are work-items.
+/// Returns the number of rays per vector that suits a device. On a CPU, the number is the reported number of
+/// floats per native vector, rounded down to 1, 2, 4, 8 or 16. On other devices, the number is 1, because the
+/// lanes of such devices are work-items.
 pub(super) fn native_width(is_cpu: bool, reported: u64) -> u32 {
     if !is_cpu {
         return 1;

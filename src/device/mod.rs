@@ -52,7 +52,7 @@ pub(crate) fn is_pocl(platform: &str) -> bool {
     platform.to_lowercase().starts_with("portable computing language")
 }
 
-/// The type that a device reports.
+/// The type of device (`CL_DEVICE_TYPE`) that a device reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
@@ -62,12 +62,12 @@ pub enum DeviceKind {
     Gpu,
     /// A dedicated accelerator.
     Accelerator,
-    /// A device of another type.
+    /// A device that is neither a CPU, nor a GPU, nor an accelerator.
     Other,
 }
 
 impl DeviceKind {
-    /// Returns the name in records and on the command line.
+    /// Returns the name of this kind of device in records and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
@@ -77,7 +77,7 @@ impl DeviceKind {
         }
     }
 
-    /// Returns the plural, for messages.
+    /// Returns the plural of this kind of device, for messages.
     pub fn plural(self) -> &'static str {
         match self {
             Self::Cpu => "CPUs",
@@ -103,8 +103,8 @@ impl DeviceKind {
     }
 }
 
-/// What a device's compiler supports beyond OpenCL C 1.2. Kernels use a built-in function only if the
-/// compiler supports this function.
+/// What a device's compiler supports beyond OpenCL C 1.2. Kernels use each of these features only if the
+/// compiler supports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Builtins {
     /// `__builtin_reduce_or` on vectors.
@@ -117,8 +117,8 @@ pub struct Builtins {
     pub opencl_3: bool,
 }
 
-/// The properties of a device. Most of them are reported by the device and its driver. raycl determines `settings`,
-/// `cores`, `threads`, `twins_before`, `label` and `unusable` itself.
+/// The properties of a device. The device and its driver report most properties, but raycl itself determines
+/// `settings`, `cores`, `threads`, `twins_before`, `label` and `unusable`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// Platform name.
@@ -149,19 +149,20 @@ pub struct DeviceInfo {
     /// Number of cores that the process may use; `None` if the device is not a CPU.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// Number of threads with which the device casts; `None` if unknown. PoCL's number is known.
+    /// Number of threads with which the device runs kernels; `None` if unknown. The number is known only for
+    /// PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Number of earlier devices with the same platform and name.
+    /// Number of devices that have the same platform and name and precede this device in the list of devices.
     pub twins_before: usize,
     /// The device's name in records: its own name, or its name for files (`slug`) if another device has the same name.
     pub label: String,
-    /// The reason why the device cannot be used; `None` if it is usable.
+    /// The reason why raycl cannot use the device; `None` if the device is usable.
     pub unusable: Option<String>,
 }
 
 impl DeviceInfo {
-    /// Returns one line that distinguishes the device from every other device.
+    /// Returns one line of text that distinguishes the device from every other device.
     pub fn describe(&self) -> String {
         let Self { platform, driver, limits, .. } = self;
         let threads = self
@@ -184,7 +185,7 @@ impl DeviceInfo {
         self.own_label().map_or_else(|| common_name(&self.name), str::to_owned)
     }
 
-    /// Returns a name for files: lower case, and the same in every run.
+    /// Returns the device's name for use in file names: in lower case, and the same in every run.
     pub fn slug(&self) -> String {
         let words = format!("{} {}", self.platform, self.name).to_lowercase();
         let parts: Vec<_> =
@@ -208,15 +209,15 @@ impl DeviceInfo {
         format!("{}{twin}", self.model())
     }
 
-    /// Returns the text that [`Self::identity`] returns, but without the number that distinguishes the device from
-    /// others with the same name.
+    /// Returns the text of [`Self::identity`] without the number that distinguishes the device from other
+    /// devices with the same name.
     fn model(&self) -> String {
         let Self { platform, platform_version, name, driver, .. } = self;
         format!("{platform} | {platform_version} | {name} | {driver}")
     }
 
     /// Returns the number that makes the device's programs differ from those of other devices with the same
-    /// name (twins). For a CPU, this is the number of earlier twins. For other devices, it is 0, since GPUs
+    /// name (twins). For a CPU, the number is `twins_before`. For other devices, the number is 0, since GPUs
     /// with the same name can share a compiled program.
     pub fn program_twin(&self) -> usize {
         if self.limits.is_cpu { self.twins_before } else { 0 }
@@ -230,8 +231,8 @@ impl DeviceInfo {
     }
 
     /// Returns a text of the properties, beyond the device's identity, that affect its times: compute units,
-    /// cores, threads and the driver's variables. This text is part of the keys under which measured points
-    /// are stored.
+    /// cores, threads and the driver's variables. The text of these properties is part of the keys under
+    /// which measured points are stored.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -246,13 +247,14 @@ impl DeviceInfo {
     }
 
     /// Returns which built-in functions kernels may use with the device's compiler. For reductions, the
-    /// kernel also asks the compiler itself (`__has_builtin`).
+    /// kernel's source also tests `__has_builtin`.
     pub fn builtins(&self) -> Builtins {
         let platform = self.platform.to_lowercase();
         // Oclgrind's compiler aborts on reductions.
         let simulated = platform.contains("oclgrind");
-        // A compiler that does not know prefetches may end the process (Oclgrind's and Mesa's do), so raycl cannot ask
-        // it. The compilers of PoCL and Intel know prefetches on CPUs.
+        // raycl cannot try out whether a compiler knows `__builtin_prefetch`: a compiler that does not know
+        // it may end the process, as those of Oclgrind and Mesa do. The compilers of PoCL and Intel know it
+        // on CPUs.
         let prefetches = is_pocl(&platform) || platform.starts_with("intel");
         Builtins {
             reduce: !simulated,
@@ -273,15 +275,15 @@ impl DeviceInfo {
         self.extensions.iter().any(|extension| extension == "cl_nv_compiler_options")
     }
 
-    /// Returns true if the device's driver can return a compiled program's binary without further work. PoCL
-    /// would compile every kernel again to return a binary: it compiles kernels for a local size, which is
-    /// only known when a kernel starts.
+    /// Returns true if the device's driver can return a compiled program's binary without compiling again.
+    /// PoCL would compile every kernel again to return a binary, since PoCL otherwise compiles a kernel only
+    /// when the kernel starts and its local size is known.
     pub fn has_binaries_at_hand(&self) -> bool {
         !is_pocl(&self.platform)
     }
 }
 
-/// A device, with the handles to use it.
+/// A device's properties, with the OpenCL handles to use the device.
 #[derive(Clone, Debug)]
 pub struct Device {
     /// The device's properties.
@@ -291,15 +293,16 @@ pub struct Device {
     /// The device's own handle.
     pub device: ocl::Device,
     /// True if `info.limits.lane_operations` is the result of a test, or if no test is needed because the
-    /// device's extensions suggest only barriers. If false, the value is assumed from the extensions, or it
-    /// is `Barriers` because the device could not be tested.
+    /// device's extensions suggest only barriers. If false, `lane_operations` is assumed from the extensions,
+    /// or is `Barriers` because the device could not be tested.
     pub lanes_are_tested: bool,
 }
 
 impl Device {
     /// Finds the device's lane operations (how its work-items exchange values) by a test, unless they are
     /// known already. If the device cannot be used now, for example because its memory is full, its lane
-    /// operations become barriers, which work on any device. The next call tests the device again.
+    /// operations become barriers, which work on any device; the next call of this function tests the device
+    /// again.
     ///
     /// # Errors
     ///
@@ -313,8 +316,8 @@ impl Device {
         Ok(())
     }
 
-    /// Sets the lane operations (how work-items exchange values) to those that the test found. `None` means that the
-    /// device could not be tested.
+    /// Sets the lane operations (how work-items exchange values) to the operations that the test found.
+    /// `None` means that the device could not be tested.
     fn take_lanes(&mut self, operations: Option<LaneOperations>) {
         self.info.limits.lane_operations = operations.unwrap_or(LaneOperations::Barriers);
         self.lanes_are_tested = operations.is_some();

@@ -1,20 +1,20 @@
-//! Computes how many work-groups an NVIDIA multiprocessor holds at the same time, as the paper's Figure 5
-//! does for one device. Supports the compute capabilities in `table.rs`.
+//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time, as the paper's
+//! Figure 5 does for one GPU. Supports the compute capabilities in `table.rs`.
 
 mod table;
 
 pub use table::{Multiprocessor, capabilities, multiprocessor};
 
-/// The number of registers per thread in the paper.
+/// The number of registers per thread that the paper states.
 pub const PAPER_REGISTERS: u32 = 63;
-/// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
+/// The compute capability that raycl assumes for the paper's GPU, since the paper does not name its GPU.
 pub const PAPER_CAPABILITY: &str = "2.0";
 /// Threads per warp.
 const WARP: u64 = 32;
 /// Largest number of threads in a work-group, on every compute capability in `table.rs`.
 const MAX_GROUP_THREADS: u32 = 1024;
-/// Bytes of `__local` memory that a work-group may have. CUDA programs can ask the driver for more; OpenCL programs
-/// cannot.
+/// Bytes of `__local` memory that a work-group may have. CUDA programs can ask the driver for more `__local`
+/// (shared) memory per work-group, but OpenCL programs cannot.
 const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
 /// Largest number of registers of a work-group from compute capability 3.0 on. Below 3.0, a work-group may use all
 /// registers of the multiprocessor.
@@ -23,13 +23,13 @@ const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
 /// The limit that prevents a multiprocessor from holding one more work-group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Limiter {
-    /// The largest number of resident groups.
+    /// The hardware's largest number of resident work-groups.
     GroupCap,
-    /// The largest number of resident warps.
+    /// The hardware's largest number of resident warps.
     Warps,
-    /// Registers.
+    /// The number of registers.
     Registers,
-    /// `__local` memory.
+    /// The size of `__local` memory.
     Local,
     /// Not even one work-group fits. The text is the arithmetic that shows why.
     CannotLaunch(String),
@@ -50,16 +50,16 @@ impl std::fmt::Display for Limiter {
 /// The work-groups and warps that a multiprocessor holds at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
-    /// Resident groups.
+    /// The number of resident work-groups.
     pub groups: u64,
-    /// Resident warps.
+    /// The number of resident warps.
     pub warps: u64,
-    /// Resident threads.
+    /// The number of resident threads.
     pub threads: u64,
-    /// Resident warps divided by the largest possible number, 0 to 1.
+    /// The number of resident warps divided by the hardware's largest number, from 0 to 1.
     pub fraction: f64,
-    /// The limit that prevents more work-groups. If several limits prevent this, `limiter` is the first of
-    /// these limits in the order of [`Limiter`].
+    /// The limit that prevents more work-groups. If several limits do, `limiter` is the first of them in the
+    /// order of [`Limiter`].
     pub limiter: Limiter,
 }
 
@@ -96,11 +96,10 @@ pub fn occupancy(
     }
 }
 
-/// A result for work-groups that fit on a multiprocessor, or the arithmetic that shows why not even one work-group
-/// fits.
+/// A result, or an error with the arithmetic that shows why not even one work-group fits on a multiprocessor.
 type Fits<T> = std::result::Result<T, String>;
 
-/// Refuses a work-group that exceeds a limit for a single work-group or thread.
+/// Returns an error if a work-group exceeds a limit of a single work-group or thread.
 fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) -> Fits<()> {
     if threads == 0 {
         return Err("a group needs threads".into());
@@ -148,8 +147,8 @@ fn groups_by_local(sm: &Multiprocessor, local_bytes: u64) -> u64 {
     sm.local_bytes.checked_div(taken).unwrap_or(u64::MAX)
 }
 
-/// Returns the bytes of `__local` memory that the system reserves in each work-group: 1 KiB from compute capability 8.0
-/// on.
+/// Returns the bytes of `__local` memory that CUDA reserves in each work-group: 1 KiB from compute capability
+/// 8.0 on.
 fn reserved_local_bytes(sm: &Multiprocessor) -> u64 {
     if sm.compute_capability.starts_with(['8', '9']) { 1024 } else { 0 }
 }
@@ -217,8 +216,8 @@ mod tests {
             assert_eq!(groups, 0);
             assert!(limiter.to_string().contains(part), "{limiter}");
         }
-        // A multiprocessor of compute capability 3.7 has 128 Ki registers in total. This is twice the number that one
-        // work-group may have.
+        // A multiprocessor of compute capability 3.7 has 128 Ki registers in total. A work-group may use only
+        // half of these registers.
         assert!(matches!(of("3.7", 128, 0, 1024).limiter, Limiter::CannotLaunch(_)));
     }
 

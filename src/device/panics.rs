@@ -1,7 +1,7 @@
-//! Turns panics of the crate `ocl` into errors of the command. This crate panics at a status that it does not
-//! know, and if an object of OpenCL cannot be freed. After a driver has broken down, no object can be freed.
-//! Without this module, the panic at freeing would hide the error that broke the driver, and a second panic
-//! would abort the process.
+//! Turns panics of the crate `ocl` into errors of the command. The crate `ocl` panics if OpenCL returns a
+//! status that the crate does not know, and if an OpenCL object cannot be freed. After a driver has broken
+//! down, no OpenCL object can be freed. Without this module, the panic when an object is freed would hide the
+//! error that broke the driver, and a second panic would abort the process.
 
 use super::DeviceInfo;
 use super::errors::{EXECUTING, without_frame};
@@ -12,32 +12,33 @@ use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::sync::{Mutex, MutexGuard, Once, OnceLock};
 
-/// The remedy if a driver breaks down in a program that uses raycl as a library.
+/// The advice to a user if a driver breaks down in a program that uses raycl as a library.
 const BROKEN_IN_LIBRARY: &str = "the driver, or its device, may be broken: try again, or open another device (`raycl devices` lists them)";
-/// The remedy if a driver breaks down.
+/// The advice to a user if a driver breaks down in a command of raycl.
 const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists all devices, and --device chooses one";
 
-/// What this process knows about a driver that breaks down.
+/// What this process knows about its OpenCL driver, for the error message if the driver breaks down.
 struct Known {
-    /// The devices that were opened.
+    /// The devices that this process has opened.
     devices: Vec<String>,
-    /// The latest error of OpenCL; `None` if there was no error.
+    /// The latest error that OpenCL returned; `None` if OpenCL returned no error.
     failure: Option<String>,
 }
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { devices: Vec::new(), failure: None });
-/// The function that a process calls with the reason before the process ends. The function passes the reason
-/// to a waiting process, or restores the terminal before the message is printed.
+/// The function that this process calls with the error's text before a panic of the crate `ocl` ends the
+/// process. The function passes the text to a process that waits for this one, or restores the terminal
+/// before the text is printed.
 static TOLD: OnceLock<fn(&str)> = OnceLock::new();
 
 thread_local! {
-    /// The message of a panic that [`caught`] catches in this thread. The outer value is `None` outside
-    /// `caught`, and the inner value is `None` before the panic.
+    /// The message of a panic that [`caught`] catches in this thread. The outer `Option` is `None` while the
+    /// thread does not run `caught`, and the inner `Option` is `None` before the panic.
     static CAUGHT: RefCell<Option<Option<String>>> = const { RefCell::new(None) };
 }
 
-/// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed. The process
-/// ends at once, without freeing objects of OpenCL. Other panics stay as they are.
+/// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed.
+/// The process ends at once, without freeing OpenCL objects. Panics of other code are handled as usual.
 pub fn report_panics() {
     let usual = take_hook();
     set_hook(Box::new(move |panic: &PanicHookInfo<'_>| match of_ocl(panic) {
@@ -51,20 +52,22 @@ pub fn report_panics() {
 ///
 /// # Errors
 ///
-/// Fails if the crate `ocl` panics in `work`. Other panics go on. If a second object cannot be freed while
-/// the first panic frees objects, Rust aborts the process, and nothing can prevent this. If the program has
-/// replaced the hook that the first call of this function sets, panics of the crate `ocl` go on, too.
+/// Fails if the crate `ocl` panics in `work`. Panics of other code propagate to the caller. If the unwinding
+/// of the first panic frees a second OpenCL object and this fails, Rust aborts the process, which raycl
+/// cannot prevent. If the program has replaced the panic hook that the first call of this function sets,
+/// panics of the crate `ocl` propagate to the caller, too.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {
     hide_caught_panics();
     forget_failures();
     caught(work).map_err(|message| Error::run(reason(&message, &known())).with_help(BROKEN_IN_LIBRARY))
 }
 
-/// Sets a hook that stores the message of a panic of the crate `ocl` if [`caught`] catches this panic. All other panics
-/// reach the hook that the program has set before. Only the first call has an effect.
+/// Sets a panic hook that stores the message of a panic of the crate `ocl` if [`caught`] catches this panic.
+/// All other panics reach the hook that the program has set before. Only the first call of this function has
+/// an effect.
 fn hide_caught_panics() {
     static SET: Once = Once::new();
-    // While a thread panics, it must not set a hook.
+    // `set_hook` panics if the calling thread is panicking.
     if std::thread::panicking() {
         return;
     }
@@ -79,13 +82,14 @@ fn hide_caught_panics() {
     });
 }
 
-/// Sets the function that is called with the reason before a panic of the crate `ocl` ends this process.
+/// Sets the function that is called with the error's text before a panic of the crate `ocl` ends this
+/// process.
 pub(crate) fn tell_panics(told: fn(&str)) {
-    // A second function would be ignored, but a process sets only one.
+    // A second call would have no effect, but a process calls this function only once.
     let _ = TOLD.set(told);
 }
 
-/// Stores that this process uses a device.
+/// Remembers that this process uses a device, for the error message if the driver breaks down.
 pub(crate) fn note_device(info: &DeviceInfo) {
     let name = format!("{} ({}, driver {})", info.common_name(), info.platform, info.driver);
     let mut known = known();
@@ -94,21 +98,22 @@ pub(crate) fn note_device(info: &DeviceInfo) {
     }
 }
 
-/// Stores the latest error of OpenCL. If a panic follows, this error is its cause.
+/// Stores the latest error that OpenCL returned. If the crate `ocl` panics later, this error is the cause of
+/// the panic.
 pub(crate) fn note_failure(message: &str) {
     known().failure = Some(message.to_owned());
 }
 
-/// Stores the latest error of OpenCL, and returns it. Functions that own buffers call this function with an
-/// error of the crate `ocl`: the buffers are freed before a caller can store the error, and freeing may
-/// panic.
+/// Stores an error of the crate `ocl` as the latest OpenCL error, and returns the error. Functions that own
+/// buffers call `noted` before they return an error: their buffers are freed before a caller could store the
+/// error, and freeing a buffer may panic.
 pub(crate) fn noted<E: std::fmt::Display>(error: E) -> E {
     note_failure(&without_frame(&error.to_string()));
     error
 }
 
-/// Forgets the latest error of OpenCL: the work went on after the error, so the error did not break the
-/// driver.
+/// Forgets the latest OpenCL error. Callers call this function when work went on after the error, so that the
+/// error cannot have broken the driver.
 pub(crate) fn forget_failures() {
     known().failure = None;
 }
@@ -117,8 +122,9 @@ fn known() -> MutexGuard<'static, Known> {
     locked(&KNOWN)
 }
 
-/// Calls `work`. Returns the message of a panic of the crate `ocl` as an error, if [`report_panics`] or [`guarded`] was
-/// called before. Other panics go on. `work` may call this function, too.
+/// Calls `work`. Returns the message of a panic of the crate `ocl` as an error, if [`report_panics`] or
+/// [`guarded`] was called before. Panics of other code propagate to the caller. `work` may itself call
+/// `caught`.
 pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     let outer = CAUGHT.replace(Some(None));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -127,8 +133,8 @@ pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 }
 
 /// Stores the message of a panic, and returns true, if [`caught`] catches the panic. Returns false outside
-/// `caught`, and for the second panic inside it: the second panic happens while the first one frees objects,
-/// and would abort the process.
+/// `caught`, and for the second panic inside `caught`: the second panic happens while the first panic frees
+/// OpenCL objects, and Rust would abort the process.
 fn is_caught(message: &str) -> bool {
     CAUGHT.with_borrow_mut(|caught| match caught {
         Some(first @ None) => {
@@ -139,7 +145,7 @@ fn is_caught(message: &str) -> bool {
     })
 }
 
-/// Returns the message of a panic of the crate `ocl`; `None` for other panics.
+/// Returns the message of a panic of the crate `ocl`; `None` for panics of other code.
 fn of_ocl(panic: &PanicHookInfo<'_>) -> Option<String> {
     let payload = panic.payload();
     let text = payload.downcast_ref::<String>().map(String::as_str);
@@ -147,8 +153,8 @@ fn of_ocl(panic: &PanicHookInfo<'_>) -> Option<String> {
     is_in_ocl(panic.location()?.file()).then(|| meaning(text))
 }
 
-/// Returns true if a source file belongs to the crate `ocl` or to one of its parts. The folder before `src`
-/// has the crate's name, and usually its version.
+/// Returns true if a source file belongs to the crate `ocl` or to one of its parts. The folder that contains
+/// `src` is named after the crate, usually with the crate's version.
 fn is_in_ocl(file: &str) -> bool {
     let parts: Vec<&str> = file.split(['/', '\\']).collect();
     let src = parts.iter().rposition(|part| *part == "src");
@@ -167,15 +173,16 @@ fn meaning(text: &str) -> String {
     }
 }
 
-/// Returns the reason for the user: the devices in use, the error that broke the driver, and the panic after
-/// it.
+/// Returns the text of the error for the user: the devices in use, the error that broke the driver, and the
+/// panic that followed.
 fn reason(message: &str, Known { devices, failure }: &Known) -> String {
     let first = failure.as_ref().map(|failure| format!("{failure}; after that, ")).unwrap_or_default();
     let used = if devices.is_empty() { String::new() } else { format!(", on {}", devices.join(" or ")) };
     format!("the OpenCL driver failed{used}: {first}{message}")
 }
 
-/// Ends this process with a message. No destructor runs, since the crate `ocl` would panic again.
+/// Ends this process with a message. No destructor runs, since freeing OpenCL objects would make the crate
+/// `ocl` panic again.
 fn end(message: &str) -> ! {
     let error = Error::run(reason(message, &known())).with_help(BROKEN);
     if let Some(told) = TOLD.get() {
@@ -253,7 +260,7 @@ mod tests {
         let message = "clX returned -5, in a test";
         assert_eq!(noted(message), message);
         forget_failures();
-        // Meanwhile, another test may store its own error.
+        // Another test may store its own error at the same time.
         let failure = known().failure.clone();
         assert_ne!(failure.as_deref(), Some(message));
     }

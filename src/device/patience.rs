@@ -1,4 +1,4 @@
-//! A time limit for drivers that never answer.
+//! Ends a process whose OpenCL driver does not answer within a time limit.
 
 use crate::error::{Error, Result};
 use std::sync::Arc;
@@ -7,14 +7,15 @@ use std::sync::mpsc::channel;
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-/// The environment variable that marks a process that does a command's work for another process. The other process
-/// handles the exit of the marked process.
+/// The environment variable that marks a process that does a command's work for its parent process. If the
+/// marked process exits because its driver hangs, the parent process reports this.
 pub const GUARDED: &str = "RAYCL_GUARDED";
-/// The exit code of a process whose driver did not answer. Only raycl's own processes use this code.
+/// The exit code of a process whose driver did not answer. Only processes that raycl starts for its own work
+/// exit with this code.
 pub const HUNG: i32 = 124;
-/// The time limit. Drivers start in much less time.
+/// The time limit for a driver's answer. Drivers usually start in much less time.
 const LIMIT: Duration = Duration::from_secs(60);
-/// An environment variable with which tests set the time limit, in milliseconds.
+/// An environment variable with which tests set the time limit for a driver's answer, in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 
 /// The time between two checks whether the driver has answered.
@@ -26,8 +27,8 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// Starts the time limit if another process handles the exit of this process. Returns `None` if no other
-    /// process does.
+    /// Starts the time limit if a parent process handles the exit of this process (see [`GUARDED`]). Returns
+    /// `None` if no parent process does.
     ///
     /// # Errors
     ///
@@ -36,7 +37,7 @@ impl Patience {
         std::env::var_os(GUARDED).map(|_| Self::begin()).transpose()
     }
 
-    /// Starts the time limit.
+    /// Starts the time limit for a driver's answer.
     ///
     /// # Errors
     ///
@@ -58,9 +59,10 @@ impl Patience {
             end(&message)
         };
         Builder::new().spawn(wait).map_err(|error| Error::no_thread(&error))?;
-        // A driver that hangs while it is loaded holds the lock of the system's dynamic linker. Starting a thread takes
-        // the same lock, and so does the thread's first use of thread-local values. The thread must therefore have
-        // started, and have used such values, before the driver is loaded.
+        // A driver that hangs while it is loaded holds the lock of the system's dynamic linker. Starting a
+        // thread takes the same lock, and so does the thread's first use of thread-local values. The thread
+        // that waits for the time limit must therefore have started, and have used thread-local values,
+        // before the driver is loaded.
         let _ = is_ready.recv();
         Ok(Self { answered })
     }
@@ -72,7 +74,8 @@ impl Drop for Patience {
     }
 }
 
-/// Ends the process without running exit handlers, which may wait for the driver.
+/// Prints the message and ends the process without running exit handlers, since these may wait for the
+/// hanging driver.
 fn end(message: &str) {
     #[cfg(unix)]
     let _ = rustix::io::write(rustix::stdio::stderr(), message.as_bytes());
@@ -90,7 +93,8 @@ fn limit() -> Duration {
 mod tests {
     use super::*;
 
-    /// Without this, the process would end at the time limit although its driver has answered.
+    /// If dropping `Patience` did not set `answered`, the process would end at the time limit although its
+    /// driver has answered.
     #[test]
     fn a_driver_whose_patience_is_dropped_has_answered() {
         let answered = Arc::new(AtomicBool::new(false));

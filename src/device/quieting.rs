@@ -10,7 +10,7 @@ use std::{fs::File, os::fd::OwnedFd};
 
 /// Returns a compiler option that stops PoCL's compiler from printing to the terminal, or an empty text for
 /// other compilers. PoCL's compiler prints the number of warnings, as in "2 warnings generated.", to the
-/// terminal and not to a log. The number includes warnings in PoCL's own headers.
+/// terminal and not to a log. The printed number includes warnings in PoCL's own headers.
 pub fn quieting(device: Device) -> &'static str {
     let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
         DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),
@@ -28,7 +28,7 @@ pub struct Hush {
 
 #[cfg(unix)]
 impl Hush {
-    /// Begins to discard standard error. If this fails, messages are shown.
+    /// Begins to discard what is written to standard error. If this fails, standard error stays visible.
     pub fn begin() -> Self {
         let begin = || {
             let stderr = dup(rustix::stdio::stderr()).ok()?;
@@ -47,13 +47,13 @@ impl Drop for Hush {
     }
 }
 
-/// On systems other than Unix, messages are shown.
+/// On systems other than Unix, `Hush` does not discard standard error.
 #[cfg(not(unix))]
 pub struct Hush;
 
 #[cfg(not(unix))]
 impl Hush {
-    /// Does nothing.
+    /// Does nothing on this system.
     pub fn begin() -> Self {
         Self
     }

@@ -1,4 +1,5 @@
-//! Selects devices by name and kind, not by number, since numbers differ between machines.
+//! Selects OpenCL devices by name and kind (CPU, GPU, accelerator), not by number, since a device's number
+//! differs between machines.
 
 use super::{Device, DeviceInfo, DeviceKind, common_name, is_pocl};
 use crate::error::{Error, Result, nearest};
@@ -7,16 +8,17 @@ use crate::sources::Sources;
 /// The patterns that select a kind of device.
 const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 
-/// Returns the usable devices that match the patterns, each once, in the order of the patterns. Without patterns,
-/// returns every usable device.
+/// Returns the usable devices that match the patterns of `--device`, each device once, in the order of the
+/// patterns. Without patterns, returns every usable device.
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's
-/// name, or a device's name, common name or vendor. A pattern of digits only has to be a whole number in such a
-/// text: devices are not selected by their index, so `1` does not mean `H100`. A pattern can also be whole words of the
-/// platform's version with a dotted number, such as `pocl 3.1`, or a device's whole name for files (`slug`). If several
-/// devices have the same name, each device's label is its name for files. The case of letters does not matter. A
-/// pattern that matches no usable device is a user error. A mistake in a kernel file of the user is a user error, too,
-/// if a selected device fails the test of its lane operations because of this mistake.
+/// name, or a device's name, common name or vendor. A pattern that consists of digits must equal a whole
+/// number in one of these texts: `1` does not select an `H100`. A pattern can also be whole words of the
+/// platform's version with a dotted number, such as `pocl 3.1`, or a device's whole name for files (`slug`).
+/// If several devices have the same name, each device's label is its name for files. The case of letters does
+/// not matter. A pattern that matches no usable device is a user error. A mistake in a kernel file of the
+/// user is a user error, too, if a selected device fails the test of its lane operations because of this
+/// mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
@@ -25,12 +27,13 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
     Ok(chosen)
 }
 
-/// Returns the index of the usable device to cast on if no device is named. GPUs come before CPUs, CPUs before
-/// accelerators (some of which a driver only emulates on a CPU), and accelerators before devices of other kinds. GPUs
-/// with memory of their own come before GPUs that share the host's memory, since vendors count different things as
-/// compute units. Then, GPUs with a vendor's driver come before those with PoCL's or Mesa's, and the device with the most
-/// compute units comes first. Of devices with equally many compute units, the first in `infos` is chosen. Returns
-/// `None` if no device is usable.
+/// Returns the index of the usable device on which raycl casts if the user names no device. GPUs come before
+/// CPUs, CPUs before accelerators (some of which a driver only emulates on a CPU), and accelerators before
+/// devices of other kinds. GPUs with memory of their own come before GPUs that share the host's memory, since
+/// vendors count different things as compute units. Among GPUs of the same kind of memory, GPUs with a
+/// vendor's driver come before GPUs with PoCL's or Mesa's driver. Among devices that are still equal, the
+/// device with the most compute units comes first. Of devices with equally many compute units, the first in
+/// `infos` is chosen. Returns `None` if no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -69,7 +72,7 @@ fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
     Ok(chosen)
 }
 
-/// Returns the usable devices that match one pattern. If there is no such device, returns an error.
+/// Returns the usable devices that match one pattern, or an error if no usable device matches.
 fn usable(infos: &[&DeviceInfo], pattern: &str) -> Result<Vec<usize>> {
     let matching: Vec<_> = (0..infos.len()).filter(|&index| matches(infos[index], pattern)).collect();
     let (fine, broken): (Vec<_>, Vec<_>) =
@@ -87,8 +90,9 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         "" => false,
         "all" => true,
         kind if KINDS.contains(&kind) => info.kind.name() == kind,
-        // Of several devices with the same name, the label of the first is the beginning of the labels of the others. A
-        // part of a label could thus mean several devices, so only a whole label selects one.
+        // If several devices have the same name, the labels of the later devices begin with the label of the
+        // first device. A part of a label could thus mean several devices, so only a whole label selects a
+        // device.
         _ => {
             names(info).iter().any(|name| has_part(name, &pattern))
                 || is_of_version(&info.platform_version, &pattern)
@@ -115,16 +119,17 @@ pub(crate) fn has_part(name: &str, pattern: &str) -> bool {
     name.contains(pattern)
 }
 
-/// Returns true if a pattern consists of whole words of a platform's version, and at least one of the words has a dot,
-/// as in `pocl 3.1`. Other words of versions are not compared, since many of them say nothing about the device, such as
-/// "None+Asserts" in the version of PoCL.
+/// Returns true if a pattern consists of whole words of a platform's version, and at least one of the words
+/// has a dot, as in `pocl 3.1`. A pattern without a dotted number does not match a version, since many words
+/// in versions say nothing about the device, such as "None+Asserts" in the version of PoCL.
 fn is_of_version(version: &str, pattern: &str) -> bool {
     let (words, wanted) = (version_words(version), version_words(pattern));
     let has_dot = wanted.iter().any(|word| word.contains('.'));
     has_dot && words.windows(wanted.len()).any(|part| part == wanted.as_slice())
 }
 
-/// Returns the words of a platform's version in lower case, each only up to a plus sign: "3.1+debian" becomes "3.1".
+/// Returns the words of a platform's version in lower case, each word only up to its plus sign: "3.1+debian"
+/// becomes "3.1".
 fn version_words(version: &str) -> Vec<String> {
     let until_plus = |word: &str| word.split('+').next().unwrap_or(word).to_lowercase();
     version.split_whitespace().map(until_plus).collect()
@@ -146,7 +151,7 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let kinds = kinds.chain(["all"]).map(str::to_owned);
     let names: Vec<String> = infos.iter().flat_map(|info| names(info)).collect();
     let words = names.iter().flat_map(|name| name.split_whitespace());
-    // The parts of a word are candidates, too, such as "pthread" in the name "pthread-skylake".
+    // The parts of a hyphenated word are candidates, too, such as "pthread" in the name "pthread-skylake".
     let parts = words.clone().flat_map(|word| word.split(|c: char| !c.is_alphanumeric()));
     let words = words.chain(parts);
     let mut candidates: Vec<_> = words.map(str::to_owned).chain(kinds).collect();
@@ -162,7 +167,8 @@ fn listing(infos: &[&DeviceInfo]) -> String {
     )
 }
 
-/// Returns how to select only this device, if other devices have the same name; else an empty text.
+/// Returns a text that says how to select only this device, if other devices have the same name; else returns
+/// an empty text.
 fn only(info: &DeviceInfo) -> String {
     let help = |label: &str| format!("; '{label}' selects only this device");
     info.own_label().map(help).unwrap_or_default()
@@ -336,7 +342,7 @@ mod tests {
             info.limits.shares_memory = true;
             info
         };
-        // Of CPUs, only the number of compute units counts.
+        // Between CPUs, only the number of compute units decides.
         assert_eq!(preferred(&[&example("Intel(R) OpenCL", "a CPU", DeviceKind::Cpu, 8), &cpu]), Some(1));
     }
 

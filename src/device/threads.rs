@@ -1,18 +1,19 @@
-//! Limits the number of PoCL's threads, and pins them to processors. By default PoCL starts one thread per processor of
-//! the machine, even if the process may run on fewer. PoCL leaves the placement of its threads to the system, which can
-//! put two threads on the same processor for seconds while another processor is idle.
+//! Limits the number of PoCL's threads, and pins the threads to processors. By default PoCL starts one thread
+//! per processor of the machine, even if the process may run on fewer processors. PoCL leaves the placement
+//! of its threads to the system, which can put two threads on the same processor for seconds while another
+//! processor is idle.
 
 use super::{DeviceKind, is_pocl};
 use crate::threads::cores;
 
-/// PoCL's environment variables for the number of its threads: the variable of version 5 and later, and the older
-/// variable, which all versions read.
+/// The environment variables for the number of PoCL's threads: the variable that PoCL reads since version 5,
+/// and the older variable, which all versions of PoCL read.
 const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
 /// The environment variable for the number of compute units of all of PoCL's drivers. PoCL 6 reads this variable if
 /// neither variable in `COUNTS` is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
-/// PoCL's environment variables for the smallest number of its threads, which prevails over the number in
-/// `COUNTS`: the newer variable, and the older variable.
+/// The environment variables for the smallest number of PoCL's threads: the newer variable, and the older
+/// variable. The smallest number prevails over the number that a variable in `COUNTS` sets.
 const LEAST_COUNTS: [&str; 2] = ["POCL_CPU_MIN_CU_COUNT", "POCL_PTHREAD_MIN_THREADS"];
 
 /// Returns true if `name` is one of the variables in `COUNTS`, which set the number of PoCL's threads.
@@ -20,25 +21,26 @@ pub fn sets_threads(name: &str) -> bool {
     COUNTS.contains(&name)
 }
 
-/// Returns true if raycl sets the environment variable with this name, unless the user has set it.
+/// Returns true if raycl sets the environment variable with this name when the user has not set the variable.
 pub fn is_set_by_raycl(name: &str) -> bool {
     sets_threads(name) || name == PINNED
 }
 
-/// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may run
-/// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of the
-/// variables in `COUNTS`, or `OF_ALL_DRIVERS`.
+/// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL starts no
+/// more threads than the process may run at the same time, according to its affinity and control groups.
+/// Returns no variables if the user has set one of the variables in `COUNTS`, or `OF_ALL_DRIVERS`.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), cores())
 }
 
-/// PoCL's environment variable for pinning each of its threads to the processor of the same number.
+/// The environment variable that makes PoCL pin each of its threads to the processor of the same number.
 const PINNED: &str = "POCL_AFFINITY";
 
-/// Returns the variables to set before a driver is loaded, so that PoCL pins its threads. Returns no variables if the
-/// user has set `POCL_AFFINITY`, or asks for more threads than the process may run at the same time. A value that is no
-/// number counts as too many threads. Also returns no variables if the processors of the process are not the first
-/// processors of the machine, or if the process may use them only for part of the time.
+/// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL pins its
+/// threads. Returns no variables if the user has set `POCL_AFFINITY`, or has set a number of threads that is
+/// larger than the process may run at the same time. A value that is not a number counts as too many threads.
+/// Also returns no variables if the processors of the process are not the first processors of the machine, or
+/// if the process may use them only for part of the time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     let value_of = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
     pinning(value_of, &processors(), cores())
@@ -59,13 +61,14 @@ fn pinning(
     vec![(PINNED, "1".to_owned())]
 }
 
-/// Returns true if `processors` are the first processors of the machine, and as many as the process may use
-/// at once (`threads`). PoCL pins its threads to the first processors.
+/// Returns true if `processors` are the first processors of the machine, and their number is `threads`, the
+/// number that the process may use at once. PoCL pins its threads to the first processors.
 fn are_the_first(processors: &[usize], threads: usize) -> bool {
     processors.iter().copied().eq(0..threads)
 }
 
-/// Returns the numbers of the processors that the process may run on; none if the system does not report them.
+/// Returns the numbers of the processors that the process may run on; an empty list if the system does not
+/// report these numbers.
 #[cfg(target_os = "linux")]
 fn processors() -> Vec<usize> {
     use rustix::thread::{CpuSet, sched_getaffinity};
@@ -73,7 +76,8 @@ fn processors() -> Vec<usize> {
     own.map_or_else(|_| Vec::new(), |own| (0..CpuSet::MAX_CPU).filter(|number| own.is_set(*number)).collect())
 }
 
-/// Returns the numbers of the processors that the process may run on; none if the system does not report them.
+/// Returns the numbers of the processors that the process may run on; an empty list if the system does not
+/// report these numbers.
 #[cfg(not(target_os = "linux"))]
 fn processors() -> Vec<usize> {
     Vec::new()
@@ -86,8 +90,8 @@ fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str
     COUNTS.map(|name| (name, threads.to_string())).to_vec()
 }
 
-/// Returns the number of threads with which a device casts; `None` if unknown. PoCL has one thread per
-/// compute unit.
+/// Returns the number of threads with which a device runs kernels; `None` if unknown. PoCL has one thread per
+/// compute unit of a CPU.
 pub fn threads_of(platform: &str, kind: DeviceKind, compute_units: u32) -> Option<u32> {
     (is_pocl(platform) && kind == DeviceKind::Cpu).then_some(compute_units)
 }

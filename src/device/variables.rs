@@ -1,5 +1,6 @@
-//! Lists the environment variables that drivers read. A run stores all of these variables that are set. Variables that
-//! affect times or pictures are also part of the keys under which measured points are stored.
+//! Lists the environment variables that OpenCL drivers read. A run of `raycl run` stores every one of these
+//! variables that is set. Variables that affect times or pictures are also part of the keys under which
+//! measured points are stored.
 
 use super::threads::{is_set_by_raycl, sets_threads};
 use std::sync::OnceLock;
@@ -7,7 +8,7 @@ use std::sync::OnceLock;
 /// The environment variables of one driver that affect its compiled code, its number of threads or its launches of
 /// kernels. A name that ends in `*` stands for all names that begin with the part before the `*`.
 struct Driver {
-    /// A word of the platform's name, in lower case.
+    /// A text that the platform's name contains, in lower case.
     platform: &'static str,
     deciding: &'static [&'static str],
 }
@@ -97,8 +98,9 @@ const DRIVERS: [Driver; 6] = [
     Driver { platform: "oclgrind", deciding: &["OCLGRIND_BUILD_OPTIONS"] },
 ];
 
-/// Further variables without which a repeated command may measure on other devices, or with another number of threads.
-/// Variables that schedulers set for each job, such as `CUDA_VISIBLE_DEVICES`, are left out.
+/// Variables, besides those in `DRIVERS`, without which a repeated command may measure on other devices, or
+/// with another number of threads. Variables that schedulers set for each job, such as
+/// `CUDA_VISIBLE_DEVICES`, are left out.
 const SELECTING: [&str; 7] = [
     "OCL_ICD_FILENAMES",
     "OCL_ICD_VENDORS",
@@ -109,12 +111,12 @@ const SELECTING: [&str; 7] = [
     "RUSTICL_ENABLE",
 ];
 
-/// Variables that match a pattern in `DRIVERS`, but only make the driver print or write more.
+/// Variables that match a pattern in `DRIVERS`, but only make the driver print messages or write files.
 const LOGS: [&str; 4] =
     ["IGC_DumpToCurrentDir", "IGC_DumpToCustomDir", "IGC_ShaderDumpEnable", "POCL_VECTORIZER_REMARKS"];
 
-/// The beginning of the setting (`NAME=VALUE`) that chooses the cores on which threads run. `DRIVERS`
-/// contains its variable. The choice of cores affects times, but not the compiled code.
+/// The beginning of the setting (`NAME=VALUE`) that chooses the cores on which PoCL's threads run. `DRIVERS`
+/// contains the variable `POCL_AFFINITY`. The choice of cores affects times, but not the compiled code.
 const PLACES: &str = "POCL_AFFINITY=";
 
 /// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for
@@ -168,21 +170,21 @@ pub fn all() -> Vec<Setting> {
 /// The user's own variables, which were set before raycl set its own variables.
 static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
 
-/// Returns the variables with which a command of the user must be repeated, sorted by name. The function
-/// remembers the variables that are set at its first call. This call must be before raycl sets variables of
-/// drivers.
+/// Returns the variables that must be set to the same values when a user repeats a command, sorted by name.
+/// The function remembers the variables that are set at its first call, which must be before raycl itself
+/// sets variables of drivers.
 pub fn of_user() -> &'static [Setting] {
     OF_USER.get_or_init(|| settings(variables(), is_to_be_repeated))
 }
 
-/// Returns the variables among `settings`, the variables of a device, that raycl has set because the user had
-/// not set them.
+/// Returns the variables among `settings`, the variables of a device, that raycl itself has set because the
+/// user had not set them.
 pub fn set_by_raycl(settings: &[Setting]) -> Vec<Setting> {
     not_of(settings, of_user())
 }
 
-/// Returns the variables among `settings` that raycl sets, unless the user's variables, `of_user`, contain
-/// them.
+/// Returns the variables among `settings` that raycl itself sets and that are not among the user's variables,
+/// `of_user`.
 fn not_of(settings: &[Setting], of_user: &[Setting]) -> Vec<Setting> {
     let is_own = |setting: &&Setting| is_set_by_raycl(name_of(setting)) && !of_user.contains(*setting);
     settings.iter().filter(is_own).cloned().collect()

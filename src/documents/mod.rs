@@ -22,7 +22,7 @@ use page::Page;
 use sheet::Sheet;
 use std::path::Path;
 
-/// The documents whose numbers are checked.
+/// The documents whose numbers `raycl` compares with the stored records.
 pub const DOCUMENTS: [&str; 4] = ["README.md", "docs/kernels.md", "docs/paper.md", "docs/performance.md"];
 
 /// The documents of a repository, and the contents of docs/figures.toml, which names the records.
@@ -44,7 +44,8 @@ impl Documents {
         Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
     }
 
-    /// Returns the differences between the text of a document and the records, and the text's mistakes.
+    /// Returns the differences between a document's text and the records, and the mistakes in the text, such
+    /// as wrong queries.
     pub fn check(&self, text: &str) -> Vec<Difference> {
         let page = Page::of(text, &self.sheet);
         page.stale.into_iter().chain(page.wrong).collect()
@@ -99,7 +100,7 @@ mod tests {
 
     const QUERY: &str = "<!-- published: teapot naive 8x8 -->";
 
-    /// Writes a small repository whose four documents have these texts.
+    /// Writes a small repository in which the four documents have the given texts.
     fn repository(texts: [&str; 4]) -> tempfile::TempDir {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join("docs")).unwrap();

@@ -1,4 +1,4 @@
-//! Computes how many threads a multiprocessor holds at the same time.
+//! Computes how many threads a GPU's multiprocessor holds at the same time.
 
 use super::of_record::{Figure, Form};
 use crate::device::occupancy::{Limiter, multiprocessor, occupancy};

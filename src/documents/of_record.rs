@@ -6,13 +6,13 @@ use crate::record::{Record, interval, median};
 /// The form in which a figure is written into a document.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// With significant digits.
+    /// A number rounded to a few significant digits.
     Measure,
-    /// As a whole number.
+    /// A whole number, without a decimal point.
     Count,
-    /// As a percentage.
+    /// A percentage, such as 62%.
     Percent,
-    /// In scientific notation, such as 4.2e-7.
+    /// A number in scientific notation, such as 4.2e-7.
     Power,
 }
 
@@ -23,13 +23,15 @@ pub enum Figure {
     Number(f64, Form),
     /// A text.
     Words(String),
-    /// The reason why there is no figure, such as "infeasible"; empty if no record matches the query.
+    /// The reason why the record has no such figure, such as "infeasible". The reason is an empty text if no
+    /// record matches the query.
     Nothing(String),
 }
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The name of the figure for the median of the frame's time. A query that names no figure asks for this figure.
+/// The name of the figure for the median of a frame's time. A query without a figure's name asks for this
+/// median.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [
@@ -183,7 +185,7 @@ mod tests {
         assert!(is_figure("ld.global") && !is_figure("naive"));
     }
 
-    /// The main kernel of a rasteriser does not have work-groups of the point's local size.
+    /// The main kernel of a rasteriser does not use the point's local size for its work-groups.
     #[test]
     fn a_rasteriser_has_no_figures_of_work_groups_of_the_local_size() {
         let mut kernel = CompiledKernel {

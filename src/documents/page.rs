@@ -1,14 +1,15 @@
-//! Compares a document with the stored records, and rewrites it. A document contains blocks between markers (lines that
-//! are HTML comments), numbers that are each followed by a query in an HTML comment, and numbers without a query.
+//! Compares the numbers of a document with the stored records, and rewrites the document from the records. A
+//! document contains blocks between markers (lines that are HTML comments), numbers that are each followed by
+//! a query in an HTML comment, and numbers without a query.
 
 use super::of_record::Figure;
 use super::query::Query;
 use super::sheet::Sheet;
 use super::unrecorded::{Fences, unrecorded};
 
-/// The line before a block begins with this text. The block's name follows.
+/// The line before a block begins with this text. After this text, the line contains the block's name.
 const BEGIN: &str = "<!-- figures: ";
-/// The line after a block.
+/// The line that marks the end of a block.
 const END: &str = "<!-- end of figures -->";
 
 /// A difference between a document and the records.
@@ -18,16 +19,16 @@ pub struct Difference {
     pub line: usize,
     /// The text in the document.
     pub stands: String,
-    /// The text that the records yield, or the reason why they yield no text.
+    /// The text that raycl computes from the records, or the reason why the records yield no text.
     pub records_say: String,
 }
 
 /// A document that was rewritten from the records, and its differences from the document that was read.
 #[derive(Debug, Default, PartialEq)]
 pub struct Page {
-    /// The whole text.
+    /// The whole text of the rewritten document.
     pub text: String,
-    /// Differences from the text that was read.
+    /// Numbers and lines of the document that differed from the records before the document was rewritten.
     pub stale: Vec<Difference>,
     /// Mistakes that rewriting cannot correct: wrong queries, numbers without a record.
     pub wrong: Vec<Difference>,
@@ -83,7 +84,8 @@ impl Page {
         self.push(END);
     }
 
-    /// Leaves a block without an end as it is, since nobody knows which of the following lines belong to the block.
+    /// Leaves a block without an end marker as it is, since nobody knows which of the following lines belong
+    /// to the block.
     fn open_block(&mut self, line: usize, name: &str, begin: &str) {
         let records_say = format!("nothing: no line `{END}` follows the beginning of this block");
         self.wrong.push(Difference { line, stands: format!("the block '{name}'"), records_say });
@@ -93,7 +95,7 @@ impl Page {
     fn prose(&mut self, number: usize, line: &str, sheet: &Sheet, fences: &mut Fences) {
         let mut made = String::new();
         let mut rest = line;
-        // The line without the numbers that have a query.
+        // The text of the line without the numbers that have a query.
         let mut bare = String::new();
         while let Some((before, comment, after)) = next_comment(rest) {
             let at = before.len() - number_at_end(before).len();

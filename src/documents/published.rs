@@ -1,4 +1,4 @@
-//! Answers queries for the times that the paper published.
+//! Answers a document's queries for the run times that the paper published.
 
 use super::of_record::{Figure, Form};
 use crate::report::paper::curve;

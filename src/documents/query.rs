@@ -16,11 +16,14 @@ use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
 
-/// The default number of significant digits. Percentages and numbers in scientific notation have 2 by default.
+/// The default number of significant digits. Percentages and numbers in scientific notation have 2
+/// significant digits by default.
 const DIGITS: i32 = 3;
-/// The source name for the times that the paper published. The program itself contains these times.
+/// The source name for the times that the paper published. The published times are part of the program, not
+/// of a folder of records.
 const PUBLISHED: &str = "published";
-/// The source name for numbers of threads on a multiprocessor. These numbers are computed, not read from a file.
+/// The source name for numbers of threads on a multiprocessor. raycl computes these numbers of threads
+/// instead of reading them from a file.
 const OCCUPANCY: &str = "occupancy";
 /// The units in which a query can ask for a result: the name of each unit, and the factor by which the figure is
 /// multiplied.
@@ -35,7 +38,7 @@ pub struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// Reads a query. The error names the mistake.
+    /// Reads a query from a text. The error names the mistake in the query.
     pub fn parse(text: &'a str) -> Result<Self, String> {
         let mut parts = text.split(", ");
         let mut operands: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -74,8 +77,8 @@ impl<'a> Query<'a> {
         Ok(())
     }
 
-    /// Returns the query's answer as it is written into a document; [`Figure::Nothing`] if there is no
-    /// figure. The error names a mistake in the query, or says why a source cannot be read.
+    /// Returns the query's answer as it is written into a document; [`Figure::Nothing`] if the records have
+    /// no figure for the query. The error names a mistake in the query, or says why a source cannot be read.
     pub fn answer(&self, sources: &Sources) -> Result<Figure, String> {
         let answered = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
@@ -104,7 +107,8 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The value of one operand of a query. The record is stored only if the value is the median of a frame's time.
+/// The value of one operand of a query. `median_of` contains the record only if the operand's value is the
+/// median of a frame's time.
 struct Side {
     value: Figure,
     median_of: Option<Record>,
@@ -118,8 +122,8 @@ impl Side {
         unranked.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
     }
 
-    /// Returns the reason why the value cannot be used in a ratio: there is no value, or the median has too
-    /// few samples or times of 0. Otherwise, returns `None`.
+    /// Returns the reason why the operand's value cannot be used in a ratio: the value is missing, or the
+    /// median has too few samples or times of 0. Returns `None` if the value can be used.
     fn obstacle(&self) -> Option<String> {
         match &self.value {
             Figure::Nothing(why) => Some(why.clone()),
@@ -142,7 +146,7 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
 
 /// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all
 /// reports, from pairs of samples that were measured close in time. Returns [`Figure::Nothing`] with the
-/// reason if there is no quotient.
+/// reason if the quotient cannot be computed.
 fn quotient(one: &Side, other: &Side) -> Figure {
     let both = one.median_of.as_ref().zip(other.median_of.as_ref());
     let quotient = match (both, &one.value, &other.value) {
@@ -159,8 +163,8 @@ fn quotient(one: &Side, other: &Side) -> Figure {
     }
 }
 
-/// Returns the value at a JSON pointer (RFC 6901), which `words` contains. Returns an error if there is no
-/// value.
+/// Returns the value at the JSON pointer (RFC 6901) that `words` spells. Returns an error if the JSON has no
+/// value at the pointer.
 fn at(value: &Value, words: &[&str]) -> Result<Figure, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
@@ -205,8 +209,8 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     }
 }
 
-/// Fits a power law to the medians of some records as a function of the records' figure `across`, and returns the
-/// exponent.
+/// Fits a power law to the median times of some records, as a function of the records' figure named `across`,
+/// and returns the exponent.
 fn grown(records: &[&Record], across: &str) -> Figure {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Figure::Number(value, _) => Some(value),
@@ -221,9 +225,9 @@ fn grown(records: &[&Record], across: &str) -> Figure {
     })
 }
 
-/// Returns true if a word names a value of the record: the name, the scene, a baseline's strategy, the local
-/// size ("8x8"), the image size ("@800x500"), the number of triangles ("triangles=1026"), or a value of an
-/// axis ("width=8").
+/// Returns true if a word of a query names a value of the record: the point's name, the scene, a baseline's
+/// strategy, the local size ("8x8"), the image size ("@800x500"), the number of triangles ("triangles=1026"),
+/// or a value of an axis ("width=8").
 fn is(record: &Record, word: &str) -> bool {
     let size = |[across, down]: [u32; 2]| format!("{across}x{down}");
     let axis = || match word.split_once('=') {

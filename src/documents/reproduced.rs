@@ -6,7 +6,8 @@ use super::sources::Sources;
 use crate::report::Reproduction;
 use serde_json::Value;
 
-/// All verdicts on a claim. A document states how many claims have each verdict, in this order.
+/// The possible verdicts on a claim. A document states how many claims have each verdict, in the order of
+/// this list.
 const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
 
 /// Returns the results of a reproduction as JSON, for the first device in the records of `device.folders`.
@@ -17,7 +18,7 @@ fn reproduction(sources: &Sources, device: &Device) -> Result<Value, String> {
     Ok(value["devices"][0].take())
 }
 
-/// Returns the four lines of the answer for each device.
+/// Returns, for each device, the four lines that answer the paper's question.
 pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let mut lines = Vec::new();
     for device in devices {
@@ -40,7 +41,8 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
 }
 
 /// Returns the number of claims for each verdict, then a table with one row per claim. A row has the claim's
-/// sentence, the place in the paper and, for each device, the verdict with one comparison that decided it.
+/// sentence, the page or figure in the paper and, for each device, the verdict with one comparison that
+/// decided the verdict.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let reproductions: Vec<Value> =
         devices.iter().map(|device| reproduction(sources, device)).collect::<Result<_, _>>()?;
@@ -61,16 +63,16 @@ pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Formats counts: "- PoCL, 35 claims: 0 held, 13 did not hold, ...".
+/// Formats how many claims have each verdict: "- PoCL, 35 claims: 0 held, 13 did not hold, ...".
 fn counted(head: &str, claims: &[Value]) -> String {
     let count = |verdict: &str| claims.iter().filter(|claim| claim["verdict"] == verdict).count();
     let counts = VERDICTS.map(|verdict| format!("{} {verdict}", count(verdict)));
     format!("- {head}, {} claims: {}.", claims.len(), counts.join(", "))
 }
 
-/// Returns a claim's verdict, and the first comparison with that verdict. If some comparisons hold and all
-/// others cannot be made, the claim is unclear although no comparison is unclear. In this case, returns the
-/// first comparison that cannot be made.
+/// Returns a claim's verdict, and the first comparison with that verdict. If some comparisons hold and the
+/// remaining comparisons cannot be made, the claim is unclear although no single comparison is unclear. For
+/// such a claim, returns the first comparison that cannot be made.
 fn decided(claim: &Value) -> String {
     let verdict = claim["verdict"].as_str().unwrap_or_default();
     let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);

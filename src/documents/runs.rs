@@ -1,11 +1,12 @@
-//! Generates a table that shows where the records come from: each folder's device, date, program and command.
+//! Generates a table that shows where the stored records come from: each folder's device, date, program and
+//! command.
 
 use super::sheet::line;
 use super::sources::Sources;
 use crate::device::common_name;
 use serde_json::Value;
 
-/// Returns the lines of the table: its heading, then one row per folder.
+/// Returns the lines of a Markdown table about folders of records: the heading, then one row per folder.
 pub fn runs(sources: &Sources, names: &[String]) -> Result<Vec<String>, String> {
     let heads = ["records", "device, driver", "begun (UTC)", "program", "command"];
     let mut lines = vec![line(heads.into_iter()), format!("|{}", "---|".repeat(heads.len()))];

@@ -13,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// The path of the file in the repository.
+/// The path of `figures.toml` in the repository.
 pub const SHEET: &str = "docs/figures.toml";
 
 #[derive(Deserialize)]
@@ -28,14 +28,14 @@ struct Wire {
 #[derive(Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Block {
-    /// A table with a query per cell.
+    /// A table in which a query determines the number in each cell.
     Table(Table),
     /// The paper's claims with raycl's verdicts.
     Claims { devices: Vec<Device> },
     /// For each device, the answer to the paper's question in four lines: best memory strategy, best local size, why,
     /// how sure.
     Answer { devices: Vec<Device> },
-    /// A table that shows where the records come from.
+    /// A table that shows on which device, when and by which command each folder of records was made.
     Runs { folders: Vec<String> },
 }
 
@@ -58,9 +58,9 @@ struct Table {
     columns: Vec<Column>,
 }
 
-/// A row of a table. The row's words are part of the query of each cell in the row. The words are also the row's
-/// heading, unless a separate heading is given. `with` contains modifiers of these queries: a number of digits or a
-/// unit.
+/// A row of a table. The row's words are part of the query of each cell in the row. The words are also the
+/// row's heading, unless a separate heading is given. `with` contains modifiers of the row's queries: a
+/// number of digits or a unit.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -97,7 +97,7 @@ impl Row {
 struct Column {
     head: String,
     of: String,
-    /// The text of a cell without a record.
+    /// The text that a cell shows if no record matches the cell's query.
     missing: Option<String>,
     /// Which number in the column is printed bold: the least, the greatest or, if `None`, no number.
     bold: Option<Bold>,

@@ -8,16 +8,16 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// The contents of a source.
+/// The contents of a source, which is a folder or file from which a document's numbers are computed.
 pub enum Source {
-    /// A folder of results.
+    /// The results in a folder that `raycl run` wrote.
     Folder(Folder),
     /// A JSON file that another program or a single raycl command wrote.
     Json(Value),
 }
 
-/// Finds sources by name. The part of a name before its first `/` stands for a folder, and the rest is a path within
-/// this folder.
+/// Finds the sources of a document's numbers by name. The part of a source's name before the first `/` stands
+/// for a folder, and the part after the `/` is a path within this folder.
 pub struct Sources {
     root: PathBuf,
     folders: BTreeMap<String, String>,

@@ -6,12 +6,13 @@
 pub struct Fences {
     /// True if the next line is in a fenced block of code.
     within: bool,
-    /// The number of the last item in a numbered list.
+    /// The number of the last item that was read in a numbered list.
     item: usize,
 }
 
 impl Fences {
-    /// Returns a line without its number in a numbered list ("1. "). Lists start at 1 and count up by one.
+    /// Returns a line without its number in a numbered list ("1. "). Only the number 1, or the number after
+    /// that of the last item, counts as a list's number.
     fn without_number<'a>(&mut self, line: &'a str) -> &'a str {
         let item = line.split_once(". ").and_then(|(number, rest)| Some((number.parse().ok()?, rest)));
         match item {
@@ -58,8 +59,8 @@ fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }
 
-/// Returns a line in which the word "code" replaces each code span. Spans that contain a number with a unit
-/// stay, without their backticks.
+/// Returns a line in which the word "code" replaces each code span. Code spans that contain a number with a
+/// unit stay in the line, without their backticks.
 fn without_code(line: &str) -> String {
     let part = |(index, part): (usize, &str)| {
         let is_code = index % 2 == 1 && !has_unit(part);
@@ -82,8 +83,8 @@ fn without_links(line: &str) -> String {
     parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
-/// Returns a text without a phrase. The phrase is not removed at places where it adjoins a letter, a digit or a part of
-/// a number.
+/// Returns a text without a phrase. The phrase stays wherever it adjoins a letter, a digit or a part of a
+/// number.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
     let mut result = String::new();

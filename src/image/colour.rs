@@ -1,9 +1,9 @@
-//! False colours for differences, and the colour scale.
+//! The false colours that show differences and counts, and the colour scale below such pictures.
 
 use image::{Rgb, RgbImage};
 
-/// The colour of pixels with a value that is not finite, and of pixels that only one of two compared pictures has. This
-/// colour does not occur in the colour map.
+/// Red, the colour of pixels with a value that is not finite, and of pixels that only one of two compared
+/// pictures has. Red does not occur in the colour map.
 pub const WRONG: [u8; 3] = [255, 0, 0];
 /// Height in pixels of the colour scale below a picture.
 pub const SCALE_HEIGHT: u32 = 18;
@@ -24,8 +24,8 @@ const VIRIDIS: [[u8; 3]; 9] = [
 /// Number of decades (factors of ten) that the colour map covers, up to a relative difference of 1.
 const DECADES: u32 = 6;
 
-/// Returns the colour of a relative difference. Differences below 1e-6 are black. From 1e-6 to 1, each factor of
-/// ten has a sixth of the colour map.
+/// Returns the colour that shows a relative difference. Differences below 1e-6 are black. From 1e-6 to 1,
+/// each factor of ten takes a sixth of the colour map.
 pub fn of_difference(relative: f64) -> Rgb<u8> {
     let position = 1.0 + relative.log10() / f64::from(DECADES);
     match relative {
@@ -46,8 +46,8 @@ pub fn viridis(position: f64) -> [u8; 3] {
     })
 }
 
-/// Draws the colour map from left to right, in a strip whose first row is `top`, with a tick at each power of ten.
-/// Below each tick is the exponent (`-6` to `0`), if there is room.
+/// Draws the colour map from left to right, in a strip whose first row is `top`, with a tick at each power of
+/// ten. Below each tick is the exponent (`-6` to `0`), if the picture is wide enough.
 pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
@@ -89,7 +89,8 @@ fn draw_text(picture: &mut RgbImage, left: u32, top: u32, text: &str) {
     }
 }
 
-/// Returns a character's five rows of three dots; the lowest three bits of a byte are the dots of a row.
+/// Returns the glyph of a character: five rows of three dots. The lowest three bits of a byte are the dots of
+/// one row.
 fn glyph(character: char) -> [u8; 5] {
     match character {
         '-' => [0, 0, 7, 0, 0],
@@ -139,8 +140,7 @@ mod tests {
         );
     }
 
-    /// Returns the dots of two characters below a scale; `left` is the column of the first
-    /// character.
+    /// Returns the dots of two characters below a colour scale. `left` is the column of the first character.
     fn text(picture: &RgbImage, left: u32) -> [String; 5] {
         let dot = |x: u32, y: u32| if picture[(x, y)].0 == [255; 3] { '#' } else { ' ' };
         [0, 1, 2, 3, 4].map(|y| (left..left + 7).map(|x| dot(x, 11 + y)).collect())
@@ -165,7 +165,7 @@ mod tests {
         let (mut decades, mut counts) = (RgbImage::new(500, SCALE_HEIGHT), RgbImage::new(500, SCALE_HEIGHT));
         draw_scale(&mut decades, 0);
         draw_count_scale(&mut counts, 0, 1);
-        // None of these columns has a tick.
+        // The scales have no tick in these columns.
         for x in [1_u32, 100, 200, 400, 498] {
             let expected = viridis(f64::from(x) / 499.0);
             assert_eq!([decades[(x, 5)].0, counts[(x, 5)].0], [expected; 2], "column {x}");

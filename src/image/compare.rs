@@ -7,9 +7,10 @@ use image::{Rgb, RgbImage};
 /// Two radiances count as equal if their relative difference is below this limit.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
-/// Returns the smallest radiance by which differences are divided. The differences of a darker pixel are divided by
-/// this value instead of the pixel's own radiance. The value is a thousandth of the image's brightest channel or of
-/// the radiance that is displayed as white, whichever is less.
+/// Returns the smallest radiance by which differences are divided. The differences of a pixel that is darker
+/// than this radiance are divided by it instead of by the pixel's own radiance. The smallest radiance is a
+/// thousandth of the image's brightest channel or of the radiance that is displayed as white, whichever is
+/// less.
 pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
     let white = 1.0 / f64::from(display.exposure);
     let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };
@@ -24,16 +25,17 @@ fn brightest(image: &Radiance) -> f64 {
     image.pixels.iter().map(|pixel| brightness(*pixel)).fold(0.0, f64::max)
 }
 
-/// Returns the largest difference of a channel, divided by the expected pixel's brightest channel or by `floor`,
-/// whichever is greater. The result is infinite if a difference is not finite.
+/// Returns the relative difference of two pixels: the largest difference of a channel, divided by the
+/// expected pixel's brightest channel or by `floor`, whichever is greater. The result is infinite if the
+/// difference of a channel is not finite.
 pub fn relative_difference(actual: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
     let apart = |channel: usize| (f64::from(actual[channel]) - f64::from(expected[channel])).abs();
     let largest = [0, 1, 2].map(apart).into_iter().fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a });
     if largest.is_finite() { largest / brightness(expected).max(floor) } else { f64::INFINITY }
 }
 
-/// Returns the difference between the alphas of two pixels; infinite if an alpha is not a number. Returns 0 unless both
-/// pixels have alpha.
+/// Returns the difference between the alphas of two pixels, or infinity if an alpha is NaN. Returns 0 if one
+/// of the pixels has no alpha.
 pub fn alpha_difference(actual: Option<&f32>, expected: Option<&f32>) -> f64 {
     let (Some(actual), Some(expected)) = (actual, expected) else { return 0.0 };
     let apart = (f64::from(*actual) - f64::from(*expected)).abs();
@@ -44,8 +46,8 @@ fn brightness(pixel: [f32; 3]) -> f64 {
     pixel.into_iter().map(|channel| f64::from(channel.abs())).fold(0.0, f64::max)
 }
 
-/// Returns the peak signal-to-noise ratio in decibels: infinite for equal pictures, NaN for pictures of
-/// different sizes.
+/// Returns the peak signal-to-noise ratio of two pictures in decibels: infinite for equal pictures, NaN for
+/// pictures of different sizes.
 pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     if a.dimensions() != b.dimensions() {
         return f64::NAN;
@@ -61,8 +63,8 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
 /// Returns a picture of the differences between `actual` and `expected`, in false colours with a scale below.
 /// A pixel's difference is the larger of [`relative_difference`] and, if both pictures have alpha, the
 /// difference of alpha. The scale is logarithmic, from 1e-6 (dark) to 1 (bright). Pixels with a difference
-/// below 1e-6 are black. Pixels are red if a value is not finite, or if they are outside one of the two
-/// pictures.
+/// below 1e-6 are black. A pixel is red if one of its values is not finite, or if only one of the two
+/// pictures has this pixel.
 pub fn difference_image(actual: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (actual.width.max(expected.width), actual.height.max(expected.height));
@@ -81,7 +83,7 @@ pub fn difference_image(actual: &Radiance, expected: &Radiance) -> RgbImage {
     picture
 }
 
-/// Returns the index of a pixel; `None` if it is outside the image.
+/// Returns the index of the pixel at column `x` and row `y`; `None` if the pixel is outside the image.
 fn pixel_index(image: &Radiance, x: u32, y: u32) -> Option<usize> {
     let inside = x < image.width && y < image.height;
     let index = y as usize * image.width as usize + x as usize;
@@ -156,8 +158,8 @@ mod tests {
         let mut actual = expected.clone();
         (actual.pixels[0], actual.pixels[1]) = ([1e-3; 3], [1e6; 3]);
         let picture = difference_image(&actual, &expected);
-        // The black pixel differs by a thousandth of the brightest expected pixel. A dark pixel's difference is divided
-        // by exactly this value, so the relative difference is 1.
+        // The black pixel differs by a thousandth of the brightest expected pixel. The difference of a dark
+        // pixel is divided by a thousandth of the brightest pixel, so the relative difference is 1.
         assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
     }
 

@@ -1,6 +1,6 @@
-//! Opens the bytes of pictures for decoding. Every picture that a user or a folder of results names is opened
-//! by [`picture_reader`]. This function refuses two kinds of damaged files that the decoders of the crate
-//! `image` would not refuse.
+//! Opens the bytes of picture files for decoding. raycl opens every picture that a user or a folder of
+//! results names with [`picture_reader`], which refuses two kinds of damaged files that the decoders of the
+//! crate `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 use image::{ImageError, ImageFormat, ImageReader};
@@ -8,19 +8,19 @@ use std::io::{Cursor, ErrorKind};
 
 /// Number of bytes of a PNG before its first chunk.
 const PNG_SIGNATURE_BYTES: usize = 8;
-/// Number of bytes for the type and the checksum of a chunk in a PNG. The chunk's length and data take
-/// additional bytes.
+/// Number of bytes for the type and the checksum of a chunk in a PNG. The chunk's length and data are not
+/// included.
 const PNG_CHUNK_BYTES: usize = 8;
-/// The message about a picture whose last bytes are missing.
+/// The message about a picture file whose last bytes are missing.
 const CUT_OFF: &str = "the file ends before the picture does";
 
-/// Returns a reader of a picture. The picture's first bytes show the format. If these bytes fit no known
+/// Returns a reader of a picture. The picture's first bytes show the format. If the first bytes fit no known
 /// format, the reader uses `by_name`, the format that the file's name suggests.
 ///
 /// # Errors
 ///
-/// Fails if no format is known, or if the file is damaged in a way that the decoder does not notice. The error's text
-/// says why the picture cannot be decoded.
+/// Fails if neither bytes nor name show the format, or if the file is damaged in a way that the decoder would
+/// not notice. The error's text says why the picture cannot be decoded.
 pub fn picture_reader(
     bytes: &[u8],
     by_name: Option<ImageFormat>,
@@ -39,8 +39,8 @@ pub fn picture_reader(
 
 /// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png`
 /// names a chunk in the form of Rust's debug output; the returned text has only the chunk's type. For a file
-/// that is cut off, several decoders report only that reading has failed. The returned text then says that
-/// the file is cut off.
+/// that is cut off, several decoders report only that reading has failed; the returned text says that the
+/// file is cut off.
 pub fn decoder_message(error: ImageError) -> String {
     if matches!(&error, ImageError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof) {
         return CUT_OFF.to_owned();
@@ -59,7 +59,8 @@ fn with_plain_chunk(line: &str) -> Option<String> {
     Some(format!("{before}{kind}{after}"))
 }
 
-/// Refuses a PNG whose palette ends within a colour. The crate `png` 0.18.1 panics at such a palette.
+/// Returns an error if the palette of a PNG ends within a colour. The crate `png` 0.18.1 panics at such a
+/// palette.
 fn check_palette(bytes: &[u8]) -> Result<(), String> {
     let mut rest = bytes.get(PNG_SIGNATURE_BYTES..).unwrap_or_default();
     while let Some((length, after)) = rest.split_first_chunk::<4>() {
@@ -72,17 +73,18 @@ fn check_palette(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns true if a JPEG has the marker for the end of the picture after its first scan. Without this check,
-/// the part that is missing at the end of a file would become grey: the decoder reports no error. A preview
-/// in the header has markers of its own. These markers do not count: they lie in a segment (a block of the
-/// header that begins with its length), which is skipped.
+/// Returns true if a JPEG has the marker for the end of the picture after its first scan. If the end of a
+/// file is missing, the decoder reports no error, and the missing part of the picture becomes grey. The
+/// markers of a preview picture in the header do not count: they lie in a segment (a block of the header that
+/// begins with its length), which this function skips.
 fn is_complete(bytes: &[u8]) -> bool {
     let (mut rest, mut has_scan) = (bytes, false);
     while let Some(at) = rest.iter().position(|&byte| byte == MARKER) {
         rest = &rest[at + 1..];
         match *rest {
             [kind, ..] if has_scan && [MARKER, kind] == END_OF_IMAGE => return true,
-            // A byte of a scan, a marker without a segment, or a byte that fills the space before a marker.
+            // The byte after 0xff shows that this is a byte of a scan, a marker without a segment, or padding
+            // before a marker.
             [0 | 1 | 0xd0..=0xd9 | MARKER, ..] => {}
             [kind, high, low, ..] => {
                 has_scan |= kind == START_OF_SCAN;
@@ -95,7 +97,7 @@ fn is_complete(bytes: &[u8]) -> bool {
     false
 }
 
-/// A PNG of one pixel, with a palette of four bytes.
+/// A damaged PNG of one pixel, whose palette has four bytes instead of a multiple of three.
 #[cfg(test)]
 pub const ODD_PALETTE: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x01\0\0\0\x01\x08\x03\0\0\0(\xcb4\xbb\
     \0\0\0\x04PLTE\x01\x02\x03\x04#\xdb\x8a\xab\0\0\0\x0aIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q\
@@ -116,7 +118,7 @@ mod tests {
         super::super::jpeg::encode(&picture(width, height), 95).unwrap()
     }
 
-    /// Returns the reason why a picture is not opened; empty if it is opened.
+    /// Returns the reason why `picture_reader` refuses a picture, or an empty text if it opens the picture.
     fn refusal(bytes: &[u8]) -> String {
         picture_reader(bytes, None).err().unwrap_or_default()
     }
@@ -134,7 +136,7 @@ mod tests {
 
     #[test]
     fn a_jpeg_without_its_end_is_refused() {
-        // The second picture has several bands, with restart markers between them.
+        // The second JPEG consists of several bands, with restart markers between the bands.
         for whole in [jpeg(40, 30), jpeg(24, 400)] {
             assert_eq!(refusal(&whole), "");
             assert!(picture_reader(&whole, None).unwrap().decode().is_ok());
@@ -163,7 +165,8 @@ mod tests {
         assert_eq!(refusal(b"nothing"), "its first bytes are those of no known format");
         let reader = picture_reader(b"nothing", Some(ImageFormat::Tga)).unwrap();
         assert_eq!(reader.format(), Some(ImageFormat::Tga));
-        // A file is checked for a missing end only if its bytes show that it is a JPEG; its name alone is not enough.
+        // A missing end is searched for only in a file whose bytes show that it is a JPEG, not in a file that
+        // only has a JPEG's name.
         assert!(picture_reader(b"nothing", Some(ImageFormat::Jpeg)).is_ok());
     }
 

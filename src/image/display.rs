@@ -5,8 +5,8 @@ use crate::scene::Display;
 use image::{RgbImage, RgbaImage};
 use rayon::prelude::*;
 
-/// Returns the 8-bit picture: `trunc(255 * tone(exposure * L)^(1/gamma))` of each channel, evaluated
-/// in double precision. NaN becomes 0.
+/// Converts an image to 8 bits: each channel with radiance L becomes `trunc(255 * tone(exposure *
+/// L)^(1/gamma))`, evaluated in double precision. NaN becomes 0.
 pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     let shown = Shown::new(display);
     let mut picture = RgbImage::new(image.width, image.height);
@@ -21,8 +21,8 @@ pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     picture
 }
 
-/// Returns the 8-bit picture with an alpha channel; `None` if the image has no coverage. A pixel's colour is
-/// the colour of its covered part (straight alpha).
+/// Converts an image to 8 bits with an alpha channel; returns `None` if the image has no coverage. A pixel's
+/// colour is the colour of its covered part (straight alpha).
 pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
     if image.coverage.is_empty() {
         return None;
@@ -37,14 +37,14 @@ pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
     RgbaImage::from_raw(image.width, image.height, bytes.into_flattened())
 }
 
-/// Number of pixels that a thread converts to displayed values at a time.
+/// Number of pixels that a thread converts to displayed values in one task.
 pub const TOGETHER: usize = 1024;
 
 /// The display transform (exposure, gamma and conversion to 8 bits), as tables.
 pub struct Shown(Thresholds);
 
 impl Shown {
-    /// Number of values of a channel.
+    /// Number of values that an 8-bit channel can have.
     pub const VALUES: usize = 256;
     /// Number of low bits of a radiance that the second table of [`Self::tables`] ignores.
     pub const INDEX_SHIFT: u32 = 16;
@@ -54,14 +54,14 @@ impl Shown {
         Self(Thresholds::new(display))
     }
 
-    /// Returns the two tables for devices. The first table has, for each 8-bit value, the smallest
-    /// radiance that is displayed as a greater value. The second table has, for the upper bits of a radiance,
-    /// a lower bound of its 8-bit value.
+    /// Returns the two tables of the display transform that devices read. The first table has, for each 8-bit
+    /// value, the smallest radiance that is displayed as a greater value. The second table has, for each
+    /// pattern of a radiance's upper bits, a lower bound of the radiance's 8-bit value.
     pub fn tables(&self) -> (&[f32], &[u8]) {
         (&self.0.smallest, &self.0.at_least)
     }
 
-    /// Returns a pixel's 8-bit channels.
+    /// Returns the 8-bit channels with which a pixel is displayed.
     pub fn pixel(&self, radiance: [f32; 3]) -> [u8; 3] {
         radiance.map(|channel| self.0.value(channel))
     }
@@ -73,14 +73,15 @@ pub fn transform(radiance: f32, display: Display) -> u8 {
     (255.0 * brightness.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates
 }
 
-/// The display transform of one channel, as tables. Without the tables, each channel of each pixel would need a
-/// power or a binary search. That would take longer than writing the picture's file.
+/// The display transform of one channel, as tables. Without the tables, each channel of each pixel would need
+/// a power or a binary search, which would take longer than writing the picture's file.
 struct Thresholds {
-    /// For each value from 1 to 255, the smallest radiance that is shown as this value or a greater one; the first
-    /// element is for the value 1. The last element is NaN, so that no radiance reaches it.
+    /// For each 8-bit value from 1 to 255, the smallest radiance that is shown as this or a greater value.
+    /// The array's first element belongs to the value 1. The array's last element is NaN, so that no radiance
+    /// reaches it.
     smallest: [f32; Shown::VALUES],
-    /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. It is too
-    /// low by 2 or less in most cases.
+    /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. In
+    /// most cases, the bound is at most 2 below the 8-bit value.
     at_least: Vec<u8>,
 }
 
@@ -176,7 +177,7 @@ mod tests {
     #[test]
     fn a_colour_of_eight_bits_is_displayed_unchanged() {
         let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };
-        // With these exposures, the radiance of white is rounded down in single precision.
+        // With the exposures in `rounded`, the radiance of white is rounded down in single precision.
         let rounded = [1e-5, 0.001, 0.01, 100.0].map(|exposure| Display { exposure, ..Display::default() });
         for display in [Display::default(), plain].into_iter().chain(rounded) {
             for value in 0..=255 {

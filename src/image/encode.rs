@@ -1,4 +1,4 @@
-//! Encodes pictures; every format has room for the [mark] by which raycl recognises its own files.
+//! Encodes pictures as files. Every encoded file contains the [mark] by which raycl recognises its own files.
 
 use super::display::to_rgba8;
 use super::{Radiance, jpeg, to_rgb8};
@@ -15,8 +15,8 @@ use std::io::{BufWriter, Error, Result, Write as _};
 
 /// The JPEG quality that the paper uses for its figures.
 pub const JPEG_QUALITY: u8 = 95;
-/// Length of a JPEG's first two segments: the start and JFIF's header. raycl inserts its comment after these
-/// segments.
+/// Length of the first two segments of a JPEG file, which are the start marker and JFIF's header. raycl
+/// inserts the comment with its mark after these two segments.
 const JPEG_BEGIN_BYTES: usize = 20;
 /// The first line of an HDR file.
 const HDR_SIGNATURE: &str = "#?RADIANCE\n";
@@ -26,8 +26,9 @@ pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
     png_with((picture, picture.dimensions(), ExtendedColorType::Rgb8), mark::png(), file)
 }
 
-/// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one of several
-/// frames, the PNG has a key that identifies the frame, next to the mark by which raycl recognises its own files.
+/// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one of
+/// several frames, `key` identifies the frame, and the PNG contains this key after the mark by which raycl
+/// recognises its own files.
 pub fn shown_png(image: &Radiance, display: Display, key: Option<&str>, file: &mut File) -> Result<()> {
     let piece = key.map_or_else(mark::png, mark::keyed_png);
     match to_rgba8(image, display) {
@@ -52,7 +53,7 @@ pub fn jpeg(picture: &RgbImage, file: &mut File) -> Result<()> {
     jpeg_of(&jpeg::encode(picture, JPEG_QUALITY).map_err(Error::other)?, file)
 }
 
-/// Writes a JPEG that is already encoded.
+/// Writes the bytes of a JPEG that is already encoded, with raycl's mark inserted as a comment.
 pub fn jpeg_of(encoded: &[u8], file: &mut File) -> Result<()> {
     let text = mark::blank();
     let length = (text.len() as u16 + 2).to_be_bytes();
@@ -69,35 +70,36 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
     })
 }
 
-/// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with factors up to 255. All
-/// channels share the step, a power of two that follows from the largest channel. Without this rounding,
-/// every picture would become darker, since the encoder itself truncates to multiples of the step. A pixel
-/// below the normal numbers of f32 becomes black, since the encoder has no exponent for it.
+/// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, by factors from 0
+/// to 255. All channels of a pixel share one step, a power of two that follows from the largest channel.
+/// Without this rounding, every picture would become darker, since the encoder itself rounds down to
+/// multiples of the step. A pixel whose channels are all below the smallest normal f32 becomes black, since
+/// the encoder has no exponent for such small values.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {
         return [0.0; 3];
     }
-    // The format cannot hold values much larger than a quarter of `f32::MAX`, so pixels with larger values
-    // are not rounded.
+    // The HDR format cannot hold values much larger than a quarter of `f32::MAX`, so this function leaves
+    // pixels with such values unchanged.
     if most > f32::MAX / 4.0 {
         return pixel;
     }
-    // If the bits of a float's mantissa are cleared, the result is the largest power of two that is not larger than the
-    // float.
+    // Clearing the mantissa bits of a float gives the largest power of two that is not larger than the float.
     let step = f32::from_bits(most.to_bits() & f32::INFINITY.to_bits()) / 128.0;
     let step = if (most / step).round() > 255.0 { 2.0 * step } else { step };
     pixel.map(|value| (value / step).round() * step)
 }
 
-/// The encoding of an EXR: fast compression without loss, line by line. The encoding has no tiles, because
-/// simple readers of EXR files cannot read tiles.
+/// The encoding of an EXR: fast compression without loss, line by line. The EXR stores lines instead of
+/// tiles, because simple readers of EXR files cannot read tiles.
 const LINES: Encoding =
     Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
 /// Writes an EXR. If the background is transparent, the EXR has an alpha channel, and its colours are
-/// multiplied by alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be
-/// inserted afterwards. Therefore the mark is written as the EXR's comments.
+/// multiplied by alpha, as the EXR format requires. An EXR file contains offsets of its blocks, so raycl
+/// cannot insert its mark into the finished file. raycl therefore writes the mark as the EXR's attribute for
+/// comments.
 pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let width = image.width as usize;
     let size = (width, image.height as usize);

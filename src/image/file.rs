@@ -12,7 +12,7 @@ use crate::scene::Display;
 use image::{DynamicImage, ImageDecoder, ImageError, RgbImage};
 use std::path::{Path, PathBuf};
 
-/// A file format, recognised by its extension.
+/// The format of a picture file, recognised by the file's extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Png,
@@ -21,7 +21,7 @@ enum Format {
     Hdr,
 }
 
-/// All known extensions. An extension may also be written in upper case.
+/// All known extensions of picture files. An extension may also be written in upper case.
 const EXTENSIONS: [(&str, Format); 5] = [
     ("png", Format::Png),
     ("jpg", Format::Jpeg),
@@ -30,10 +30,11 @@ const EXTENSIONS: [(&str, Format); 5] = [
     ("hdr", Format::Hdr),
 ];
 
-/// The remedy if the path of a picture is that of a device or a pipe.
+/// The advice to a user who names a device or a pipe as the path of a picture.
 const TO_STANDARD_OUTPUT: &str = "`-o -` writes a PNG to standard output";
 
-/// Bytes per pixel that reading needs in addition to the decoded picture: two copies of at most four floats.
+/// Bytes per pixel that reading a picture needs in addition to the decoded picture: two copies of at most
+/// four floats.
 const CONVERTING_BYTES: u64 = 32;
 
 /// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
@@ -69,8 +70,9 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     target.check()
 }
 
-/// Refuses an image that has no pixels, whose lists do not match its size, or whose numbers the file's format cannot
-/// hold. An image that raycl has cast is refused only if a program that uses the library has changed it.
+/// Returns an error if an image has no pixels, if its lists of pixels do not match its size, or if the file's
+/// format cannot hold its values. For an image that raycl has cast, this happens only if a program that uses
+/// the library has changed the image.
 pub fn check_image(image: &Radiance, target: &Target) -> Result<()> {
     let Radiance { width, height, pixels, coverage } = image;
     let refused = |why: String, remedy: &str| {
@@ -98,7 +100,8 @@ pub fn check_image(image: &Radiance, target: &Target) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a file whose format has no alpha channel. A transparent background needs an alpha channel.
+/// Returns an error if the file's format has no alpha channel, which a picture with a transparent background
+/// needs.
 pub fn check_alpha(target: &Target) -> Result<()> {
     let what = match format_of(target)? {
         Format::Png | Format::Exr => return Ok(()),
@@ -112,7 +115,8 @@ pub fn check_alpha(target: &Target) -> Result<()> {
     Err(Error::input(message).with_help(format!("name the file '{}' or '{}'", png.display(), exr.display())))
 }
 
-/// Returns the format that a file's extension names. Standard output has no extension and gets PNG.
+/// Returns the format that a file's extension names. On standard output, which has no extension, the format
+/// is PNG.
 fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() {
         return Ok(Format::Png);
@@ -122,27 +126,27 @@ fn format_of(target: &Target) -> Result<Format> {
     })
 }
 
-/// The meaning of the values of a picture's channels.
+/// Whether the channels of a picture contain displayed values or radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// Displayed values from 0 to 1: the whole numbers in the file, divided by the largest number that fits
-    /// into the file's bits per channel.
+    /// Displayed values from 0 to 1: the integers in the file, divided by the largest integer that fits into
+    /// the file's bits per channel.
     Displayed,
-    /// Linear radiance: floating-point numbers.
+    /// Linear radiance, as floating-point numbers.
     Radiance,
 }
 
-/// Reads a picture: whole numbers (PNG, JPEG) as displayed values from 0 to 1, floating-point numbers (EXR,
-/// HDR) as linear radiance. The coverage is the picture's alpha channel; it is empty if the picture is
-/// opaque. The colours are the file's colours, so the colours of a transparent PNG are not multiplied by
-/// alpha.
+/// Reads a picture: the integers of a PNG or JPEG as displayed values from 0 to 1, the floating-point numbers
+/// of an EXR or HDR as linear radiance. The returned `coverage` is the picture's alpha channel, or empty if
+/// the picture is opaque. The returned colours are those in the file, so the colours of a transparent PNG are
+/// not multiplied by alpha.
 ///
 /// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
 pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
     read_within(path, Available::read)
 }
 
-/// Reads a picture, as [`read_picture`] does. `available` returns the memory that is available when it is called.
+/// Reads a picture, as [`read_picture`] does. `available` returns the memory that is free when it is called.
 fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radiance, Values)> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
@@ -156,8 +160,8 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     let exposure = HdrExposure::of(&bytes).map_err(|why| unreadable(&format!("it {why}")))?;
     let by_name = image::ImageFormat::from_path(path).ok();
     let mut picture = picture_reader(&bytes, by_name).map_err(|why| unreadable(&why))?;
-    // The limit of the crate `image`, 512 MiB by default, is switched off, since it does not depend on the memory of
-    // this machine. `room_for` compares the picture's size with this memory instead.
+    // The limit of the crate `image`, 512 MiB by default, is switched off, since this limit does not depend
+    // on the memory of this machine. Instead, `room_for` compares the picture's size with the free memory.
     picture.no_limits();
     let damaged = |error: ImageError| unreadable(&decoder_message(error));
     let decoder = picture.into_decoder().map_err(damaged)?;
@@ -168,7 +172,7 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     Ok((radiance(picture, exposure), values))
 }
 
-/// Refuses a picture that does not fit into memory.
+/// Returns an error if a picture does not fit into the free memory.
 fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> Result<()> {
     let (width, height) = decoder.dimensions();
     let per_pixel = u64::from(decoder.color_type().bytes_per_pixel()) + CONVERTING_BYTES;
@@ -177,9 +181,9 @@ fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> 
     available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
 }
 
-/// Turns a grey picture into a picture with three colour channels of the same number of bits. To make floats,
-/// the crate `image` divides the values of colour channels, but multiplies grey values by a rounded factor,
-/// so that equal values would differ.
+/// Turns a grey picture into a picture with three colour channels of the same number of bits. When the crate
+/// `image` converts values to floats, it divides the values of colour channels, but multiplies grey values by
+/// a rounded factor, so that equal grey and colour values would differ.
 fn with_colour_channels(picture: DynamicImage) -> DynamicImage {
     match picture {
         DynamicImage::ImageLuma8(_) => DynamicImage::ImageRgb8(picture.into_rgb8()),
@@ -215,7 +219,7 @@ pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut reader::open(path).ok()?)
 }
 
-/// Returns a user error if a target of [`save_rgb8`] is not a .png file, or if the file may not be written.
+/// Returns a user error if an output file is not a .png file, or if the file may not be written.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
@@ -257,8 +261,8 @@ fn known(path: &Path) -> Option<Format> {
 }
 
 /// Returns a path that a message can suggest in place of `path`, which has no known extension. If `path`
-/// names a folder, this is the path of a picture in the folder. For `a.png.gz`, it is `a.png`. For any other
-/// path, the last extension is replaced by `.png`.
+/// names a folder, suggests the path of a picture in the folder. For `a.png.gz`, suggests `a.png`. For any
+/// other path, suggests the path with `.png` in place of its last extension.
 fn picture_for(path: &Path) -> PathBuf {
     if names_a_folder(path) || path.is_dir() {
         return path.join("picture.png");
@@ -284,8 +288,9 @@ fn format(path: &Path) -> Result<Format> {
     })
 }
 
-/// Returns true if a path is in a folder in which a user makes no pictures. The user probably means standard output or
-/// a pipe, as in `-o /dev/stdout` or `-o >(command)`. /dev/shm is a folder for files of users.
+/// Returns true if a path is in a folder of the system, such as /dev. A user who names such a path probably
+/// means standard output or a pipe, as in `-o /dev/stdout` or `-o >(command)`. /dev/shm does not count, since
+/// users may store files there.
 fn is_of_system(path: &Path) -> bool {
     let is_in = |folder: &str| path.starts_with(folder);
     cfg!(unix) && (is_in("/proc") || is_in("/dev") && !is_in("/dev/shm"))
@@ -395,7 +400,8 @@ mod tests {
         let (_folder, path) = saved("picture.jpg", &gradient(61, 37));
         let bytes = std::fs::read(path).unwrap();
         let begin = bytes.windows(2).position(|marker| marker == [0xff, 0xfe]).unwrap() + 2;
-        // The length of the comment's segment counts its own two bytes. Another marker follows the comment.
+        // The length of the JPEG's comment segment includes the two bytes of the length itself. Another
+        // marker follows the comment.
         let after = begin + usize::from(u16::from_be_bytes([bytes[begin], bytes[begin + 1]]));
         assert!(bytes[begin + 2..after].starts_with(b"made by raycl"), "{:?}", &bytes[..after]);
         assert!(bytes[after] == 0xff && bytes[after + 1] != 0, "{:?}", &bytes[after..after + 2]);
@@ -445,7 +451,8 @@ mod tests {
         assert!(check("a.jpg", [65_535, 65_535]).is_ok() && check("a.png", [65_536, 1]).is_ok());
     }
 
-    /// Saves over `path`; returns the message if raycl refuses.
+    /// Saves an image to the existing file `path`. Returns the error's message if raycl refuses to replace
+    /// the file.
     fn again(path: &Path, force: bool) -> Option<String> {
         let target = target(path, force);
         let (checked, image) = (check_target(&target, [9, 7]), gradient(9, 7));
@@ -482,8 +489,9 @@ mod tests {
         assert_eq!(again(&path, false), None);
     }
 
-    /// Returns a file that is put together from two pictures. The beginning comes from one picture, up to the
-    /// end of the mark by which raycl recognises its own files. The rest comes from the other picture.
+    /// Returns a file that is put together from the files of two pictures: the bytes of one file up to the
+    /// end of the mark by which raycl recognises its own files, and the bytes of the other file after its
+    /// mark.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };
@@ -585,7 +593,8 @@ mod tests {
     fn a_radiance_hdr_of_another_program_is_read_as_radiance() {
         let (_folder, path) = saved("a.hdr", &Radiance { pixels: vec![[4.0; 3]], ..Radiance::new(1, 1) });
         let own = std::fs::read(&path).unwrap();
-        // The header's line `FORMAT=` and all bytes after it are kept; the lines before it are replaced.
+        // The test keeps the header's line `FORMAT=` and all bytes after this line, and replaces the lines
+        // before it.
         let rest = own.windows(7).position(|window| window == b"FORMAT=").unwrap();
         let write = |exposure: &str| {
             let begin = format!("#?RGBE\nEXPOSURE={exposure}\n");
@@ -606,7 +615,7 @@ mod tests {
             let path = folder.path().join(name);
             let pixel = |x: u32, _| image::Rgba([255, 51, 0, alpha[x as usize]]);
             let picture = DynamicImage::from(image::RgbaImage::from_fn(2, 1, pixel));
-            // The values of an EXR are floats.
+            // An EXR contains floats, so the picture is converted to floats.
             let picture = if name == "a.exr" { picture.into_rgba32f().into() } else { picture };
             picture.save(&path).unwrap();
             let (Radiance { pixels, coverage, .. }, values) = read_picture(&path).unwrap();
@@ -635,7 +644,7 @@ mod tests {
             assert!(grey.pixels == coloured.pixels, "{colour:?}");
             assert!(grey.coverage == coloured.coverage, "{colour:?}: alpha");
         };
-        // Each picture has all values that its number of bits allows.
+        // Each picture contains every value that its number of bits per channel allows.
         let grey = ImageBuffer::from_fn(256, 1, |x, _| Luma([x as u8]));
         let coloured = ImageBuffer::from_fn(256, 1, |x, _| Rgb([x as u8; 3]));
         is_read_alike(DynamicImage::ImageLuma8(grey), DynamicImage::ImageRgb8(coloured.clone()));
@@ -659,8 +668,8 @@ mod tests {
         let path = folder.path().join("a.png");
         image::DynamicImage::new_rgba16(1, 1).save(&path).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
-        // The header is made to promise a row of 70 million pixels of 8 bytes, so the file seems to be cut off. The
-        // decoder of PNG files compares only the length of a row with its limit.
+        // The test changes the header so that it states a row of 70 million pixels of 8 bytes, and the file
+        // seems to be cut off. The decoder's own limit applies only to the length of a row.
         bytes[16..24].copy_from_slice(&[70_000_000_u32.to_be_bytes(), 1_u32.to_be_bytes()].concat());
         let mut check = flate2::Crc::new();
         check.update(&bytes[12..29]);
@@ -671,7 +680,7 @@ mod tests {
         assert!(!refused.contains("limit"), "{refused}");
     }
 
-    /// Returns available memory of this many bytes.
+    /// Returns an `Available` that states the given number of free bytes.
     fn memory(bytes: u64) -> Available {
         Available { bytes, source: "a test".to_owned() }
     }

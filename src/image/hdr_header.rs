@@ -1,4 +1,4 @@
-//! The header of Radiance HDR pictures.
+//! Reads the header of Radiance HDR pictures.
 
 use super::decode::decoder_message;
 use image::codecs::hdr::HdrDecoder;
@@ -6,11 +6,12 @@ use std::io::Cursor;
 
 /// The first bytes of a Radiance HDR picture.
 const SIGNATURE: &[u8] = b"#?RADIANCE";
-/// The first bytes of the Radiance HDR pictures of some other programs. The decoder does not know these bytes.
+/// The first bytes of the Radiance HDR pictures that some programs write. The decoder does not know this
+/// signature.
 const OTHER_SIGNATURE: &[u8] = b"#?RGBE";
 
-/// Returns a file's bytes. If the file is a Radiance HDR picture with the other signature, `#?RGBE`, this
-/// signature is replaced by the usual one.
+/// Returns a file's bytes. If the file is a Radiance HDR picture with the signature `#?RGBE`, replaces this
+/// signature by the usual signature, `#?RADIANCE`.
 pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
     if bytes.starts_with(OTHER_SIGNATURE) {
         drop(bytes.splice(..OTHER_SIGNATURE.len(), SIGNATURE.iter().copied()));
@@ -18,19 +19,19 @@ pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// The numbers by which a program has multiplied the radiance before it wrote a picture: for each channel, the product
-/// of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For all other pictures, the three
-/// numbers are 1.
+/// The numbers by which a program has multiplied the radiance before it wrote a picture: for each channel,
+/// the product of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For pictures in other
+/// formats, the three numbers are 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HdrExposure([f64; 3]);
 
 impl HdrExposure {
-    /// Reads the numbers from a picture's file.
+    /// Reads the three numbers from the bytes of a picture file.
     ///
     /// # Errors
     ///
-    /// Fails if the header cannot be read, or if a number is not positive and finite. The error's text is
-    /// meant to follow the file's name in a message.
+    /// Fails if the header cannot be read, or if a number is not positive and finite. The caller puts the
+    /// file's name before the error's text.
     pub fn of(bytes: &[u8]) -> Result<Self, String> {
         if !bytes.starts_with(SIGNATURE) {
             return Ok(Self([1.0; 3]));

@@ -1,4 +1,4 @@
-//! An 8-bit picture that is received row by row from the top.
+//! An 8-bit picture whose rows arrive one after another, from the top.
 
 use super::encode::{JPEG_QUALITY, jpeg_of};
 use super::file::{is_jpeg, save_rgb8};
@@ -9,19 +9,20 @@ use image::RgbImage;
 use rayon::prelude::*;
 use std::io::Error;
 
-/// Number of bytes that a thread copies at a time.
+/// Number of bytes that a thread copies in one task.
 const COPIED_TOGETHER: usize = 1 << 18;
 
-/// A picture whose rows arrive one after another.
+/// A picture whose rows arrive one after another, from the top.
 pub enum Incoming {
-    /// The picture is stored until all rows have arrived. The number counts the bytes that have arrived.
+    /// A picture that is kept in memory until all rows have arrived, and the number of bytes that have
+    /// arrived so far.
     Whole(RgbImage, usize),
-    /// The picture is encoded in bands of rows as they arrive.
+    /// A JPEG, whose bands of rows are encoded while further rows arrive.
     Jpeg(Encoding),
 }
 
 impl Incoming {
-    /// Makes an empty picture for a file of this name.
+    /// Makes an empty picture that will be written to the file `target`.
     pub fn new(target: &Target, size: [u32; 2]) -> Self {
         match is_jpeg(target.path()) {
             true => Self::Jpeg(Encoding::new(size, JPEG_QUALITY)),
@@ -29,8 +30,8 @@ impl Incoming {
         }
     }
 
-    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows, except the last call,
-    /// which may get any number.
+    /// Returns the number of rows of which each call of `take` must get a multiple. Only the last call may
+    /// get any number of rows.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,
@@ -38,7 +39,7 @@ impl Incoming {
         }
     }
 
-    /// Adds the next rows: red, green and blue of each pixel.
+    /// Adds the next rows of the picture: red, green and blue of each pixel.
     pub fn take(&mut self, rows: &[u8]) {
         match self {
             Self::Whole(picture, there) => {
@@ -53,7 +54,8 @@ impl Incoming {
         }
     }
 
-    /// Writes the picture after all rows have arrived; the file is written completely or not at all.
+    /// Writes the picture to a file, once all rows have arrived. The file is written completely or not at
+    /// all.
     pub fn save(self, target: &Target) -> Result<()> {
         match self {
             Self::Whole(picture, _) => save_rgb8(&picture, target),

@@ -1,19 +1,19 @@
-//! Encodes JPEG in bands of rows on several cores. The bands are joined by restart markers: a decoder starts
-//! afresh after each of these markers. If the picture were encoded in one piece, the decoded pixels would be
-//! the same.
+//! Encodes JPEG in bands of rows on several cores. Restart markers separate the bands: a JPEG decoder resets
+//! its state at each of these markers. The decoded pixels are the same as those of a picture that is encoded
+//! in one piece.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
 use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Width and height of a block in pixels. The encoder does not subsample any channel, so this size holds for all
-/// channels.
+/// Width and height of a block in pixels. The encoder does not subsample any channel, so the blocks of all
+/// channels have this size.
 const BLOCK: usize = 8;
 /// The largest number of blocks between two restart markers, which is stored in 16 bits.
 const MOST_BLOCKS: usize = u16::MAX as usize;
-/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. Encoding this many rows takes
-/// long enough to be worth a task of its own.
+/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. Encoding this many
+/// block rows takes long enough to be worth a separate task.
 const BAND_ROWS: usize = 16;
 pub(super) const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;
@@ -23,7 +23,7 @@ pub(super) const START_OF_SCAN: u8 = 0xda;
 pub(super) const END_OF_IMAGE: [u8; 2] = [MARKER, 0xd9];
 const RESTART_INTERVAL: u8 = 0xdd;
 
-/// Returns the bytes of a JPEG file with the picture.
+/// Encodes a picture, and returns the bytes of the JPEG file.
 pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
     let cut = Cut::of(picture.width());
     let encode = |rows: &[u8]| band(rows, picture.width(), quality);
@@ -32,22 +32,22 @@ pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
     cut.joined(bands, picture.height())
 }
 
-/// A picture whose first bands are encoded before later bands have arrived.
+/// A JPEG that is being encoded while rows of the picture still arrive.
 pub struct Encoding {
     cut: Cut,
     height: u32,
     quality: u8,
     /// Number of bands whose encoding has begun.
     begun: usize,
-    /// The channel through which other threads send encoded bands.
+    /// The channel through which the threads that encode bands send the encoded bands.
     done: (Sender<Numbered>, Receiver<Numbered>),
 }
 
-/// A band's number from the top, and its encoded file.
+/// A band's number, counted from the top of the picture, and the band encoded as a JPEG file.
 type Numbered = (usize, ImageResult<Vec<u8>>);
 
 impl Encoding {
-    /// Starts a picture of this size in pixels.
+    /// Starts to encode a picture of the given size in pixels.
     pub fn new([width, height]: [u32; 2], quality: u8) -> Self {
         Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
     }
@@ -58,18 +58,18 @@ impl Encoding {
         self.cut.rows()
     }
 
-    /// Adds the next rows, and encodes them on other cores.
+    /// Adds the next rows of the picture, and starts to encode these rows on other cores.
     pub fn take(&mut self, rows: &[u8]) {
         for rows in rows.chunks(self.cut.band_bytes()) {
             let (rows, sender) = (rows.to_vec(), self.done.0.clone());
             let (number, width, quality) = (self.begun, self.cut.width, self.quality);
             self.begun += 1;
-            // If the receiver of encoded bands is gone, this band is no longer needed.
+            // Sending fails only if the receiver of encoded bands is gone; then the band is no longer needed.
             rayon::spawn(move || drop(sender.send((number, band(&rows, width, quality)))));
         }
     }
 
-    /// Waits until all bands are encoded, and returns the bytes of the file.
+    /// Waits until all bands are encoded, and returns the bytes of the JPEG file.
     pub fn finish(self) -> ImageResult<Vec<u8>> {
         let (sender, receiver) = self.done;
         drop(sender);
@@ -80,7 +80,7 @@ impl Encoding {
     }
 }
 
-/// The division of a picture into bands: rows that are encoded as JPEGs of their own.
+/// The division of a picture into bands of rows. Each band is first encoded as a separate JPEG.
 #[derive(Clone, Copy)]
 struct Cut {
     width: u32,
@@ -123,13 +123,14 @@ fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
     Ok(file)
 }
 
-/// Joins the scan data (compressed pixels) of all bands, with a restart marker between bands. The header
-/// comes from the first band, with the full height.
+/// Joins the scan data (compressed pixels) of all bands, with a restart marker between bands. The header of
+/// the joined file is the header of the first band, with the height of the whole picture.
 fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;
     let mut file = first[..scan].to_vec();
-    // The height follows the segment's marker (2 bytes), its length (2 bytes) and a byte of precision.
+    // In the segment that starts a frame, the height follows the marker (2 bytes), the segment's length (2
+    // bytes) and the precision (1 byte).
     let of_height = segment(first, START_OF_FRAME)? + 5;
     file.get_mut(of_height..of_height + 2)?.copy_from_slice(&u16::try_from(height).ok()?.to_be_bytes());
     let [high, low] = u16::try_from(blocks).ok()?.to_be_bytes();
@@ -205,7 +206,7 @@ mod tests {
 
     #[test]
     fn restart_markers_are_numbered_from_0_to_7_again_and_again() {
-        // The picture has eleven bands, so ten restart markers.
+        // The picture has eleven bands, and therefore ten restart markers.
         let file = encode(&picture(40, 128 * 10 + 1), 95).unwrap();
         let scan = segment(&file, START_OF_SCAN).unwrap();
         let restart = |pair: &[u8]| match pair {

@@ -1,6 +1,6 @@
-//! Writes layers to files: all layers and the picture to one EXR, or each layer to a PNG of its own. The layers are the
-//! depth, normal, triangle and object of each pixel's hit, and the numbers of ray-triangle tests and tree nodes of the
-//! pixel's rays.
+//! Writes the layers of a picture (other values of each pixel than its colour) to files: all layers and the
+//! picture to one EXR, or each layer to a separate PNG. The layers are the depth, normal, triangle and object
+//! of each pixel's hit, and the numbers of ray-triangle tests and tree nodes of the pixel's rays.
 
 use super::colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 use super::{Radiance, save_rgb8};
@@ -12,12 +12,12 @@ use image::{Rgb, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error as IoError, Result as IoResult, Write as _};
 
-/// Suffixes of the PNG files' names, one per layer.
+/// The suffix of each layer's PNG file name.
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
-/// Returns the files to which layers are written. A target NAME.exr is the only file: it gets all layers and
-/// the picture, so it may be the same file as `picture`. For a target NAME.png, each layer has a file of its
-/// own, such as NAME-depth.png.
+/// Returns the files to which layers are written. A target NAME.exr gets all layers and the picture, so this
+/// file may be the same as `picture`. For a target NAME.png, each layer has a separate file, such as
+/// NAME-depth.png.
 ///
 /// # Errors
 ///
@@ -42,7 +42,7 @@ pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     Ok(targets)
 }
 
-/// Refuses a layer that would replace the picture.
+/// Returns an error if the file of a layer would replace the picture.
 fn refuse_picture(layer: &Target, picture: &Target) -> Result<()> {
     if !layer.is_same_file(picture) {
         return Ok(());
@@ -69,8 +69,8 @@ pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Res
     targets.iter().zip(&pictures).try_for_each(|(target, picture)| save_rgb8(picture, target))
 }
 
-/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP). The blocks are not tiles, because
-/// simple readers of EXR files cannot read tiles.
+/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP). The EXR stores lines instead of
+/// tiles, because simple readers of EXR files cannot read tiles.
 fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
     let floats = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let words = |name: &str, values: &[u32]| AnyChannel::new(name, FlatSamples::U32(values.to_vec()));
@@ -103,7 +103,8 @@ fn picture(layers: &Layers, colour: impl Fn(usize) -> [u8; 3]) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| Rgb(colour((y * width + x) as usize)))
 }
 
-/// Shows depth from white (nearest) to dark grey (farthest); black where there is no hit.
+/// Returns a picture of the depths, from white (nearest) to dark grey (farthest). Pixels without a hit are
+/// black.
 fn grey(layers: &Layers) -> RgbImage {
     let seen = || layers.depth.iter().copied().filter(|depth| depth.is_finite());
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
@@ -116,7 +117,7 @@ fn grey(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Shows normals: each component from -1 to 1 becomes a channel from 0 to 255.
+/// Returns a picture of the normals: each component from -1 to 1 becomes a colour channel from 0 to 255.
 fn directions(layers: &Layers) -> RgbImage {
     picture(layers, |pixel| match layers.normal[pixel] {
         [0.0, 0.0, 0.0] => [0; 3],
@@ -124,19 +125,21 @@ fn directions(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Shows numbers as colours that differ between consecutive numbers; black where there is no hit.
+/// Returns a picture of numbers (such as triangle numbers), in which consecutive numbers have different
+/// colours. Pixels without a hit are black.
 fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
     picture(layers, |pixel| match numbers[pixel] {
         NOTHING => [0; 3],
         number => {
-            // This is multiplicative hashing (Knuth, volume 3, section 6.4).
+            // Multiplicative hashing (Knuth, volume 3, section 6.4) makes a colour from the number.
             let bits = number.wrapping_add(1).wrapping_mul(2_654_435_769).to_be_bytes();
             [bits[0], bits[1], bits[2]].map(|byte| 48 + byte / 5 * 4)
         }
     })
 }
 
-/// Shows one number per pixel in false colours, dark for 0, with a scale below.
+/// Returns a picture of one number per pixel in false colours, dark for 0, with a colour scale below the
+/// picture.
 pub fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clone) -> RgbImage {
     let most = counts.clone().max().unwrap_or(0).max(1);
     let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);
@@ -197,11 +200,11 @@ mod tests {
             }
         };
         assert_eq!(["N.X", "N.Y", "N.Z"].map(value), [0.25, 0.5, 0.75]);
-        // The EXR format stores the flag for tiles in the second byte of the version.
+        // In an EXR file, a bit in the second byte of the version number says whether the file has tiles.
         assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
     }
 
-    /// Returns the greys of a row of depths.
+    /// Returns the grey values that show a row of depths.
     fn greys(depth: &[f32]) -> Vec<u8> {
         let layers = Layers { size: [depth.len() as u32, 1], depth: depth.to_vec(), ..Layers::default() };
         grey(&layers).pixels().map(|pixel| pixel.0[0]).collect()

@@ -1,4 +1,5 @@
-//! Pictures: radiance, its 8-bit form, their differences, and files.
+//! Pictures: radiance per pixel, the conversion to 8-bit colours, differences between pictures, and picture
+//! files.
 
 mod colour;
 mod compare;
@@ -40,7 +41,7 @@ pub struct Radiance {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// Red, green and blue of each pixel; `width * height` of them.
+    /// Red, green and blue of each of the `width * height` pixels.
     pub pixels: Vec<[f32; 3]>,
     /// If the background is transparent, the share of each pixel that surfaces cover, from 0 to 1; otherwise
     /// empty. If `coverage` is not empty, each element of `pixels` is multiplied by the pixel's coverage.
@@ -48,8 +49,8 @@ pub struct Radiance {
 }
 
 impl Radiance {
-    /// Makes a black image, which takes 12 bytes per pixel. If so much memory is not available, the function panics or
-    /// the process ends.
+    /// Makes a black image, which takes 12 bytes per pixel. If the system does not have this much memory, the
+    /// function panics or the process ends.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize], coverage: Vec::new() }
     }
@@ -63,7 +64,8 @@ impl Radiance {
         self.coverage.iter_mut().zip(&other.coverage).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Divides all values by `parts`. The sum of `parts` images thus becomes their mean.
+    /// Divides all values of the image by `parts`, so that the sum of `parts` images becomes the mean of
+    /// these images.
     #[must_use]
     pub fn part(mut self, parts: usize) -> Self {
         let part = 1.0 / parts.max(1) as f32;

@@ -1,4 +1,4 @@
-//! Moving pictures in one file or stream.
+//! Writes moving pictures to one file or stream.
 
 use super::display::to_rgba8;
 use super::{Radiance, to_rgb8};
@@ -8,7 +8,7 @@ use crate::scene::Display;
 use image::RgbImage;
 use std::io::{BufWriter, Error, ErrorKind, Result as IoResult, Write};
 
-/// A file or stream of frames.
+/// A moving picture: a file or stream of frames.
 #[derive(Debug)]
 pub struct Movie {
     target: Target,
@@ -20,7 +20,7 @@ pub struct Movie {
 
 #[derive(Clone, Copy, Debug)]
 enum Format {
-    /// An animated PNG, with its number of frames.
+    /// An animated PNG. The number is its number of frames.
     Apng(u32),
     /// A stream in the format YUV4MPEG2, with the colours of BT.709 in the limited range (Y from 16 to 235), and one
     /// chroma sample per 2 x 2 pixels (4:2:0).
@@ -28,12 +28,12 @@ enum Format {
 }
 
 impl Movie {
-    /// Makes an animated PNG that repeats.
+    /// Makes a movie that is an animated PNG, which repeats without end.
     pub fn apng(target: Target, size: [u32; 2], rate: u16, frames: u32) -> Self {
         Self { target, size, rate, format: Format::Apng(frames) }
     }
 
-    /// Makes a stream on standard output, for a video encoder.
+    /// Makes a movie that is a stream on standard output, for a video encoder.
     pub fn y4m(target: Target, size: [u32; 2], rate: u16) -> Self {
         Self { target, size, rate, format: Format::Y4m }
     }
@@ -51,7 +51,7 @@ impl Movie {
         }
     }
 
-    /// Writes frames as they arrive, each with its own display transform (exposure and gamma).
+    /// Writes each frame as soon as it arrives, with the frame's own display transform (exposure and gamma).
     pub fn write(&self, frames: impl Iterator<Item = (Radiance, Display)>) -> Result<()> {
         match self.format {
             Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),
@@ -59,7 +59,7 @@ impl Movie {
                 let frames = frames.map(|(frame, display)| to_rgb8(&frame, display));
                 let mut out = BufWriter::new(std::io::stdout().lock());
                 match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
-                    // The encoder has closed its input because it needs no more frames.
+                    // The video encoder has closed the pipe because it needs no more frames.
                     Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
                     other => other.map_err(|error| crate::Error::unwritable_output(&error)),
                 }
@@ -133,7 +133,7 @@ fn yuv(frame: &RgbImage) -> Vec<u8> {
         let four = [rgb(x, y), rgb(x + 1, y), rgb(x, y + 1), rgb(x + 1, y + 1)];
         let mean: [f32; 3] = std::array::from_fn(|i| four.iter().map(|rgb| rgb[i]).sum::<f32>() / 4.0);
         let grey = luma(mean);
-        // The plane Cb, which is made from blue, comes before the plane Cr, which is made from red.
+        // The plane Cb, which is computed from blue, comes before the plane Cr, which is computed from red.
         for (plane, channel) in chroma.iter_mut().zip([2, 0]) {
             let difference = (mean[channel] - grey) / (2.0 * (1.0 - WEIGHTS[channel]));
             plane.push((128.0 + 224.0 * difference).round() as u8);
@@ -174,14 +174,14 @@ mod tests {
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
 
-    /// Writes an animated picture of two frames, 25 per second, of which only the first `count` arrive.
+    /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of these frames arrive.
     fn write_frames(path: &std::path::Path, count: usize) -> Result<()> {
         let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
         let frames = frames.into_iter().take(count).map(|frame| (frame, Display::default()));
         Movie::apng(Target::of_results(path), [2, 1], 25, 2).write(frames)
     }
 
-    /// Returns the file of an animated picture of two frames, 25 per second.
+    /// Returns the bytes of an animated PNG of two frames, 25 per second.
     fn animated() -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.apng");
@@ -221,8 +221,8 @@ mod tests {
     #[test]
     fn each_frame_of_an_animated_png_is_shown_for_its_part_of_a_second() {
         let file = animated();
-        // The chunk begins with its name and five numbers of 32 bits. Two numbers of 16 bits follow: the delay in
-        // seconds, as a fraction.
+        // The chunk `fcTL` begins with its name and five numbers of 32 bits. Two numbers of 16 bits follow:
+        // numerator and denominator of the frame's delay in seconds.
         let chunks = file.windows(28).filter(|bytes| bytes.starts_with(b"fcTL"));
         let delays: Vec<Vec<u8>> = chunks.map(|chunk| chunk[24..].to_vec()).collect();
         assert_eq!(delays, vec![vec![0, 1, 0, 25]; 2]);

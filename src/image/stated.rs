@@ -9,15 +9,15 @@ use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
 const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
-/// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value. The
-/// chromaticities that the program Radiance itself assumes therefore count as sRGB's.
+/// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value.
+/// With this tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
 const CLOSE: f32 = 0.03;
-/// The largest number of channels that a message names.
+/// The largest number of a picture's channels that a message lists.
 const NAMED: usize = 8;
 
-/// Refuses an OpenEXR picture without the channels that the decoder reads (R, G and B). The decoder also
-/// refuses such a picture, but its message does not name the channels of the file. Other pictures are not
-/// checked. The error's text is meant to follow the file's name in a message.
+/// Returns an error if an OpenEXR picture lacks the channels that the decoder reads (R, G and B). The decoder
+/// also refuses such a picture, but the decoder's message does not name the channels that the file has.
+/// Pictures in other formats are not checked. The caller puts the file's name before the error's text.
 pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     let headers = exr_headers(bytes);
     if headers.is_empty() || headers.iter().any(is_decoded) {
@@ -34,11 +34,12 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
 }
 
 /// Returns at most two remarks on a picture: one if its header states other primaries than sRGB, and one if
-/// the header says that the picture is a cube map. Each remark is meant to follow the file's name in a message.
+/// the header says that the picture is a cube map. The caller puts the file's name before each remark.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
-    // A picture without a layer that can be decoded is a Radiance HDR picture, or has no chromaticities.
+    // If no layer of an OpenEXR can be decoded, the picture is a Radiance HDR picture, or has no
+    // chromaticities.
     let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
     // Some programs write eight zeros instead of chromaticities. A header with eight zeros counts as a header
     // without chromaticities.
@@ -58,7 +59,8 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     primaries.into_iter().chain(cube).collect()
 }
 
-/// Returns the headers of an OpenEXR picture, one per layer; none if the bytes are not an OpenEXR, or are damaged.
+/// Returns the headers of an OpenEXR picture, one per layer. Returns no header if the bytes are not an
+/// OpenEXR file, or are damaged.
 fn exr_headers(bytes: &[u8]) -> Vec<Header> {
     MetaData::read_from_buffered(Cursor::new(bytes), false)
         .map_or_else(|_| Vec::new(), |data| data.headers.into_vec())
@@ -76,8 +78,8 @@ fn exr_primaries(header: &Header) -> Option<[f32; 8]> {
     Some([red.0, red.1, green.0, green.1, blue.0, blue.1, white.0, white.1])
 }
 
-/// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture; `None` if there is
-/// no such line, or if it does not consist of eight numbers.
+/// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture; `None` if the
+/// header has no such line, or if the line does not consist of eight numbers.
 fn hdr_primaries(bytes: &[u8]) -> Option<[f32; 8]> {
     let header = HdrDecoder::new(Cursor::new(bytes)).ok()?.metadata();
     let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "PRIMARIES")?;

@@ -13,12 +13,13 @@ pub struct Instruction {
     /// for the instruction.
     pub line: Option<u32>,
     /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label
-    /// before the instruction. Before the first label of a function that the kernel calls, it is this
-    /// function's name; before the kernel's own first label, it is empty. On a CPU, the part is the name of
-    /// the function.
+    /// before the instruction. Before the first label of a function that the kernel calls, the part is this
+    /// function's name; before the kernel's own first label, the part is empty. On a CPU, the part is the
+    /// name of the function.
     pub part: String,
-    /// The kinds of work that the instruction does. Empty for instructions that do none of these kinds
-    /// of work (such as padding and prefetches), and for instructions of processors other than x86-64 and NVIDIA GPUs.
+    /// The kinds of work that the instruction does. The list is empty for instructions that do no work of any
+    /// [`Kind`] (such as padding and prefetches), and for instructions of processors other than x86-64 and
+    /// NVIDIA GPUs.
     pub kinds: Vec<Kind>,
 }
 
@@ -47,8 +48,8 @@ pub struct Code {
     pub instructions: Vec<Instruction>,
 }
 
-/// Returns the function of a kernel, and then the functions that it calls directly or indirectly, each once. `calls`
-/// returns the functions that a function calls.
+/// Returns the function of a kernel, and then the functions that the kernel calls directly or indirectly,
+/// each once. `calls` returns the functions that a function calls.
 pub(super) fn with_called<F: Copy + PartialEq>(kernel: F, calls: impl Fn(F) -> Vec<F>) -> Vec<F> {
     let (mut reached, mut at) = (vec![kernel], 0);
     while let Some(function) = reached.get(at).copied() {
@@ -62,8 +63,8 @@ pub(super) fn with_called<F: Copy + PartialEq>(kernel: F, calls: impl Fn(F) -> V
     reached
 }
 
-/// A count of instructions: those that a compiler generated from one source line, those in one part of a kernel, or all
-/// of a kernel.
+/// A count of instructions: the instructions that a compiler generated from one source line, the instructions
+/// of one part of a kernel (after a label, or of a function), or all instructions of a kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// The line in the source; `None` if the row counts the instructions of a part or of a whole kernel.
@@ -72,7 +73,8 @@ pub struct Row {
     /// The text of the line; `None` if the row has no line.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// The part's label or function; `None` if the row counts the instructions of a line or of a whole kernel.
+    /// The label or function that names the part of the kernel; `None` if the row counts the instructions of
+    /// a line or of a whole kernel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Number of instructions.
@@ -89,7 +91,7 @@ impl Row {
 }
 
 impl Code {
-    /// Returns the number of instructions that have a source line.
+    /// Returns the number of instructions for which the line table has a source line.
     pub fn located(&self) -> usize {
         self.instructions.iter().filter(|one| one.line.is_some()).count()
     }
@@ -101,8 +103,8 @@ impl Code {
         row
     }
 
-    /// Returns a row per source line, in the order of lines. `source` contains the text of each line, from
-    /// line 1 on.
+    /// Returns one row per source line that has instructions, in the order of the lines. `source` contains
+    /// the text of each line, from line 1 on.
     pub fn by_line(&self, source: &[&str]) -> Vec<Row> {
         let mut rows: BTreeMap<u32, Row> = BTreeMap::new();
         for (line, one) in self.instructions.iter().filter_map(|one| Some((one.line?, one))) {
@@ -112,7 +114,7 @@ impl Code {
         rows.into_iter().map(|(line, row)| Row { line: Some(line), source: text(line), ..row }).collect()
     }
 
-    /// Returns a row per part, in the order of the instructions.
+    /// Returns one row per part of the kernel, in the order of the instructions.
     pub fn by_part(&self) -> Vec<Row> {
         let parts = self.instructions.chunk_by(|one, next| one.part == next.part);
         let row = |part: &[Instruction]| {

@@ -4,7 +4,7 @@
 /// The bytes with which a 64-bit, little-endian ELF file begins.
 const MAGIC: [u8; 6] = [0x7f, b'E', b'L', b'F', 2, 1];
 
-/// Returns every whole ELF file in `binary`, in order, each with the number of bytes before it.
+/// Returns every whole ELF file in `binary`, in order, each with the number of bytes before the file.
 pub fn files(binary: &[u8]) -> Vec<(usize, &[u8])> {
     let mut files = Vec::new();
     let mut at = 0;
@@ -17,8 +17,8 @@ pub fn files(binary: &[u8]) -> Vec<(usize, &[u8])> {
     files
 }
 
-/// Returns the length of the file at the start of `file`. Linkers write the section table at the end of a file, so the
-/// file ends where this table ends. Returns `None` if there is no section table.
+/// Returns the length of the ELF file at the start of `file`. Linkers write the section table at the end of a
+/// file, so the file ends where the section table ends. Returns `None` if the file has no section table.
 fn length(file: &[u8]) -> Option<usize> {
     let u16_at = |at: usize| Some(u16::from_le_bytes(file.get(at..at + 2)?.try_into().ok()?));
     let table = u64::from_le_bytes(file.get(40..48)?.try_into().ok()?);
@@ -31,7 +31,7 @@ fn length(file: &[u8]) -> Option<usize> {
 mod tests {
     use super::*;
 
-    /// A file of `bytes` bytes, with a table of two sections at its end.
+    /// Makes an ELF file of `bytes` bytes, which ends with a table of two sections.
     fn file(bytes: usize, fill: u8) -> Vec<u8> {
         let mut file = vec![fill; bytes];
         file[..6].copy_from_slice(&MAGIC);
@@ -45,7 +45,7 @@ mod tests {
         let (one, other) = (file(300, 1), file(200, 2));
         let binary = [b"poclbin\0", &one[..], b"name.so", &other[..], b"rest", &one[..250]].concat();
         assert_eq!(files(&binary), [(8, &one[..]), (315, &other[..])]);
-        // This header states that the file has no section table.
+        // In this ELF header, the offset of the section table is 0: the file has no section table.
         let header = [&MAGIC[..], &[0; 58]].concat();
         for none in [&header, &b""[..], b"\x7fELF", &MAGIC, &one[..299], b".version 8.0"] {
             assert!(files(none).is_empty(), "{none:?}");

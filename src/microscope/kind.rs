@@ -16,28 +16,28 @@ pub enum Memory {
     /// Private memory outside registers: arrays and spilled registers. On a CPU, this is the stack, if the instruction
     /// states the address relative to the stack pointer or the frame pointer.
     Private,
-    /// The kernel's arguments.
+    /// The memory that contains the kernel's arguments.
     Argument,
-    /// A memory whose kind is known only when the instruction runs. On a CPU all OpenCL address spaces are
-    /// the same memory. Therefore all accesses on a CPU are generic, except `Private` accesses and accesses
-    /// to constants of the program.
+    /// A memory that the instruction's text does not determine: the address decides when the instruction
+    /// runs. On a CPU all OpenCL address spaces are the same memory. Therefore all accesses on a CPU are
+    /// generic, except `Private` accesses and accesses to constants of the program.
     Generic,
 }
 
 /// The kind of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
-    /// Reads a memory.
+    /// Reads from the given memory.
     Load(Memory),
-    /// Writes a memory.
+    /// Writes to the given memory.
     Store(Memory),
-    /// Reads and writes a memory in one step.
+    /// Reads and writes the given memory in one atomic step.
     Atomic(Memory),
     /// Computes, compares or converts.
     Arithmetic,
-    /// Copies between registers, possibly between their lanes, or sets a register.
+    /// Copies a value from register to register, possibly to other lanes, or sets a register.
     Move,
-    /// Continues at another instruction.
+    /// Branches: execution continues at another instruction.
     Branch,
     /// Calls a function.
     Call,
@@ -70,7 +70,7 @@ impl Kind {
 }
 
 impl Display for Kind {
-    /// Formats the kind as "load global" or "branch".
+    /// Formats the kind of an instruction, such as "load global" or "branch".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verb = match self {
             Self::Load(_) => "load",
@@ -100,7 +100,7 @@ impl Serialize for Kind {
 pub struct Counts(BTreeMap<Kind, u32>);
 
 impl Counts {
-    /// Adds an instruction of these kinds.
+    /// Counts an instruction that does the given kinds of work.
     pub fn add(&mut self, kinds: &[Kind]) {
         for kind in kinds {
             *self.0.entry(*kind).or_default() += 1;
@@ -112,7 +112,7 @@ impl Counts {
         self.0.get(&kind).copied().unwrap_or(0)
     }
 
-    /// Returns all kinds with their numbers; kinds that access memory come first.
+    /// Returns all counted kinds of instructions with their numbers; kinds that access memory come first.
     pub fn iter(&self) -> impl Iterator<Item = (Kind, u32)> {
         self.0.iter().map(|(kind, count)| (*kind, *count))
     }
@@ -127,7 +127,7 @@ impl Counts {
 }
 
 impl Display for Counts {
-    /// Formats the numbers as "load global 12, arithmetic 4".
+    /// Formats the numbers of instructions as "load global 12, arithmetic 4".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parts: Vec<String> = self.iter().map(|(kind, count)| format!("{kind} {count}")).collect();
         f.write_str(&parts.join(", "))

@@ -1,15 +1,16 @@
 //! The microscope: shows which instructions a compiler generated for each line of a kernel.
 //!
-//! The program is compiled again, with a line table. Its source is the preprocessed text that `raycl kernel`
-//! prints, reduced to the kernels that the scene's frames run. In this text, `#if` conditions are already
-//! evaluated, macros are expanded, and a file that is included twice appears twice. Therefore each line of
-//! the text belongs to one place in the program only.
+//! raycl compiles the program again, with a line table. The source of this compilation is the preprocessed
+//! text that `raycl kernel` prints, reduced to the kernels that the scene's frames run. In the preprocessed
+//! text, `#if` conditions are already evaluated, macros are expanded, and a file that is included twice
+//! appears twice. Therefore each line of the preprocessed text belongs to one place in the program only.
 //!
-//! The instructions are then read from the binary, which contains PTX text or a CPU's machine code. The
-//! program `objdump` disassembles the machine code. If `ptxas` and `nvdisasm` are installed, `ptxas`
-//! translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads the SASS too. Without a line table,
-//! instructions are counted by parts of the kernel. PoCL compiles a kernel once more for the local size of a
-//! launch; the microscope shows this version, which a frame runs.
+//! raycl then reads the instructions from the compiled binary, which contains PTX text or a CPU's machine
+//! code. The program `objdump` disassembles the machine code. If `ptxas` and `nvdisasm` are installed,
+//! `ptxas` translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads the SASS too. If the binary
+//! has no line table, raycl counts instructions per label or function instead of per line. PoCL compiles a
+//! kernel separately for each local size with which it is launched; the microscope shows the version for the
+//! local size of the frame.
 
 mod code;
 mod elf;
@@ -32,7 +33,7 @@ use crate::program::preprocess::read;
 use crate::program::{CompiledKernel, ProgramSpec};
 use serde::Serialize;
 
-/// The name of the source in line tables.
+/// The name of the source file in line tables.
 const FILE: &str = "kernel.cl";
 
 /// Options that make compilers add a line table. The first option is for NVIDIA's compiler: with `-g`, this
@@ -42,10 +43,10 @@ const LINE_TABLE: [&str; 2] = ["-nv-line-info", "-g"];
 /// The instructions of a program's kernels, by source line.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Microscope {
-    /// The text that was compiled; its first line is line 1.
+    /// The source text that was compiled. The line numbers of the listings count its lines from 1.
     #[serde(skip)]
     pub source: String,
-    /// Facts that a reader must know, for example that a disassembler is missing.
+    /// Remarks for readers of the listings, for example that a disassembler is missing.
     pub notes: Vec<String>,
     /// The listings. Each kernel has one listing. A kernel in PTX has a second listing, with SASS, if `ptxas` and
     /// `nvdisasm` are installed.
@@ -57,19 +58,19 @@ pub struct Microscope {
 pub struct Listing {
     /// The kernel's name.
     pub kernel: String,
-    /// The kind of instructions (such as PTX), and the program that generated or disassembled them.
+    /// The instruction set (such as PTX), and the program that generated or disassembled the instructions.
     pub made_by: &'static str,
     /// True if the driver generated these instructions. The spills and the occupancy that the driver reports
     /// for the kernel apply only to the driver's own instructions.
     #[serde(skip)]
     pub is_drivers: bool,
-    /// The meaning of a row of `rows`.
+    /// Whether a row of `rows` counts a source line or a part of the kernel.
     pub rows_are: RowsAre,
     /// Registers per work-item; `None` if the compiler did not report them.
     pub registers: Option<u32>,
     /// True if the timed program, which has no line table, has the same operations in the same order.
-    /// Operands (registers, addresses, numbers) are not compared. `None` if this cannot be checked, but `false`
-    /// if `for_any_local_size` is true.
+    /// Operands (registers, addresses, numbers) are not compared. `None` if the two programs cannot be
+    /// compared, but `false` if `for_any_local_size` is true.
     pub same_as_timed: Option<bool>,
     /// True if the driver is PoCL, and raycl found only PoCL's version of the kernel for any local size. A
     /// frame normally runs the version for the kernel's own local size.
@@ -80,21 +81,22 @@ pub struct Listing {
     pub with_line: usize,
     /// Number of instructions of each kind.
     pub counts: Counts,
-    /// The instructions of each line, or of each part.
+    /// The numbers of instructions of each source line, or of each part of the kernel.
     pub rows: Vec<Row>,
-    /// All instructions.
+    /// All instructions of the kernel.
     #[serde(skip)]
     pub code: Code,
 }
 
-/// The meaning of a listing's rows.
+/// Whether the rows of a listing count source lines or parts of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RowsAre {
     /// Lines of the source, from the compiler's line table.
     Lines,
-    /// Parts of the kernel, if there is no line table, or if the table has no line for this kernel. In PTX and SASS, a
-    /// part extends from one label or start of a function to the next; on a CPU, a part is a function.
+    /// Parts of the kernel. raycl counts per part if the binary has no line table, or if the line table has
+    /// no line for the kernel. In PTX and SASS, a part extends from one label or start of a function to the
+    /// next; on a CPU, a part is a function.
     Parts,
 }
 
@@ -105,15 +107,15 @@ const NOTHING: &str =
     "There are no instructions: the driver's binary holds neither PTX nor an ELF file with the kernels.";
 
 impl Microscope {
-    /// Compiles a program with a line table, and reads the instructions of `kernels`, which are the kernels of
-    /// `caster`. `timed_binary` is the binary of the program without a line table; if the driver is PoCL, it is the
-    /// [`binary_of_frame`].
+    /// Compiles a program with a line table, and reads the instructions of `kernels`, which are the kernels
+    /// of `caster`. `timed_binary` is the binary of the program without a line table; if the driver is PoCL,
+    /// `timed_binary` is the [`binary_of_frame`].
     pub fn of(prepared: &Prepared, caster: &Caster, timed_binary: &[u8], kernels: &[CompiledKernel]) -> Self {
         let names: Vec<&str> = kernels.iter().map(|kernel| kernel.name.as_str()).collect();
         let text = match prepared.preprocessed() {
             Ok(text) => read(&text.lines, Some(&names)).text,
-            // raycl cannot preprocess the kernels. A user's own kernels may use syntax that only the driver's compiler
-            // understands.
+            // raycl's preprocessor cannot read the kernels. Kernels that a user wrote may have syntax that
+            // only the driver's compiler understands.
             Err(error) => {
                 return Self {
                     notes: vec![format!("There are no instructions: {error}")],
@@ -143,8 +145,8 @@ impl Microscope {
     }
 
     /// Compiles the preprocessed text of the program `prepared` with a line table, and returns the binary.
-    /// `timed_binary` is the binary of the program without a line table. If the compiler fails, returns `None` and adds
-    /// a note.
+    /// `timed_binary` is the binary of the program without a line table. If the compiler fails, returns
+    /// `None` and adds the failure to the notes.
     fn with_lines(&mut self, prepared: &Prepared, caster: &Caster, timed_binary: &[u8]) -> Option<Vec<u8>> {
         let option = LINE_TABLE[usize::from(!is_ptx(timed_binary))];
         // The text no longer contains macros, so the compiler options that define macros are left out.
@@ -231,8 +233,8 @@ impl Microscope {
     }
 }
 
-/// Reads the kernels of a binary. The result can contain a kernel more than once, since a driver may have compiled it
-/// more than once. The error says why the binary cannot be read.
+/// Reads the kernels of a binary. The result can contain a kernel more than once, since a driver may have
+/// compiled the kernel for several local sizes. The error says why the binary cannot be read.
 fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     let codes = if is_ptx(binary) {
         ptx::codes(&String::from_utf8_lossy(binary), names, FILE)
@@ -249,8 +251,8 @@ fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     if codes.is_empty() { Err(NOTHING.to_owned()) } else { Ok(codes) }
 }
 
-/// Returns the code of a kernel that a frame runs with this local size, and true. If PoCL's binary lacks this version of
-/// the kernel, returns the version for any local size, and false.
+/// Returns the version of a kernel's code that a frame runs with the given local size, and true. If PoCL's
+/// binary lacks the version for this local size, returns the version for any local size, and false.
 fn code_of_frame<'a>(
     codes: &'a [Code],
     kernel: &str,
@@ -263,8 +265,8 @@ fn code_of_frame<'a>(
     run.or_else(|| Some((own.min_by_key(|code| &code.version)?, false)))
 }
 
-/// Returns true if `codes` contains the kernel of `code` in the same version, with the same operations in the
-/// same order. Operands are not compared.
+/// Returns true if `codes` contains the same version of the same kernel as `code`, with the same operations
+/// in the same order. Operands are not compared.
 fn is_among(codes: &[Code], code: &Code) -> bool {
     let is_version = |other: &Code| other.kernel == code.kernel && other.version == code.version;
     codes.iter().any(|other| is_version(other) && other.is_same_as(code))
@@ -309,7 +311,7 @@ mod tests {
         ] {
             assert_eq!(shown(&codes, local_size), (name.to_owned(), is_run));
         }
-        // Other drivers compile a single version of a kernel.
+        // Drivers other than PoCL compile a single version of a kernel.
         assert_eq!(shown(&[code("k", "add x")], Some([8, 8, 1])), (String::new(), true));
         assert!(code_of_frame(&codes, "missing", None).is_none());
     }

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 /// The error message if `objdump` is not installed.
 pub const REMEDY: &str = "objdump is missing; install the package binutils";
 
-/// Reads the kernels with these names from an ELF file. `file` is the name of the source; line
-/// numbers of other files are ignored. The error says why there is no listing.
+/// Reads the kernels with these names from an ELF file. `file` is the name of the source file; line numbers
+/// of other files are ignored. The error says why the kernels cannot be read.
 pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, String> {
     let objdump = Tool::find("objdump").ok_or(REMEDY)?;
     let folder = Folder::with("kernel.so", elf)?;
@@ -17,11 +17,11 @@ pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, Stri
     Ok(Listing::of(&objdump.run(&folder, &arguments)?.stdout, file).codes(kernels))
 }
 
-/// The functions of an ELF file, and its line table.
+/// The functions of an ELF file, and the file's line table.
 struct Listing<'a> {
     is_x86: bool,
-    /// For an address, the source line of the instructions from this address up to the next address in the map; `None`
-    /// if these instructions have no line.
+    /// For an address, the source line of the instructions from this address up to the next address in the
+    /// map; `None` if the instructions after this address belong to no source line.
     lines: BTreeMap<u64, Option<u32>>,
     /// The name of each function, and the text of its instructions.
     functions: Vec<(&'a str, &'a str)>,
@@ -41,8 +41,8 @@ impl<'a> Listing<'a> {
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
             // PoCL's function for a kernel runs a whole work-group. PoCL also writes two functions that read
-            // the arguments and then run a copy of this function's code. These copies have no source lines,
-            // and are left out.
+            // the kernel's arguments and then run a copy of the work-group function's code. raycl leaves out
+            // these copies, which have no source lines.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let own = names.iter().find_map(|name| self.function(name))?;
             let functions = with_called(own, |(_, body)| {
@@ -77,8 +77,9 @@ fn function(text: &str) -> Option<(&str, &str)> {
     Some((name, body))
 }
 
-/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call   1000 <any_hit>". Returns
-/// `None` for a stub of the linker ("memset@plt"), which only jumps to a function of another file.
+/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call 1000 <any_hit>".
+/// Returns `None` for a stub of the linker ("memset@plt"), since a stub only jumps to a function of another
+/// file.
 fn called(line: &str) -> Option<&str> {
     let (_, text) = instruction(line)?;
     let goes = text.starts_with("call") || text.starts_with('j');
@@ -95,8 +96,8 @@ fn frames(body: &str) -> Vec<&'static str> {
     ["%rbp", "%rbx"].into_iter().filter(set).collect()
 }
 
-/// Returns the address and the text of an instruction from a line such as " 1137:\tmov (%rax),%rax". A comment that
-/// objdump adds about an address is left out.
+/// Returns the address and the text of an instruction from a line such as " 1137:\tmov (%rax),%rax". Leaves
+/// out the comment that objdump appends for some addresses.
 fn instruction(line: &str) -> Option<(u64, &str)> {
     let (address, text) = line.split_once(":\t")?;
     let text = text.split(" # ").next().unwrap_or(text);

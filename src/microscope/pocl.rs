@@ -1,6 +1,7 @@
-//! The versions of a kernel in PoCL's binary. PoCL compiles a kernel for each local size with which it is launched.
-//! When the binary is queried, PoCL also compiles the kernel for any local size. This version reads the local size at
-//! run time, and has other instructions.
+//! The versions of a kernel in PoCL's binary. PoCL compiles a kernel separately for each local size with
+//! which the kernel is launched. When a program's binary is queried, PoCL also compiles a version of the
+//! kernel for any local size. The version for any local size reads the local size at run time, and therefore
+//! has other instructions.
 
 use crate::launch::Caster;
 use crate::program::BuiltProgram;
@@ -8,34 +9,36 @@ use ocl::Kernel;
 
 /// The bytes with which PoCL's binaries begin.
 const MAGIC: &[u8] = b"poclbin\0";
-/// The largest number of bytes of a path in a binary.
+/// The largest number of bytes of a file's path in PoCL's binary.
 const LONGEST: usize = 1024;
 
-/// Returns true if a binary is PoCL's.
+/// Returns true if PoCL made a binary.
 pub fn is_pocls(binary: &[u8]) -> bool {
     binary.starts_with(MAGIC)
 }
 
-/// Returns a program's binary with the versions of its kernels that a frame runs. PoCL compiles these versions only
-/// when the kernels are launched, so the frame of `caster` is cast first.
+/// Returns a program's binary, which includes the versions of the kernels for the local sizes of a frame.
+/// PoCL compiles a version only when a kernel is launched with its local size, so this function first casts
+/// the frame of `caster`.
 pub fn binary_of_frame(program: &BuiltProgram, caster: &Caster) -> Vec<u8> {
-    // If the frame cannot be cast, the binary lacks these versions, and the microscope says so.
+    // If the frame cannot be cast, the binary lacks the versions for the frame's local sizes, and the
+    // microscope says so.
     let _ = caster.cast();
     program.binary()
 }
 
-/// Returns the name of a version of a kernel. The version's ELF file begins at byte `at` of `binary`. The
-/// name is the name of the folder from which PoCL took the file. The name is "8-8-1-goffs0-smallgrid" for the
-/// local size 8 x 8, the global offset 0 and fewer than 65,535 work-items across and down, and "0-0-0" for
-/// any local size. The name is empty if the binary has an unknown layout. Returns `None` if the binary is not
-/// PoCL's.
+/// Returns the name of the version of a kernel whose ELF file begins at byte `at` of `binary`. A version's
+/// name is the name of the folder from which PoCL took the ELF file: "8-8-1-goffs0-smallgrid" for the local
+/// size 8 x 8, the global offset 0 and fewer than 65,535 work-items across and down, and "0-0-0" for any
+/// local size. The returned name is empty if the binary has an unknown layout. Returns `None` if PoCL did not
+/// make the binary.
 pub fn version(binary: &[u8], at: usize) -> Option<String> {
     is_pocls(binary).then(|| folder(binary, at).unwrap_or_default())
 }
 
-/// Returns the name of the folder of the file whose bytes begin at byte `at`. Before these bytes, the binary has the
-/// length of the file's path, the path ("/cast_frame/8-8-1-goffs0/cast_frame.so"), and the length of the file. The
-/// lengths are 32-bit numbers.
+/// Returns the name of the folder of the file whose bytes begin at byte `at`. Before the file's bytes, the
+/// binary has the length of the file's path, the path ("/cast_frame/8-8-1-goffs0/cast_frame.so"), and the
+/// length of the file. Both lengths are 32-bit numbers.
 fn folder(binary: &[u8], at: usize) -> Option<String> {
     let end = at.checked_sub(4)?;
     let length_at = |at: usize| Some(u32::from_le_bytes(binary.get(at..at + 4)?.try_into().ok()?) as usize);
@@ -45,7 +48,7 @@ fn folder(binary: &[u8], at: usize) -> Option<String> {
     path.split('/').rev().nth(1).map(str::to_owned)
 }
 
-/// Returns true if a version of a kernel is the one for `local_size`. Returns false if `local_size` is
+/// Returns true if PoCL compiled a version of a kernel for `local_size`. Returns false if `local_size` is
 /// `None`, that is, if the driver chooses the local size.
 pub fn is_for(version: &str, local_size: Option<[usize; 3]>) -> bool {
     let Some([x, y, z]) = local_size else { return false };
@@ -53,13 +56,13 @@ pub fn is_for(version: &str, local_size: Option<[usize; 3]>) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
 }
 
-/// Returns the local size with which a frame launches a kernel; `None` if the driver chooses it.
+/// Returns the local size with which a frame launches a kernel; `None` if the driver chooses the local size.
 pub fn local_size(kernel: &Kernel) -> Option<[usize; 3]> {
     kernel.default_local_work_size().to_lens().ok()
 }
 
-/// Returns the global and local sizes of a frame's kernels as text. If PoCL compiles different versions of
-/// the kernels for two frames, the frames have different texts.
+/// Returns the global and local sizes of a frame's kernels as text. Two frames get different texts if PoCL
+/// compiles different versions of the kernels for them.
 pub fn sizes(caster: &Caster) -> String {
     let sizes = |kernel: &Kernel| (kernel.default_global_work_size(), kernel.default_local_work_size());
     format!("{:?}", caster.kernels().map(sizes).collect::<Vec<_>>())
@@ -69,7 +72,7 @@ pub fn sizes(caster: &Caster) -> String {
 mod tests {
     use super::*;
 
-    /// Returns a binary with one file, and the byte at which this file begins.
+    /// Returns a binary that contains one file, and the offset of this file in the binary.
     fn binary(magic: &[u8], path: &str, file: &[u8]) -> (Vec<u8>, usize) {
         let length = |bytes: &[u8]| u32::try_from(bytes.len()).unwrap_or(0).to_le_bytes();
         let before = [magic, b"kernel", &length(path.as_bytes()), path.as_bytes(), &length(file)].concat();

@@ -1,4 +1,4 @@
-//! Reads kernels from PTX text, with the source lines of `.loc`:
+//! Reads kernels from PTX text, with the source lines that `.loc` directives state:
 //!
 //! ```text
 //! .file 1 "kernel.cl"
@@ -9,15 +9,15 @@
 //!     .loc 1 3 9, function_name $L__info_string0, inlined_at 1 14 3
 //! ```
 //!
-//! A `.loc` applies to all instructions up to the next `.loc`. For an instruction from an inlined
-//! function, the first two numbers are the file and the line of the instruction in that function.
+//! A `.loc` applies to all instructions up to the next `.loc`. For an instruction from an inlined function,
+//! the first two numbers of the `.loc` are the file and the line within the inlined function.
 
 use super::code::{Code, Instruction, opcode, with_called};
 use super::kind::{Kind, Memory};
 use crate::program::compiled::ptx::{after_results, body_of, instruction, without_comments};
 
 /// Reads the kernels with these names: the instructions of a kernel, then the instructions of all functions
-/// that the kernel calls directly or indirectly. `file` is the name of the source; line numbers of other
+/// that the kernel calls directly or indirectly. `file` is the name of the source file; line numbers of other
 /// files are ignored.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     let text = without_comments(ptx);
@@ -38,7 +38,8 @@ pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     kernels.iter().filter_map(code).collect()
 }
 
-/// Returns the name and the body of a kernel or a function; `None` if the text does not define it.
+/// Returns the name and the body of a kernel or a function; `None` if the PTX text does not define the
+/// function.
 fn function<'a>(text: &'a str, name: &'a str) -> Option<(&'a str, &'a str)> {
     body_of(text, name).map(|body| (name, body))
 }
@@ -51,13 +52,14 @@ fn called(statement: &str) -> Option<&str> {
     after_results(operands)?.trim_start_matches(is_between).split(is_between).next()
 }
 
-/// Returns true if a text before a colon is a label. The colon may also belong to "::" in an opcode. Such an
-/// opcode contains a dot before the colon, and labels contain no dots.
+/// Returns true if a text before a colon is a label. If the colon belongs to "::" in an opcode instead, the
+/// opcode contains a dot before the colon; labels contain no dots.
 fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }
 
-/// Returns the number of the file `file`, such as 1, from the line `.file 1 "folder/name"`; `None` for other files.
+/// Returns the number that PTX gives to the file `file`, such as 1 in the line `.file 1 "folder/name"`;
+/// `None` for other files.
 fn numbered(line: &str, file: &str) -> Option<u32> {
     let (number, path) = line.trim().strip_prefix(".file")?.trim_start().split_once(char::is_whitespace)?;
     let path = path.trim_start().strip_prefix('"')?.split('"').next()?;
@@ -66,13 +68,14 @@ fn numbered(line: &str, file: &str) -> Option<u32> {
 
 #[derive(Default)]
 struct Reader<'a> {
-    /// The name of the kernel, with which the names of its arguments begin.
+    /// The name of the kernel. The names of the kernel's arguments begin with this name.
     kernel: &'a str,
-    /// The number that the PTX text gives to the source file; `None` if the PTX text does not name this file.
+    /// The number that the PTX text gives to the source file; `None` if the PTX text does not name the source
+    /// file.
     file: Option<u32>,
     line: Option<u32>,
     part: String,
-    /// The text of the current statement, as far as it was read.
+    /// The part of the current statement that was already read.
     statement: String,
     instructions: Vec<Instruction>,
 }
@@ -83,7 +86,7 @@ impl Reader<'_> {
         if let Some(location) = trimmed.strip_prefix(".loc") {
             let mut numbers = location.split([' ', '\t', ',']).filter_map(|word| word.parse::<u32>().ok());
             let (file, line) = (numbers.next(), numbers.next());
-            // Line 0 means that the instruction has no line.
+            // Line 0 means that the instruction belongs to no source line.
             self.line = line.filter(|line| file == self.file && *line > 0);
             return;
         }
@@ -118,15 +121,15 @@ impl Reader<'_> {
     }
 }
 
-/// Returns the kinds of an instruction of `kernel`, or of a function that `kernel` calls. Prefetches and
-/// pragmas have no kind.
+/// Returns the kinds of work that an instruction of `kernel`, or of a function that `kernel` calls, does.
+/// Returns no kind for prefetches and pragmas.
 fn kinds(text: &str, kernel: &str) -> Vec<Kind> {
     let opcode = opcode(text);
     if let Some(name) = instruction(opcode) {
         let mut words = name.split('.');
         let (verb, memory) = (words.next().unwrap_or_default(), memory(words.next().unwrap_or_default()));
-        // The kernel's arguments are called `KERNEL_param_0` and so on. Other parameters pass values to functions and
-        // back, usually in registers.
+        // The kernel's arguments are called `KERNEL_param_0` and so on. The parameters with other names pass
+        // values to functions and back, usually in registers.
         if memory == Memory::Argument && !text.contains(&format!("[{kernel}_param_")) {
             return vec![Kind::Move];
         }
@@ -146,7 +149,7 @@ fn kinds(text: &str, kernel: &str) -> Vec<Kind> {
     }
 }
 
-/// Returns the kind of memory that a PTX state space is in OpenCL.
+/// Returns the OpenCL address space that corresponds to a state space of PTX.
 fn memory(space: &str) -> Memory {
     match space {
         "global" => Memory::Global,
@@ -224,7 +227,7 @@ $L__BB0_1: // a loop
         assert_eq!(rows_of(WITH_LINES), expected);
     }
 
-    /// The function `helper` calls itself, and a function without results.
+    /// In this PTX text, the function `helper` calls itself and a function that returns nothing.
     #[test]
     fn the_functions_that_a_kernel_calls_follow_it_once() {
         let functions = "

@@ -19,16 +19,16 @@ use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
 use super::tool::{Folder, Tool};
 
-/// The kernels, and the output of ptxas.
+/// The SASS of some kernels, and the output of ptxas.
 pub struct Assembled {
-    /// The kernels.
+    /// The kernels' instructions.
     pub codes: Vec<Code>,
     /// The messages of ptxas, which state how many registers each kernel uses.
     pub log: String,
 }
 
-/// Assembles PTX and reads the kernels with these names. `file` is the name of the source; line
-/// numbers of other files are ignored. The error says why there is no SASS.
+/// Assembles PTX and reads the kernels with these names. `file` is the name of the source file; line numbers
+/// of other files are ignored. The error says why the SASS cannot be read.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Result<Assembled, String> {
     let both = Tool::find("ptxas").zip(Tool::find("nvdisasm"));
     let (ptxas, nvdisasm) = both.ok_or("ptxas and nvdisasm, of the CUDA toolkit, are not both on PATH")?;
@@ -81,12 +81,12 @@ fn is_label(text: &&str) -> bool {
     text.starts_with(".L") || text.starts_with('$')
 }
 
-/// Returns the number of a source line; `None` for files other than `file`. The number is 12 for
+/// Returns the source line that a location names; `None` for files other than `file`. The line is 12 for
 /// `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`.
 fn line_of(location: &str, file: &str) -> Option<u32> {
     let (path, rest) = location.strip_prefix('"')?.split_once('"')?;
     let number = rest.strip_prefix(", line ")?.split(' ').next()?.parse().ok()?;
-    // Line 0 means that the instruction has no line.
+    // Line 0 means that the instruction belongs to no source line.
     (path.rsplit('/').next() == Some(file)).then_some(number).filter(|number| *number > 0)
 }
 
@@ -100,7 +100,7 @@ fn instruction(line: &str) -> Option<&str> {
 }
 
 /// Returns true if an instruction is a multiply-add of two zeros ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas`
-/// uses this instruction in place of `MOV`. With `.X`, the instruction also adds a carry.
+/// uses this instruction in place of `MOV`. A multiply-add with `.X` also adds a carry, so it is not a copy.
 fn multiplies_zeros(text: &str) -> bool {
     let opcode = opcode(text);
     let multiplies = opcode.starts_with("IMAD") || opcode.starts_with("HFMA2");
@@ -113,7 +113,7 @@ fn kinds(text: &str) -> Vec<Kind> {
         return vec![Kind::Move];
     }
     vec![match opcode(text).split('.').next().unwrap_or_default() {
-        // This instruction copies from global to shared memory.
+        // `LDGSTS` copies from global to shared memory.
         "LDGSTS" => return vec![Kind::Load(Memory::Global), Kind::Store(Memory::Local)],
         "LDG" => Kind::Load(Memory::Global),
         "STG" => Kind::Store(Memory::Global),
@@ -121,7 +121,7 @@ fn kinds(text: &str) -> Vec<Kind> {
         "STS" => Kind::Store(Memory::Local),
         "LDL" => Kind::Load(Memory::Private),
         "STL" => Kind::Store(Memory::Private),
-        // These instructions also load the kernel's arguments, which are in constant memory.
+        // `LDC`, `ULDC` and `LDCU` also load the kernel's arguments, which are in constant memory.
         "LDC" | "ULDC" | "LDCU" => Kind::Load(Memory::Constant),
         "LD" => Kind::Load(Memory::Generic),
         "ST" => Kind::Store(Memory::Generic),

@@ -6,10 +6,11 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// The time limit for one run of a program. An assembler or disassembler needs far less time for a kernel.
+/// The time limit for one run of an assembler or disassembler, which usually needs far less time for a
+/// kernel.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// An installed program.
+/// An installed assembler or disassembler.
 pub struct Tool {
     name: &'static str,
     path: PathBuf,
@@ -17,14 +18,14 @@ pub struct Tool {
 
 /// The output of a program.
 pub struct Written {
-    /// The text on its standard output.
+    /// The text on the program's standard output.
     pub stdout: String,
-    /// The text on its standard error stream.
+    /// The text on the program's standard error stream.
     pub stderr: String,
 }
 
 impl Tool {
-    /// Finds a program in the folders of PATH.
+    /// Finds a program in the folders of the environment variable PATH.
     pub fn find(name: &'static str) -> Option<Self> {
         let folders = std::env::var_os("PATH")?;
         let mut paths = std::env::split_paths(&folders).map(|folder| folder.join(name));
@@ -35,7 +36,7 @@ impl Tool {
     /// Runs the program in a folder. The error says how the program failed.
     pub fn run(&self, folder: &Folder, arguments: &[&str]) -> Result<Written, String> {
         let mut command = Command::new(&self.path);
-        // The program's messages are parsed, so they have to be in English.
+        // raycl parses the program's messages, so the messages have to be in English.
         command.args(arguments).current_dir(folder.0.path()).env("LC_ALL", "C");
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_within(child, LIMIT));
@@ -58,7 +59,7 @@ impl Tool {
     }
 }
 
-/// A temporary folder for a program's files.
+/// A temporary folder for the input and output files of an assembler or disassembler.
 pub struct Folder(TempDir);
 
 impl Folder {

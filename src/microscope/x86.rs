@@ -3,12 +3,12 @@
 
 use super::kind::{Kind, Memory};
 
-/// Prefixes of instructions; objdump prints them before the instruction's name.
+/// Prefixes of x86 instructions. objdump prints prefixes before the instruction's name.
 const PREFIXES: [&str; 12] =
     ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32", "{evex}", "{vex}"];
-/// Beginnings of the names of instructions that are not counted, since they neither compute nor copy a value for the
-/// kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches. All lists of beginnings leave out the
-/// `v` at the start of the names of AVX instructions.
+/// Beginnings of the names of instructions that are not counted, since they neither compute nor copy a value
+/// for the kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches. The names in this
+/// list and in the lists below lack the `v` with which the names of AVX instructions begin.
 const FILLERS: [&str; 6] = ["nop", "endbr", "zero", "int3", "ud2", "prefetch"];
 /// Beginnings of the names of instructions that copy values, possibly between lanes.
 const MOVES: [&str; 30] = [
@@ -48,11 +48,11 @@ const MOVES: [&str; 30] = [
 const READERS: [&str; 11] =
     ["cmp", "test", "ucomis", "comis", "ptest", "bt", "div", "idiv", "mul", "imul", "fld"];
 /// Beginnings of the names of instructions that write their last operand but do not read the operand. The
-/// instructions in `MOVES` do the same, but are not repeated in this list.
+/// instructions in `MOVES` also write without reading, but are not repeated in this list.
 const WRITERS: [&str; 3] = ["set", "cvt", "stmxcsr"];
 
-/// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of
-/// the function's stack frame.
+/// Returns the kinds of work that an instruction does. `frames` are the registers besides `%rsp` that contain
+/// the address of the function's stack frame.
 pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     let mut words = text.split_whitespace();
     let name = words.by_ref().find(|word| !PREFIXES.contains(word)).unwrap_or_default();
@@ -93,11 +93,11 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     kinds
 }
 
-/// Returns the kinds of an instruction whose operands need not be told apart, such as a branch; `None` for any other
-/// instruction. `operand` is the text of all operands.
+/// Returns the kinds of work of an instruction that can be classified without telling source and destination
+/// apart, such as a branch; `None` for any other instruction. `operand` is the text of all operands.
 fn kinds_by_name(name: &str, operand: &str, frames: &[&str]) -> Option<Vec<Kind>> {
     Some(match name {
-        // These instructions copy between the stack and their operand, which may be memory.
+        // `push`, `pop` and `leave` copy between the stack and their operand, which may be memory.
         "push" | "pushq" => {
             let read = memory(operand, frames).map(Kind::Load);
             read.into_iter().chain([Kind::Store(Memory::Private)]).collect()
@@ -116,7 +116,7 @@ fn kinds_by_name(name: &str, operand: &str, frames: &[&str]) -> Option<Vec<Kind>
     })
 }
 
-/// Splits the operands at commas outside brackets.
+/// Splits an instruction's operands at the commas that are not in brackets.
 fn operands(text: &str) -> Vec<&str> {
     let (mut operands, mut depth, mut start) = (Vec::new(), 0_u32, 0);
     for (at, c) in text.char_indices() {
@@ -134,7 +134,7 @@ fn operands(text: &str) -> Vec<&str> {
     operands
 }
 
-/// Returns the memory of an operand such as `-0x8(%rsp,%rax,4)`; `None` for registers and numbers.
+/// Returns which memory an operand such as `-0x8(%rsp,%rax,4)` addresses; `None` for registers and numbers.
 fn memory(operand: &str, frames: &[&str]) -> Option<Memory> {
     let (_, inside) = operand.split_once('(')?;
     let base = inside.split([',', ')']).next().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! A folder into which a command writes several files.
+//! A folder into which a command of raycl writes several files.
 
 use super::mark::Maker;
 use super::replace::{Choice, permit, put};
@@ -19,17 +19,17 @@ const LIST: &str = "raycl.b3sum";
 pub struct OutFolder {
     path: PathBuf,
     choice: Choice,
-    /// True if this is a folder of results. A folder of results has no list: raycl treats each file that has one of
-    /// raycl's file names as its own.
+    /// True if `path` is a folder of results. A folder of results has no list: raycl assumes that it made
+    /// each file there that has one of raycl's file names.
     results: bool,
-    /// Hash and name of every file that raycl wrote.
+    /// Hash and name of every file that raycl wrote into the folder.
     made: BTreeSet<(String, String)>,
 }
 
 impl OutFolder {
     /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's
     /// place, or if this process may not make the folder or create files in it. Without `--force`, also fails
-    /// if the file with the list's name is not such a list.
+    /// if the folder's file `raycl.b3sum` is not a list in the format of `b3sum`.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
@@ -62,8 +62,8 @@ impl OutFolder {
     }
 
     /// Returns an error if [`write`](Self::write) would refuse files of these names. Commands call this
-    /// function before their work, when the new contents are not known yet. The function therefore also
-    /// refuses a file that raycl did not make but that equals the new content.
+    /// function before their work, when the new contents are not known yet. `check` therefore also refuses an
+    /// existing file that raycl did not make, even if the file equals the content that would be written.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -74,7 +74,7 @@ impl OutFolder {
         })
     }
 
-    /// Writes files, given as names and contents. If one of these files exists and may not be replaced, none
+    /// Writes files, given as names and contents. If one of the files exists and may not be replaced, no file
     /// is written. The names are paths in the folder; a name that leads out of the folder is an error.
     pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<()> {
         if let Some((name, _)) = files.iter().find(|(name, _)| !is_inside(name)) {
@@ -94,8 +94,9 @@ impl OutFolder {
         if self.results {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
-        // The list is written before the files, so that the list includes the files even if the command is killed.
-        // After the files have been written, the list is written again without the entries of the replaced files.
+        // raycl writes the list before the files, so that the list includes the files even if the command is
+        // killed in between. Once the files are written, raycl writes the list again, without the hashes of
+        // the replaced files.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;
@@ -104,9 +105,10 @@ impl OutFolder {
         self.write_list()
     }
 
-    /// Removes the plots and exports of an earlier report that are not among `written`, the files of the new report.
-    /// Plots of other pages stay, and so do files that cannot be removed and files that somebody changed. In a folder
-    /// of results, which has no list, changed files cannot be recognised and are removed.
+    /// Removes the plots and exports of an earlier report that are not among `written`, the files of the new
+    /// report. Keeps plots of pages other than reports, files that cannot be removed, and files that somebody
+    /// changed. In a folder of results, which has no list, changed files cannot be recognised and are
+    /// removed.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
@@ -116,8 +118,8 @@ impl OutFolder {
         self.remove_listed(|name| super::stale::is_of_report(name) && !is_written(name))
     }
 
-    /// Removes the listed files for whose names `is_stale` is true. Files that somebody changed, and files that
-    /// cannot be removed, stay. A folder of results has no list, so nothing is removed from it.
+    /// Removes the listed files for whose names `is_stale` is true. Keeps files that somebody changed, and
+    /// files that cannot be removed. Removes nothing from a folder of results, which has no list.
     pub fn remove_listed(&mut self, is_stale: impl Fn(&str) -> bool) -> Result<()> {
         let old: Vec<_> = self.made.iter().filter(|(_, name)| is_stale(name)).cloned().collect();
         if old.is_empty() {
@@ -139,8 +141,9 @@ impl OutFolder {
         put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
     }
 
-    /// Returns the maker of a file. The maker is raycl if the list has the file's name with the file's hash, or if the
-    /// file equals the new content. The file counts as changed if the list has its name only with other hashes.
+    /// Finds out whether raycl made a file. raycl made the file if the list has the file's name with the
+    /// file's hash, or if the file equals the new content. The file counts as changed if the list has the
+    /// file's name only with other hashes.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
         let old_hash = hasher.update_reader(file)?.finalize().to_hex().to_string();
@@ -175,7 +178,7 @@ impl OutFolder {
     }
 }
 
-/// Returns the remedy if the folder cannot be made or written to.
+/// Returns the advice to a user whose output folder cannot be made or written to.
 fn remedy(choice: Choice) -> String {
     format!("`{}` writes elsewhere", choice.elsewhere)
 }
@@ -190,7 +193,8 @@ fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// Returns the entries of a list: empty if there is no file, `None` if the file is not a list.
+/// Returns the hashes and names in a list of files: no entries if the list does not exist, and `None` if the
+/// file at `path` is not a list.
 fn read_list(path: &Path) -> Option<BTreeSet<(String, String)>> {
     if path.symlink_metadata().is_err() {
         return Some(BTreeSet::new());
@@ -242,7 +246,7 @@ mod tests {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("plots/one.svg' has been changed since"), "{error}");
         assert!(write(&out, KEEP, "three").is_err());
-        // Since one of the files could not be replaced, none was written.
+        // Since one of the files could not be replaced, no file was written.
         assert_eq!(std::fs::read(out.join("page.html")).unwrap(), b"two");
         write(&out, Choice { force: true, ..KEEP }, "four").unwrap();
         assert_eq!(std::fs::read(out.join("plots/one.svg")).unwrap(), b"four");
@@ -259,7 +263,7 @@ mod tests {
         {
             let error = OutFolder::open(&out, KEEP).err().unwrap();
             assert!(error.exit_code() == 2 && error.to_string().ends_with(end), "{error}");
-            // The file may also appear while the command works.
+            // A file may also appear in the folder's place while the command works.
             let made = OutFolder { path: out, choice: KEEP, results: false, made: BTreeSet::new() };
             let error = made.make_folders(&[]).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().ends_with(end), "{error}");
@@ -365,7 +369,8 @@ mod tests {
         assert!(OutFolder::open(results.path(), KEEP).unwrap().is_known());
     }
 
-    /// A folder of results has no list; raycl treats every file with one of its own file names as its own.
+    /// A folder of results has no list; raycl assumes that it made every file there that has one of raycl's
+    /// file names.
     #[test]
     fn files_of_results_are_replaced_and_stale_plots_removed_without_a_list() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,14 +1,15 @@
-//! The mark by which raycl recognises its own files: a BLAKE3 hash of the file, as hexadecimal digits near the
-//! beginning. The hash excludes its own digits and, in a PNG, the checksum of the chunk that contains them. A mark is
-//! only valid if its hash matches the file.
+//! The mark by which raycl recognises its own files: a BLAKE3 hash of the file, as hexadecimal digits near
+//! the beginning. The hash covers the whole file except the hash's digits and, in a PNG, the checksum of the
+//! chunk that contains these digits. A mark is only valid if the mark's hash matches the file.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Seek as _, SeekFrom, Write};
 use std::ops::Range;
 
-/// Text before the hash's digits.
+/// The text before the hash's digits in a mark.
 const LABEL: &str = "made by raycl, blake3 of the rest: ";
-/// Text before the key that identifies a frame of an animation or a turntable. The key is a hash too.
+/// The text before the key that identifies a frame of an animation or a turntable. The frame's key is a hash
+/// of what determines the picture.
 const KEY_LABEL: &str = "frame of raycl: ";
 /// Number of hexadecimal digits of a hash.
 const DIGITS: usize = 64;
@@ -19,12 +20,12 @@ const HEAD_BYTES: u64 = 4096;
 const PNG_CHUNK: usize = 33;
 const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// The maker of a file.
+/// Whether raycl made a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maker {
-    /// raycl made the file, and nobody has changed it since.
+    /// raycl made the file, and nobody has changed the file since.
     Raycl,
-    /// raycl made the file, and somebody has changed it since.
+    /// raycl made the file, and somebody has changed the file since.
     Changed,
     /// Neither a mark nor the list in the file's folder shows that raycl made the file.
     Other,
@@ -36,7 +37,7 @@ pub fn blank() -> String {
     format!("{LABEL}{}", "0".repeat(DIGITS))
 }
 
-/// Returns the offset at which a chunk is inserted into a PNG, and this chunk, which contains a blank mark.
+/// Returns a PNG chunk that contains a blank mark, and the offset at which the chunk is inserted into a PNG.
 pub fn png() -> (usize, Vec<u8>) {
     let text = [b"Comment\0", blank().as_bytes()].concat();
     let length = (text.len() as u32).to_be_bytes();
@@ -52,7 +53,8 @@ pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
     (position, [&chunk[..], &length, &text, &checksum].concat())
 }
 
-/// Returns the key of the frame in a file; `None` if raycl did not make the file as a frame, or somebody changed it.
+/// Returns the key of the frame in a file; `None` if raycl did not make the file as a frame, or if somebody
+/// changed the file.
 pub fn key(file: &mut File) -> Option<String> {
     let mark = MarkInFile::read(file).ok()??;
     let unchanged = mark.head[mark.hole.clone()] == mark.filled;
@@ -73,7 +75,7 @@ pub fn seal(file: &mut File) -> Result<()> {
     file.write_all(&mark.filled)
 }
 
-/// Returns the maker of a file, as the file's mark shows it.
+/// Finds out, from the mark in a file, whether raycl made the file and whether the file is unchanged.
 pub fn maker(file: &mut File) -> Result<Maker> {
     Ok(match MarkInFile::read(file)? {
         None => Maker::Other,
@@ -82,8 +84,8 @@ pub fn maker(file: &mut File) -> Result<Maker> {
     })
 }
 
-/// The mark in a file: the file's first bytes, the range of these bytes that the hash excludes, and the bytes that an
-/// unchanged file has in this range.
+/// The mark in a file: the file's first bytes (`head`), the range of these bytes that the hash excludes
+/// (`hole`), and the bytes that an unchanged file has in this range (`filled`).
 struct MarkInFile {
     head: Vec<u8>,
     hole: Range<usize>,
@@ -104,7 +106,7 @@ impl MarkInFile {
 }
 
 /// Returns the range of bytes that is excluded from the hash: the hash's digits and, in a PNG, the checksum
-/// of the chunk that contains them. `None` if there is no mark.
+/// of the chunk that contains them. Returns `None` if the file has no mark.
 fn hole(head: &[u8]) -> Option<Range<usize>> {
     let label = head.windows(LABEL.len()).position(|bytes| bytes == LABEL.as_bytes())?;
     let start = label + LABEL.len();
@@ -112,7 +114,8 @@ fn hole(head: &[u8]) -> Option<Range<usize>> {
     (end <= head.len()).then_some(start..end)
 }
 
-/// Returns the bytes with which the range `hole` must be filled: the hash's digits and, in a PNG, the chunk's checksum.
+/// Returns the bytes that replace the zeros in the range `hole`: the hash's digits and, in a PNG, the chunk's
+/// checksum.
 fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     let mut bytes = hash.to_hex().as_bytes().to_vec();
     // A PNG's checksum covers the chunk's type and contents.
@@ -257,8 +260,8 @@ mod tests {
         assert_eq!(checksum, crc32fast::hash(chunk).to_be_bytes());
     }
 
-    /// A program that reads PNGs skips chunks that it does not know. For this purpose, the length in each chunk must be
-    /// right.
+    /// A program that reads PNGs skips chunks that it does not know. To find the next chunk, the program
+    /// needs the right length in each chunk.
     #[test]
     fn the_chunks_of_a_frames_mark_and_key_have_right_lengths() {
         let key = "5".repeat(DIGITS);

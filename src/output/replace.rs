@@ -11,7 +11,7 @@ use std::io::{Error as IoError, ErrorKind, Result as IoResult};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// The user's choice for files that raycl did not make.
+/// Whether a command may replace files that raycl did not make, and how the user can choose another path.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
     /// True if files that raycl did not make may be replaced.
@@ -23,7 +23,8 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Returns the choice of a user whose command has the option `--force`, which is given if `force` is true.
+    /// Returns the choice for a command that has the option `--force`. `force` is true if the user gave this
+    /// option.
     pub const fn new(force: bool, elsewhere: &'static str) -> Self {
         Self { force, elsewhere, has_force: true }
     }
@@ -33,24 +34,24 @@ impl Choice {
         Self { force: false, elsewhere, has_force: false }
     }
 
-    /// Returns the remedy if a file is not replaced. The remedy names `--force`, if the command has this option, and
-    /// the option for another output path.
+    /// Returns the advice to a user whose file is not replaced. The advice names `--force`, if the command
+    /// has this option, and the option that sets another output path.
     fn help(self, what_force_does: &str) -> String {
         let force = if self.has_force { format!("`--force` {what_force_does}, ") } else { String::new() };
         format!("{force}`{}` writes elsewhere", self.elsewhere)
     }
 
-    /// Returns the remedy if no file can be created in a folder.
+    /// Returns the advice to a user in whose folder no file can be created.
     fn other_folder(self) -> String {
         format!("write to another folder with `{}`", self.elsewhere)
     }
 }
 
-/// Whether a file name is free, or in use by a file that may be replaced.
+/// Whether a path is free, or names a file that may be replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Name {
     Free,
-    /// A file has this name and may be replaced.
+    /// A file has this path and may be replaced.
     Replaceable,
 }
 
@@ -98,9 +99,9 @@ pub(super) fn permit(
 }
 
 /// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the
-/// process ends while it writes, no incomplete file stays, except on file systems without unnamed files.
+/// process ends while `write` runs, no incomplete file stays, except on file systems without unnamed files.
 /// Before the file is put into its place, the path is checked again, since another program may have created a
-/// file there meanwhile.
+/// file at the path meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
@@ -123,8 +124,8 @@ pub(super) fn put(
     write(unfinished.file()).map_err(failed)?;
     let name = permit(path, choice, &maker)?;
     let must_be_new = name == Name::Free && !choice.force;
-    // The file has no name until `link_to` gives it the final name, so a process that is killed before leaves
-    // no file behind.
+    // The file has no name until `link_to` gives it the final name, so a process that is killed before
+    // `link_to` leaves no file behind.
     if must_be_new && unfinished.link_to(path).map_err(|_| appeared(path, choice))? {
         return Ok(());
     }
@@ -145,8 +146,8 @@ pub(super) fn put(
     }
 }
 
-/// Returns the error for a path that no file can have, such as one with a name that is too long; `None` if `error` has
-/// another cause.
+/// Returns the error for a path that no file can have, such as a path with a name that is too long; `None` if
+/// `error` has another cause.
 fn impossible(path: &Path, choice: Choice, error: &IoError) -> Option<Error> {
     use ErrorKind::{InvalidFilename, IsADirectory, NotADirectory};
     matches!(error.kind(), InvalidFilename | IsADirectory | NotADirectory).then(|| {
@@ -174,19 +175,20 @@ fn closed(path: &Path, error: &IoError) -> String {
     format!("cannot write '{name}': the folder '{folder}' cannot be written to ({})", error.kind())
 }
 
-/// Returns the error for a file that another program made after the last check.
+/// Returns the error for a file that another program made at the output path after raycl last checked the
+/// path.
 fn appeared(path: &Path, choice: Choice) -> Error {
     let message = format!("another program made '{}' in the meantime", path.display());
     Error::input(message).with_help(choice.help("replaces it"))
 }
 
-/// Renames a file to a name that must not exist.
+/// Renames a file to a name that no other file may have.
 fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Some file systems cannot rename a file without the risk of replacing another file. On these file
-        // systems, this function first reserves the name with an empty file.
+        // Some file systems cannot rename a file without the risk of replacing another file. On such a file
+        // system, this function first reserves the name with an empty file.
         Err(error) => {
             File::create_new(path)?;
             replace(error.file, path).inspect_err(|_| {
@@ -209,9 +211,11 @@ fn keep_permissions(new: &NamedTempFile, replaced: &Path) {
     // A link has no permissions of its own.
     let old = replaced.symlink_metadata().ok().filter(std::fs::Metadata::is_file);
     let (Some(old), Ok(own)) = (old, new.as_file().metadata()) else { return };
-    // The permissions of the replaced file's group are not meant for another group.
+    // If the new file belongs to another group, it does not get the replaced file's permissions for the
+    // group.
     let kept = if old.gid() == own.gid() { 0o777 } else { 0o707 };
-    // Later commands must be able to read the file, to see that raycl made it.
+    // The owner must be able to read the file, so that later commands of raycl can see that raycl made the
+    // file.
     let mode = (old.mode() & kept) | 0o400;
     let _ = new.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
 }
@@ -282,14 +286,14 @@ mod tests {
             assert_eq!(error.to_string(), format!("'{}' {why}", path.display()));
             assert_eq!(error.remedy(), format!("{help}`-o FILE` writes elsewhere"));
         }
-        // Some commands have no option `--force`, and functions of the library have no options. In these cases the
-        // remedy does not name `--force`.
+        // Some commands have no option `--force`, and functions of the library have no options. The advice
+        // for commands and functions without `--force` does not name `--force`.
         let without = permit(&name("a.png"), Choice::without_force("-o FILE"), |_| Ok(Maker::Other));
         assert_eq!(without.unwrap_err().remedy(), "`-o FILE` writes elsewhere");
         assert_eq!(permit(&name("b.png"), choice, |_| Ok(Maker::Other)).unwrap(), Name::Free);
         let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
         assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
-        // A shell obeys the remedy's command, whatever the folder's name.
+        // The command that the advice suggests works in a shell, whatever the folder's name.
         for (path, word) in [
             ("nowhere/a.png", "nowhere"),
             ("it's/a.png", r"'it'\''s'"),
@@ -342,7 +346,7 @@ mod tests {
     fn nothing_is_in_the_folder_until_the_file_is_complete() {
         let folder = tempfile::tempdir().unwrap();
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
-        // Not every file system has files without names.
+        // Some file systems have no files without names.
         let has_unnamed = matches!(Unfinished::in_folder(folder.path()).unwrap(), Unfinished::Unnamed(_));
         let path = folder.path().join("a.png");
         for force in [false, true] {

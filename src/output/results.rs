@@ -10,13 +10,13 @@ use crate::record::journals::{
 use std::path::Path;
 
 /// The files that a run may leave if it ends before its first record, for example because the user interrupts
-/// it or the disk is full. Such a run may also leave the files of earlier runs that
+/// it or the disk is full. A run that ends so early may also leave files of earlier runs that
 /// [`is_earlier_environment`] recognises.
 const BEGUN: [&str; 7] = [".lock", ENVIRONMENT, SAMPLES, LAUNCHES, ROUNDS, ANCHORS, IMAGES];
 
-/// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
-/// with the existing files, and could replace some of them. There is no error with `--force`, or if `known` is true
-/// (raycl has written into the folder before).
+/// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its
+/// own files with the existing files, and could replace some of them. Returns no error with `--force`, or if
+/// `known` is true (raycl has written into the folder before).
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
     if choice.force || known {
         return Ok(());
@@ -40,7 +40,7 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     Err(Error::input(message).with_help(help))
 }
 
-/// Returns true if `path` is one of the files that a run writes before its first record. For a folder
+/// Returns true if `path` is one of the files that a run may write before its first record. For a folder
 /// `images` with pictures in it, returns true only if the file `.lock` is beside the folder.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();

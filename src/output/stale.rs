@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-/// The subfolders for a page's plots and exports.
+/// The subfolders that contain a report's plots and exports.
 pub const FOLDERS: [&str; 2] = ["plots", "exports"];
 
 /// Prefixes of the names of a report's plots and exports. The two exports that every report writes
-/// (`t4-results.json`, `points.csv`) are left out, since a new report replaces them.
+/// (`t4-results.json`, `points.csv`) are left out of this list, since a new report replaces them.
 const BEGINNINGS: [&str; 12] = [
     "devices",
     "heat-",
@@ -25,14 +25,15 @@ const BEGINNINGS: [&str; 12] = [
 /// Extensions of the names of a report's plots and exports.
 const ENDINGS: [&str; 3] = [".svg", ".png", ".json"];
 
-/// Removes plots and exports that the report no longer writes. Files that cannot be removed stay, and do no harm.
+/// Removes plots and exports of earlier reports that the new report did not write. Files that cannot be
+/// removed stay; no page shows these files.
 pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     for folder in FOLDERS {
         for entry in std::fs::read_dir(results.join(folder)).into_iter().flatten().flatten() {
             let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let file = entry.file_type().is_ok_and(|kind| kind.is_file());
             if file && is_of_report(&name) && !is_written(&name) {
-                // If removing fails, the file stays, but no page shows it.
+                // If the file cannot be removed, it stays, but no page shows it.
                 let _ = std::fs::remove_file(entry.path());
             }
         }

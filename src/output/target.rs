@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 /// The path that means standard output.
 const STANDARD_OUTPUT: &str = "-";
 
-/// The remedy if no temporary file can be written.
+/// The advice to a user in whose temporary folder no file can be written.
 const NO_TEMPORARY: &str = "free up space there, set the environment variable TMPDIR to another folder, or write to a file with `-o FILE`";
 
-/// The path of a file to be written.
+/// The path of a file that a command will write, and whether the command may replace an existing file there.
 #[derive(Clone, Debug)]
 pub struct Target {
     path: PathBuf,
@@ -23,7 +23,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Returns the target for a file that the user named.
+    /// Returns the target for an output file that the user named.
     pub fn new(path: impl Into<PathBuf>, choice: Choice) -> Self {
         Self { path: path.into(), choice }
     }
@@ -37,7 +37,7 @@ impl Target {
     /// file's name is this target's name without extension, followed by `ending`.
     #[must_use]
     pub fn with_ending(&self, ending: &str) -> Self {
-        // A name need not be UTF-8, so it is not joined as text.
+        // A file name need not be valid UTF-8, so the parts of the name are joined as `OsString`s.
         let mut name = self.path.file_stem().unwrap_or_default().to_owned();
         name.push(ending);
         Self { path: self.path.with_file_name(name), choice: self.choice }
@@ -65,7 +65,8 @@ impl Target {
     }
 
     /// Returns an error if [`write`](Self::write) would refuse the path, or if this process may not create
-    /// files in the file's folder. Commands call this function before their work.
+    /// files in the file's folder. Commands call `check` before their work, so that a wrong path is reported
+    /// at once.
     pub fn check(&self) -> Result<()> {
         if self.is_standard_output() {
             return Ok(());
@@ -77,8 +78,8 @@ impl Target {
 
     /// Returns an error if the file exists and the command reads it: not even `--force` replaces a file that
     /// the command reads. `is_read` gets the file's path, with a canonical folder, and returns true if the
-    /// command has read this file or tried to. In the message, `what` says what the file is, such as "a file
-    /// of the scene".
+    /// command has read, or tried to read, this file. In the message, `what` says what the file is, such as
+    /// "a file of the scene".
     pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
         let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
         // A file that does not exist is not replaced, even if the command tried to read it.
@@ -102,7 +103,8 @@ impl Target {
         })
     }
 
-    /// Writes indented JSON with a mark. If the target is a file, its data is on the disk when the function returns.
+    /// Writes indented JSON with a mark. If the target is a file, the file's data is on the disk when this
+    /// function returns.
     pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
         let text = mark::json(&text);
@@ -124,8 +126,8 @@ fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<(
     copy(file, &mut std::io::stdout().lock())
 }
 
-/// Copies the rest of a file to `out`, which is standard output. A closed pipe is not an error: its reader needs no
-/// more of the file.
+/// Copies a file, from its current position on, to `out`, which is standard output. A closed pipe is not an
+/// error: the program that reads the pipe needs no more of the file.
 fn copy(mut file: File, out: &mut impl Write) -> Result<()> {
     match std::io::copy(&mut file, out).and_then(|_| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::unwritable_output(&error)),
@@ -133,9 +135,9 @@ fn copy(mut file: File, out: &mut impl Write) -> Result<()> {
     }
 }
 
-/// Writes a temporary file without a name in a folder, and returns it, to be read from its beginning. If no file can be
-/// created in the folder, the temporary file is in memory, so that a container whose folders are read-only can write to
-/// standard output.
+/// Writes a temporary file without a name in a folder, and returns the file, positioned at its beginning. If
+/// no file can be created in the folder, the temporary file is in memory, so that a container whose folders
+/// are read-only can write to standard output.
 fn temporary(folder: &Path, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<File> {
     let written = || -> IoResult<File> {
         let mut file = tempfile::tempfile_in(folder).or_else(|error| in_memory().map_err(|_| error))?;
@@ -238,7 +240,7 @@ mod tests {
         assert!(!missing.exists());
     }
 
-    /// Standard output that cannot be written to, for this reason.
+    /// A standard output that cannot be written to, for the given reason.
     struct Closed(ErrorKind);
 
     impl Write for Closed {
@@ -262,7 +264,8 @@ mod tests {
         assert!(error.exit_code() == 1 && error.remedy().contains("free up space"), "{}", error.remedy());
     }
 
-    /// If another program makes a file at the target's path during the write, that file is not replaced.
+    /// If another program makes a file at the target's path while raycl writes, raycl does not replace the
+    /// other program's file.
     #[test]
     fn what_comes_or_changes_meanwhile_stays() {
         let folder = tempfile::tempdir().unwrap();
@@ -348,8 +351,8 @@ mod tests {
         let expected = "cannot write '/proc/sys/a.png': the folder '/proc/sys' cannot be written to (";
         assert!(error.to_string().starts_with(expected), "{error}");
         assert_eq!(error.remedy(), "write to another folder with `-o FILE`");
-        // `check_folder` accepts the folder: if all frames of a moving picture exist already, none has to be written
-        // there.
+        // `check_folder` accepts the folder: if all frames of a moving picture exist already, no frame has to
+        // be written into the folder.
         target.check_folder().unwrap();
     }
 }

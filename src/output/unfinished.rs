@@ -9,24 +9,25 @@ use tempfile::NamedTempFile;
 /// A file that is not complete yet.
 #[derive(Debug)]
 pub(super) enum Unfinished {
-    /// A file without a name. The system removes it when this process ends, even if the process is killed. So a command
-    /// that writes a file for minutes leaves nothing behind when it is interrupted.
+    /// A file without a name. The system removes such a file when this process ends, even if the process is
+    /// killed. So a command that writes a file for minutes leaves nothing behind when it is interrupted.
     Unnamed(File),
     /// A file with a temporary name, where the system or the file system has no files without names.
     Named(NamedTempFile),
 }
 
 impl Unfinished {
-    /// Creates a file that will be put into this folder.
+    /// Creates an unfinished file on the file system of the folder in which the complete file will be.
     pub fn in_folder(folder: &Path) -> IoResult<Self> {
         match unnamed_in(folder) {
             Ok(file) => Ok(Self::Unnamed(file)),
-            // If no file at all can be created in the folder, the second attempt fails too, and its error says why.
+            // If no file at all can be created in the folder, creating a file with a temporary name fails
+            // too, and the error of this second attempt says why.
             Err(_) => temporary_in(folder).map(Self::Named),
         }
     }
 
-    /// Returns the file, to be written.
+    /// Returns the unfinished file, so that the caller can write it.
     pub fn file(&mut self) -> &mut File {
         match self {
             Self::Unnamed(file) => file,
@@ -34,12 +35,12 @@ impl Unfinished {
         }
     }
 
-    /// Gives the complete file the final name `path`, and returns true. Returns false if the file already has
-    /// a temporary name, or can get a name only by being copied.
+    /// Gives the complete file the final name `path`, and returns true. Returns false, and does nothing, if
+    /// the file already has a temporary name, or can get a name only by being copied.
     ///
     /// # Errors
     ///
-    /// Fails if another file has the name.
+    /// Fails if another file has the name `path`.
     pub fn link_to(&self, path: &Path) -> IoResult<bool> {
         let Self::Unnamed(file) = self else { return Ok(false) };
         match link(file, path) {
@@ -49,7 +50,8 @@ impl Unfinished {
         }
     }
 
-    /// Gives the complete file a temporary name in its folder, so that it can be renamed and can replace another file.
+    /// Gives the complete file a temporary name in its folder, so that it can then be renamed and replace
+    /// another file.
     pub fn named(self, folder: &Path) -> IoResult<NamedTempFile> {
         match self {
             Self::Unnamed(file) => linked(&file, folder).or_else(|_| copied(file, folder)),
@@ -85,7 +87,8 @@ fn copied(mut file: File, folder: &Path) -> IoResult<NamedTempFile> {
 fn unnamed_in(folder: &Path) -> IoResult<File> {
     use rustix::fs::{Mode, OFlags, open};
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-    // A program usually creates files with these permissions; the umask takes some of them away.
+    // Programs usually create files with the permissions 0o666; the system removes those that the umask
+    // forbids.
     let file = open(folder, flags, Mode::from_raw_mode(0o666))?;
     Ok(File::from(file))
 }
@@ -126,7 +129,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut file = Unfinished::in_folder(folder.path()).unwrap();
         file.file().write_all(b"whole").unwrap();
-        // Not every file system has files without names.
+        // On file systems without unnamed files, the unfinished file has a temporary name.
         let named = usize::from(unnamed_in(folder.path()).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), named);
         let file = file.named(folder.path()).unwrap();

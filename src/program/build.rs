@@ -13,32 +13,33 @@ use std::ffi::CString;
 use std::time::Instant;
 use thiserror::Error;
 
-/// The option with which NVIDIA's compiler prints registers and spills into the build log. This option is not part of a
-/// [`ProgramSpec`], since it does not change the code.
+/// The option with which NVIDIA's compiler prints each kernel's registers and spills into the build log. This
+/// option is not part of a [`ProgramSpec`], since the option does not change the compiled code.
 const VERBOSE: &str = "-cl-nv-verbose";
 /// An environment variable that turns off the cache of NVIDIA's compiler if the variable's value is 1. The
-/// compiler prints messages only when it compiles, not when it takes a program from its cache.
+/// compiler prints registers and spills only when it compiles a program, not when it takes the program from
+/// its cache.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
-/// The compiler rejected a program, or the driver could not compile it.
+/// The error if the compiler rejected a program, or if the driver could not compile the program.
 #[derive(Debug, Error)]
 #[error("{log}")]
 pub struct BuildError {
     /// The compiler's messages.
     pub log: String,
-    /// True if the program contains a kernel file that the user added or changed. The mistake is then the
-    /// user's, since raycl's own files compile.
+    /// True if the program contains a kernel file that the user added or changed. If so, the mistake is in
+    /// the user's file, since raycl's own files compile.
     pub has_own_file: bool,
-    /// True if the same build may succeed later, for example because memory was missing. The program may be
-    /// correct.
+    /// True if the same build may succeed later: it failed for a reason that has nothing to do with the
+    /// program, such as a lack of memory.
     pub may_pass: bool,
 }
 
 impl BuildError {
     /// Replaces the names of kernel files in the log by their paths, and sets `has_own_file`. The compiler
     /// names a file relative to `cl/` or to the user's folder, or only states a line number in the whole
-    /// program. An error that may not occur again (`may_pass`), such as missing memory, says nothing about
-    /// the program, so its log stays as it is.
+    /// program. The log of an error that may not occur again (`may_pass`), such as a lack of memory, stays
+    /// unchanged, since such an error says nothing about the program.
     pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {
         if self.may_pass {
             return self;
@@ -53,7 +54,8 @@ impl BuildError {
 pub struct BuiltProgram {
     /// The OpenCL program.
     pub program: Program,
-    /// Time for the build. The time is short if the driver takes the program from its own cache.
+    /// The time that the build took. The build is short if the driver takes the program from the driver's own
+    /// cache.
     pub build_ms: f64,
     /// True if the program came from raycl's cache, and nothing was compiled.
     pub from_cache: bool,
@@ -69,8 +71,9 @@ pub struct BuiltProgram {
 }
 
 impl BuiltProgram {
-    /// Takes the program from raycl's cache, or compiles the program if the cache does not contain it. A
-    /// compiled program is stored at once if the driver can return its binary without further work.
+    /// Takes the program from raycl's cache, or compiles the program if the cache does not contain it. Stores
+    /// a compiled program in the cache at once if the driver can return the program's binary without
+    /// compiling again.
     pub fn build(
         context: &Context,
         device: Device,
@@ -115,9 +118,9 @@ impl BuiltProgram {
         programs.find(&programs.key(&spec.source, &options(device, spec))).is_some()
     }
 
-    /// Stores the compiled program in raycl's cache. Returns true if the cache now contains the program. A
-    /// program without its messages ([`Self::lacks_log`]) is not stored. Storing may take long, because some
-    /// drivers compile every kernel again to return the binary.
+    /// Stores the compiled program in raycl's cache. Returns true if the cache now contains the program. Does
+    /// not store a program whose compiler messages are missing ([`Self::lacks_log`]). Storing may take long,
+    /// because some drivers compile every kernel again to return the binary.
     pub fn store(&self) -> bool {
         if self.from_cache || !self.programs.is_usable() {
             return self.from_cache;
@@ -129,8 +132,9 @@ impl BuiltProgram {
         !binary.is_empty() && self.programs.store(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
-    /// Returns true if the compiler can print registers, but printed none. In this case, the driver took the
-    /// program from its own cache, since the compiler prints registers only when it compiles.
+    /// Returns true if the compiler can print the kernels' registers, but printed nothing. The reason is that
+    /// the driver took the program from the driver's own cache; the compiler prints registers only when it
+    /// compiles.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
     }
@@ -141,10 +145,10 @@ impl BuiltProgram {
         self.store().then_some(&self.key)
     }
 
-    /// Loads the program once from raycl's cache. This happens only if this process compiled and stored the
-    /// program, and if the program's binary is PTX. A driver that returns PTX compiles this PTX when the
-    /// program is loaded, in addition to its earlier compilation of the source. The driver's cache then
-    /// contains the machine code for the next process.
+    /// Loads the program once from raycl's cache, if this process has compiled and stored the program and the
+    /// program's binary is PTX. A driver whose binaries are PTX compiles the PTX to machine code when the
+    /// program is loaded. Loading the program now puts this machine code into the driver's cache, where the
+    /// next process finds it.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;
@@ -154,7 +158,8 @@ impl BuiltProgram {
         }
     }
 
-    /// Returns the compiler's messages, or an empty text if there are none.
+    /// Returns the compiler's messages about the program, or an empty text if the compiler printed no
+    /// messages.
     pub fn log(&self) -> String {
         if let Some(log) = &self.cached_log {
             return log.clone();
@@ -164,8 +169,8 @@ impl BuiltProgram {
         log.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
     }
 
-    /// Returns the program's binary; empty if the driver returns none. To return the binary, some drivers recompile
-    /// every kernel.
+    /// Returns the program's binary, or no bytes if the driver does not return a binary. To return the
+    /// binary, some drivers recompile every kernel.
     pub fn binary(&self) -> Vec<u8> {
         match self.program.info(ProgramInfo::Binaries) {
             Ok(ProgramInfoResult::Binaries(binaries)) => {
@@ -175,8 +180,8 @@ impl BuiltProgram {
         }
     }
 
-    /// Returns the binary if it is PTX text, else an empty text. Only a compiler that can print registers
-    /// (NVIDIA's) is asked for the binary.
+    /// Returns the program's binary if the binary is PTX text, else an empty text. Queries the binary only if
+    /// the compiler can print registers (NVIDIA's can), since other drivers do not return PTX.
     pub fn ptx(&self) -> String {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }
@@ -184,8 +189,8 @@ impl BuiltProgram {
 }
 
 /// Returns a program's compiler options, and the option that makes the device's compiler print the kernels'
-/// resources. A compiler that cannot print resources gets, if it has one, the option that stops its output to
-/// the terminal.
+/// resources. If the compiler cannot print resources, adds the option that stops its output to the terminal,
+/// if it has such an option.
 fn options(device: Device, spec: &ProgramSpec) -> String {
     let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
     format!("{} {more}", spec.options).trim_end().to_owned()
@@ -200,14 +205,14 @@ fn refusal(error: CallError) -> BuildError {
 fn load(context: &Context, device: Device, stored: &StoredProgram, options: &str) -> Option<Program> {
     let options = CString::new(options).ok()?;
     let program = create_program_with_binary(context.as_core(), &[device], &[&stored.binary]).ok()?;
-    // If loading fails, the program is compiled instead, so the driver's messages about the failure are
-    // dropped.
+    // If loading fails, the caller compiles the program instead, so the driver's messages about the failure
+    // are dropped.
     build(program, device, &options).inspect_err(|_| forget_failures()).ok()
 }
 
 /// Returns true if the device's compiler has an option to print a kernel's registers and spills. The function
 /// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) returns the same answer, but
-/// needs more than the device's handle.
+/// needs a `DeviceInfo` instead of a device handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions
@@ -240,33 +245,34 @@ mod tests {
             located.log
         };
         let shade = format!("{}/cast/shade.cl", folder.path().display());
-        // NVIDIA's compiler names no file.
+        // NVIDIA's compiler names no file, only a line of the whole program.
         assert_eq!(located("<kernel>:3:1: error: no"), format!("{shade}:2:1: error: no"));
         assert_eq!(located("error: cast/shade.cl:1:1: no"), format!("error: {shade}:1:1: no"));
-        // In the next two cases, the message must also name the user's file. In the first, the compiler names
-        // a built-in file, which may use a name that the user's file defines wrongly. In the second, the
-        // compiler names no file.
+        // In the next two cases, the compiler's message does not name the user's file, so raycl's message
+        // must add it. In the first case, the compiler names a built-in file, which may use a name that the
+        // user's file defines wrongly. In the second case, the compiler names no file.
         let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
         let note = "\nnote: cast/shade.cl:2:2: it is declared here";
         let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));
         let note = format!("\nnote: {shade}:2:2: it is declared here");
         assert_eq!(other, format!("{why}error: cl/cast/scene.cl:1:1: no{note}"));
         assert_eq!(located("error: no"), format!("{why}error: no"));
-        // If the program contains no file of the user's folder, the mistake is not the user's.
+        // If the program contains no file from the user's folder, the mistake is not in a user's file.
         let built_in = error("error: cast/scene.cl:1:1: no").located(&sources, &spec(&files[1..]));
         assert!(!built_in.has_own_file && built_in.log.starts_with("error: cl/cast/scene.cl"), "{built_in}");
         // The driver's lack of memory says nothing about the program.
         let status = "Status error code: CL_OUT_OF_HOST_MEMORY (-6)";
         let lacking = BuildError { may_pass: true, ..error(status) }.located(&sources, &spec(&files));
         assert_eq!((lacking.log.as_str(), lacking.has_own_file), (status, false));
-        // An unchanged copy of a built-in file is not to blame.
+        // An unchanged copy of a built-in file in the user's folder is not reported as the cause.
         let copied = Sources::Embedded.read("cast/shade.cl").expect("a kernel file");
         std::fs::write(folder.path().join("cast/shade.cl"), copied).expect("a file");
         let copy = error("error: cast/scene.cl:1:1: no").located(&sources, &spec(&files));
         assert_eq!((copy.log.as_str(), copy.has_own_file), ("error: cl/cast/scene.cl:1:1: no", false));
     }
 
-    /// Only NVIDIA's compiler prints registers. The test gives the program of any compiler the messages of NVIDIA's.
+    /// Only NVIDIA's compiler prints registers. So that the test runs with any compiler, it gives the program
+    /// the messages of NVIDIA's compiler.
     #[test]
     fn a_program_whose_messages_are_missing_is_not_stored() {
         let device = discover(&Sources::Embedded).expect("the tests need PoCL: make setup").remove(0);

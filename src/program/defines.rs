@@ -1,4 +1,4 @@
-//! The values of the defines that the manifest (`crate::manifest`) lists for compilation.
+//! Computes the values of the defines that the manifest (`crate::manifest`) lists for a kernel family.
 
 use crate::accel::{NORMAL_FLOATS, PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
@@ -9,7 +9,7 @@ use crate::manifest::{
 use crate::scene::{LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Strategy, Workload};
 
-/// The defines that say whether a property holds: 1 if it holds, otherwise 0.
+/// The defines that state whether the strategy or scene has a property: 1 if it does, otherwise 0.
 const SWITCHES: &[(&str, Fact)] = &[
     ("TREE", Fact::Tree),
     ("PLANES_OF_ORIGIN", Fact::Planes),
@@ -25,7 +25,7 @@ const SWITCHES: &[(&str, Fact)] = &[
     ("GIVEN_RAYS", Fact::GivenRays),
 ];
 
-/// Returns the value of a define; `None` if the define is unknown.
+/// Returns the value of the define `name`; `None` if no define has this name.
 pub(super) fn value_of(
     name: &str,
     strategy: &Strategy,

@@ -1,10 +1,11 @@
-//! Lists the kernels of a program that frames can need.
+//! Lists the kernels of a program that can run when a frame is cast.
 
 use crate::manifest::Role;
 use crate::strategy::{Strategy, Workload};
 
 /// Returns the kernels that frames with one sample per pixel can need, in the order in which they first run.
-/// A kernel that prepares records is included, although it runs only once per scene.
+/// The list includes a kernel that prepares records (precomputed rows of triangles), although such a kernel
+/// runs only once per scene.
 pub fn frame_kernels(strategy: &Strategy, workload: &Workload) -> Vec<&'static str> {
     let has_light = workload.lights > 0 || workload.sky;
     let is_needed = |role: Role| match role {

@@ -1,9 +1,9 @@
-//! Decides which includes are followed. An include under `#if NAME` or `#if !NAME` is not followed if the host's
-//! defines make the condition false, so the program does not contain that file. Conditions that the host cannot decide
-//! count as true.
+//! Decides which `#include` lines of kernel files are replaced by the included file. An include under `#if
+//! NAME` or `#if !NAME` is not followed if the host's defines make the condition false, so the program does
+//! not contain the included file. Conditions that the host cannot decide count as true.
 
-/// The conditions around a line, outermost first. A condition that the host does not know is `None`, and
-/// counts as true.
+/// The values of the `#if` conditions around a line, outermost first. A condition that the host cannot decide
+/// is `None`, and counts as true.
 #[derive(Default)]
 pub(super) struct Branches(Vec<Option<bool>>);
 
@@ -32,14 +32,14 @@ impl Branches {
         }
     }
 
-    /// Returns true if the compiler may see the next line: no condition around it is known to be false.
+    /// Returns true if the compiler may see the next line: no condition around the line is known to be false.
     pub fn may_be_live(&self) -> bool {
         !self.0.contains(&Some(false))
     }
 }
 
-/// Returns the value of a condition that is one of the host's defines or the negation of one; `None` for any
-/// other condition.
+/// Returns the value of a condition of the form `NAME` or `!NAME`, where the host defines `NAME`; `None` for
+/// any other condition.
 fn holds(condition: &str, defines: &[(&'static str, u64)]) -> Option<bool> {
     let (name, wanted) = condition.strip_prefix('!').map_or((condition, true), |name| (name, false));
     let (_, value) = defines.iter().find(|(define, _)| *define == name)?;

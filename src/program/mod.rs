@@ -1,4 +1,5 @@
-//! Makes a compiled program from a strategy: joins source files, computes the defines, and compiles.
+//! Makes a compiled OpenCL program from a strategy: joins kernel files, computes the defines, and compiles
+//! the program.
 
 mod build;
 pub mod compiled;

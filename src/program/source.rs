@@ -7,8 +7,8 @@ use crate::sources::{Chain, Sources};
 use crate::strategy::Strategy;
 
 impl Sources {
-    /// Returns a BLAKE3 hash of all files with their names, including those of `--cl-dir`; `None` if a file cannot be
-    /// read.
+    /// Returns a BLAKE3 hash of the names and contents of all kernel files, including the files of
+    /// `--cl-dir`; `None` if a file cannot be read.
     pub fn hash(&self) -> Option<String> {
         let mut hasher = blake3::Hasher::new();
         for name in self.files().ok()? {
@@ -21,22 +21,22 @@ impl Sources {
     }
 }
 
-/// Joins source files.
+/// Joins kernel files, with the files that they include, to one text.
 pub(super) struct Joiner<'a> {
     pub sources: &'a Sources,
     pub strategy: &'a Strategy,
     pub defines: &'a [(&'static str, u64)],
     /// The joined text.
     pub text: String,
-    /// The files that make up the text, each once, in order.
+    /// The files that the joined text consists of, each file once, in the order of the text.
     pub files: Vec<String>,
-    /// The files that are being added, outermost first: each includes the next one.
+    /// The files that are being added, outermost first: each file of the list includes the next file.
     pub chain: Chain,
 }
 
 impl Joiner<'_> {
-    /// Adds a file and everything that it includes. `#line` directives make compilers report the original
-    /// file and line.
+    /// Adds a file, and all files that this file includes. `#line` directives make compilers report the
+    /// original file and line.
     pub fn add(&mut self, name: &str) -> Result<()> {
         let text = self.sources.read(name)?;
         self.add_text(name, &text)
@@ -79,8 +79,8 @@ impl Joiner<'_> {
     }
 }
 
-/// Replaces the first `{AXIS}` in a path by the strategy's value on this axis. In the value, `_` replaces
-/// `-`.
+/// Replaces the first `{AXIS}` in a path by the strategy's value on this axis. Each `-` in the value becomes
+/// `_`.
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {

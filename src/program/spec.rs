@@ -1,4 +1,4 @@
-//! The input of the compiler for a point: source text and defines, with their hash.
+//! The input of the OpenCL compiler for a measured point: source text and defines, with a hash of both.
 
 use super::defines::value_of;
 use super::source::Joiner;
@@ -9,12 +9,12 @@ use crate::sources::{Chain, Sources};
 use crate::strategy::{Axis, Copied, Math, Strategy, Workload};
 use std::slice;
 
-/// Everything that determines a compiled program, except the compiler.
+/// Everything that determines a compiled program, except the compiler itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProgramSpec {
     /// The source in OpenCL C.
     pub source: String,
-    /// The compiler's options, defines first, in a fixed order.
+    /// The compiler's options, in a fixed order: first the defines, then all other options.
     pub options: String,
     /// The files under `cl/` that the source consists of.
     pub files: Vec<String>,
@@ -35,10 +35,10 @@ impl ProgramSpec {
         Ok(spec)
     }
 
-    /// Makes the compiler's input as [`Self::new`] does, but leaves out the check of the user's file of the axis
-    /// `triangles`. This check consists of `#error` lines. They stop the compiler if the file's macros disagree
-    /// with the key `copied` in the file's header. `raycl kernel` prints the program without these lines, so that
-    /// a user who gets such an error can look for its cause in the printed program.
+    /// Makes the compiler's input as [`Self::new`] does, but leaves out the check of the user's file of the
+    /// axis `triangles`. The check consists of `#error` lines, which stop the compiler if the file's macros
+    /// disagree with the key `copied` in the file's header. `raycl kernel` prints the program without these
+    /// lines, so that a user who gets such an error can look for its cause in the printed program.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,
@@ -84,10 +84,10 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
     options.join(" ")
 }
 
-/// Returns lines at which a compiler stops if the macros of the user's file of the axis `triangles` disagree
-/// with the file's header. The picture could otherwise be wrong, since the host makes defines such as
-/// `TRIANGLES` from the header. Returns no lines if the program does not contain a user's file of the axis
-/// `triangles`, or if this file equals the built-in file.
+/// Returns `#error` lines at which a compiler stops if the macros of the user's file of the axis `triangles`
+/// disagree with the file's header. Without these lines, such a file could make a wrong picture, since the
+/// host makes defines such as `TRIANGLES` from the header. Returns no lines if the program does not contain a
+/// user's file of the axis `triangles`, or if this file equals the built-in file.
 fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) -> Result<String> {
     let file = format!("cast/triangles/{}.cl", strategy.triangles.name().replace('-', "_"));
     if !files.contains(&file) || sources.changed_paths(slice::from_ref(&file)).is_empty() {
@@ -168,7 +168,8 @@ mod tests {
             };
             assert!(as_expected, "{to}: {message:?}");
         }
-        // Programs of built-in files get no such lines, since their hashes must stay those of their stored records.
+        // Programs of built-in files get no check lines, so that the programs' hashes stay equal to the
+        // hashes in stored records.
         assert!(!spec_of(&Sources::Embedded).source.contains("in the header of this file"));
     }
 

@@ -1,28 +1,28 @@
-//! Stores compiled programs in the cache.
+//! Stores compiled OpenCL programs in raycl's cache.
 
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 
 /// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
-/// The kind of the cache entries that contain a program's key. Such an entry is found by the program's name,
-/// a text that identifies the program before its key is known. If a program uses a tree, one of its defines
-/// (the stack size), and thus its key, is known only once the tree is built. With the name, raycl finds out
-/// before the tree is built whether the program is stored.
+/// The kind of the cache entries that contain a program's key. raycl finds such an entry by the program's
+/// name, a text that identifies the program before the program's key is known. If a program uses a tree, one
+/// of its defines (the stack size), and thus its key, is known only once the tree is built. With the name,
+/// raycl can find out whether the program is stored before it builds the tree.
 const NAME_KIND: &str = "name";
 
 /// The environment variable with which raycl starts a process again after a crash that a stored program may
 /// have caused. The new process compiles its programs again, and removes the stored programs.
 pub const AFRESH: &str = "RAYCL_COMPILE_AFRESH";
 
-/// The cache for a device's programs. The default value stores nothing.
+/// The cache for the compiled programs of one device. `ProgramCache::default()` stores nothing.
 #[derive(Clone, Debug, Default)]
 pub struct ProgramCache {
     cache: Cache,
     /// Everything besides a program's source and options that affects the compiled code.
     compiler: String,
     at_hand: bool,
-    /// True if stored programs are removed instead of loaded.
+    /// True if this process removes stored programs instead of loading them (see [`AFRESH`]).
     afresh: bool,
 }
 
@@ -30,18 +30,18 @@ pub struct ProgramCache {
 pub struct StoredProgram {
     /// The compiler's messages.
     pub log: String,
-    /// The binary for the driver.
+    /// The binary from which the driver loads the program.
     pub binary: Vec<u8>,
 }
 
 impl ProgramCache {
-    /// Returns the cache for the programs of this device and its driver.
+    /// Returns the cache for the compiled programs of a device and its driver.
     pub fn of(cache: Cache, device: &DeviceInfo) -> Self {
         let afresh = std::env::var_os(AFRESH).is_some();
         Self { cache, compiler: device.compiler(), at_hand: device.has_binaries_at_hand(), afresh }
     }
 
-    /// Returns the key of a program.
+    /// Returns the key under which a program is stored.
     pub fn key(&self, source: &str, options: &str) -> String {
         format!("{}\n{options}\n{}", self.compiler, blake3::hash(source.as_bytes()).to_hex())
     }
@@ -51,13 +51,13 @@ impl ProgramCache {
         self.cache.is_usable()
     }
 
-    /// Returns true if the driver can return a compiled program's binary without further work.
+    /// Returns true if the driver can return a compiled program's binary without compiling again.
     pub fn has_binaries_at_hand(&self) -> bool {
         self.at_hand
     }
 
-    /// Returns the program stored under a key; `None` if no program is stored, or if stored programs are to
-    /// be removed.
+    /// Returns the program stored under a key; `None` if no program is stored, or if this process removes
+    /// stored programs ([`AFRESH`]).
     pub fn find(&self, key: &str) -> Option<StoredProgram> {
         if self.afresh {
             return None;
@@ -66,10 +66,11 @@ impl ProgramCache {
     }
 
     /// Removes the program stored under a key, if an earlier process may have crashed because of a stored
-    /// program.
+    /// program ([`AFRESH`]).
     pub fn distrust(&self, key: &str) {
         if self.afresh && self.cache.get(KIND, key).is_some() {
-            // An entry without content replaces the program, and cannot be read as a program.
+            // The program's entry is replaced by an entry without content, which `find` does not accept as a
+            // program.
             self.cache.put(KIND, key, &[]);
         }
     }
@@ -79,7 +80,7 @@ impl ProgramCache {
         self.cache.put(NAME_KIND, &self.name_key(name), key.as_bytes());
     }
 
-    /// Returns true if the program of this name is stored.
+    /// Returns true if the program with the given name is stored.
     pub fn has(&self, name: &str) -> bool {
         let key = self.cache.get(NAME_KIND, &self.name_key(name)).and_then(|key| String::from_utf8(key).ok());
         key.is_some_and(|key| self.find(&key).is_some())
@@ -89,7 +90,7 @@ impl ProgramCache {
         format!("{}\n{name}", self.compiler)
     }
 
-    /// Stores a program. Returns true if the program was stored.
+    /// Stores a program under a key. Returns true if the program was stored.
     pub fn store(&self, key: &str, program: &StoredProgram) -> bool {
         self.cache.put(KIND, key, &program.to_bytes())
     }

@@ -1,6 +1,7 @@
-//! `anchors.jsonl`: times of the anchor, which is a kernel that never changes. Each device runs the anchor once for
-//! every six samples of its points, or once in every round if a round has fewer samples on the device. With these
-//! times, runs can be compared even if the machine's speed changed between the runs.
+//! `anchors.jsonl`: times of the anchor, which is a kernel that never changes. Each device runs the anchor
+//! once for every six samples of its points, or once in every round if a round has fewer samples on the
+//! device. With the anchor's times, runs can be compared even if the machine's speed changed between the
+//! runs.
 
 use super::plan::CurrentPlan;
 use super::types::Record;
@@ -40,33 +41,34 @@ impl AnchorSample {
     }
 }
 
-/// The samples of one anchor that were measured in some launches.
+/// The times of one anchor in some launches.
 pub(super) struct AnchorTimes<'a> {
     /// The anchor's name.
     pub name: &'a str,
     /// The device's name.
     pub device: &'a str,
-    /// The samples, without those during which other programs used the processors (preempted samples).
+    /// The anchor's samples, except preempted samples (those during which other programs used the
+    /// processors).
     pub remaining: Vec<&'a AnchorSample>,
     /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample lacks one of these
     /// times.
     pub utilization: Option<AnchorUtilization>,
 }
 
-/// The ratio of an anchor's processor time to its elapsed time. Other programs that delay the anchor lower
-/// this ratio.
+/// The ratio of an anchor's processor time to its elapsed time. If other programs delay the anchor, this
+/// ratio becomes smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AnchorUtilization {
     /// The median of the ratios of the remaining samples ([`AnchorTimes::remaining`]).
     pub remaining: f64,
     /// The ratio for all samples together, including the preempted samples. Other programs delay a point with
-    /// long frames about as much as all samples of the anchor together.
+    /// long frames about as much as they delay all samples of the anchor together.
     pub overall: f64,
 }
 
 impl<'a> AnchorTimes<'a> {
-    /// Returns one `AnchorTimes` per name and device of an anchor, with the samples of the launches
-    /// `launches`.
+    /// Returns one `AnchorTimes` for each pair of an anchor's name and a device, with the samples of the
+    /// given launches.
     pub(super) fn of_launches(launches: &HashSet<u32>, samples: &'a [AnchorSample]) -> Vec<Self> {
         let mut anchors: BTreeMap<(&str, &str), Vec<&AnchorSample>> = BTreeMap::new();
         for sample in samples.iter().filter(|sample| launches.contains(&sample.launch)) {
@@ -93,11 +95,11 @@ impl AnchorUtilization {
 }
 
 /// In the samples of anchors, replaces the names of devices by the names in the plan (the list of a run's
-/// points). `records` are records of the same folder, with the names under which they were stored. A device's
-/// name depends on the machine's other devices, so an earlier session may have used another name than the
-/// plan. For each sample, the record with the same launch and device shows the new name. If there is no such
-/// record, for example after a session that was interrupted, the sample gets the device name of other samples
-/// with the same anchor name.
+/// points). `records` are records of the same folder, with the device names under which they were stored. A
+/// device's name depends on the machine's other devices, so an earlier session may have used another name
+/// than the plan. For each sample, the record with the same launch and device shows the new name. If no
+/// record has the same launch and device, for example after an interrupted session, the sample gets the
+/// device name of other samples with the same anchor name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,
@@ -134,8 +136,8 @@ mod tests {
             ..Record::default()
         };
         let plan = CurrentPlan::of(&[record("a", "pocl-cpu", 0), record("b", "intel-cpu", 0)]);
-        // In each earlier session, the machine had only one device, which had the name "cpu". The launch 3
-        // belongs to no record.
+        // In each earlier session, the machine had only one device, which had the name "cpu". No record was
+        // measured in launch 3.
         let records = [record("a", "cpu", 0), record("b", "cpu", 1), record("hidden", "cpu", 2)];
         let anchor = |name: &str, launch: u32| AnchorSample {
             anchor: name.into(),
@@ -148,7 +150,8 @@ mod tests {
         assert_eq!(anchors.map(|anchor| anchor.device), ["pocl-cpu", "pocl-cpu", "intel-cpu", "cpu"]);
     }
 
-    /// The device's time does not include the time in which the process waits for the device.
+    /// The utilization is relative to the host's clock, since the device time does not include the time in
+    /// which the process waits for the device.
     #[test]
     fn an_anchors_utilization_is_relative_to_the_time_on_the_hosts_clock() {
         let sample =
@@ -173,7 +176,7 @@ mod tests {
         assert_eq!(times, [5.0; 6]);
         // The nine samples used 90 ms of processor time in 90 ms of elapsed time.
         assert_eq!(anchors[0].utilization, Some(AnchorUtilization { remaining: 2.0, overall: 1.0 }));
-        // Files of earlier versions have no processor times.
+        // Files that earlier versions of raycl wrote have no processor times.
         samples[3].processor_ms = None;
         let anchors = AnchorTimes::of_launches(&launches, &samples);
         assert_eq!((anchors[0].remaining.len(), anchors[0].utilization), (9, None));

@@ -1,4 +1,4 @@
-//! The axes and their values in the text of a record's strategy.
+//! Reads the axes and their values from the text of a record's strategy, such as "traversal=bvh width=8".
 
 /// Axes that are newer than some records. The value of each axis describes what raycl did before the axis existed.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];

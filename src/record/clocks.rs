@@ -34,7 +34,8 @@ impl Clocks {
     }
 }
 
-/// Returns the lowest and the highest value of "cpu MHz" in /proc/cpuinfo; `None` if there is none.
+/// Returns the lowest and the highest value of "cpu MHz" in the text of /proc/cpuinfo; `None` if the text has
+/// no such value.
 fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
     let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
     let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());

@@ -1,19 +1,19 @@
-//! Compares points of a group that was divided into several blocks, which may have been measured on different machines.
-//! All blocks of a group measure the same control point, so points of different blocks are compared by the ratios of
-//! their times to the control point's time.
+//! Compares points of a group that was divided into several blocks, which may have been measured on different
+//! machines. All blocks of a group measure the same control point. raycl therefore compares points of
+//! different blocks by the ratios of their times to the control point's time in their own block.
 
 use super::relative_times::RelativeTimes;
 use super::types::Record;
 use crate::measure::{Interval, Standing};
 use std::collections::HashMap;
 
-/// The control point of a block, as measured in this block.
+/// The key of a block's control point, and its times as measured in this block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Control {
     key: String,
     /// The control point's times, relative to the times of the block's records.
     standing: Standing,
-    /// True if this value is stored in the record of the control point itself.
+    /// True if this `Control` belongs to the record of the control point itself.
     is_itself: bool,
 }
 
@@ -34,24 +34,25 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the level (the logarithm of a time) by which a record is ranked. Only levels of records with
-    /// the same [`Self::family`] can be compared. If the record's block has a control point, the control
-    /// point's level in this block is subtracted, so that the speeds of the blocks' machines cancel.
+    /// Returns the record's level, which is the logarithm of a time, by which the record is ranked. Only
+    /// levels of records with the same [`Self::family`] can be compared. If the record's block has a control
+    /// point, the level is reduced by the control point's level in the same block, so that the speed of the
+    /// machine that measured the block cancels.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control
     }
 
-    /// Returns a text that is equal for two records if their levels can be compared. The text is the key of
-    /// the control point of the record's block. If the block has no control point, the text identifies the
-    /// rounds in which the record was measured.
+    /// Returns a text that is equal for two records if and only if their levels can be compared. The text is
+    /// the key of the control point of the record's block. If the block has no control point, the text
+    /// identifies the rounds in which the record was measured.
     pub(super) fn family(&self) -> String {
         self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
 
     /// Returns the ratio of this record's time to the time of `other`. The ratio is computed from the ratios
-    /// of both times to the time of the control point that the two blocks share. Returns `None` if one of the
-    /// two blocks has no control point, or if the control points differ.
+    /// of both times to the time of the control point that the blocks of both records share. Returns `None`
+    /// if one of the blocks has no control point, or if the two control points differ.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
         let to_control = |times: &Self, control: &Control| match control.is_itself {
@@ -69,7 +70,7 @@ mod tests {
     use super::super::summary::tests::{judged, sampled};
     use super::*;
 
-    /// Returns a record with ten samples near `ms`, five in each of the two launches of a block.
+    /// Returns a record with ten samples near `ms`, five in each of the two launches of block `number`.
     fn block(name: &str, ms: f64, number: u32) -> Record {
         let mut record =
             sampled(name, (0..10).map(|index| (index / 5, ms * (1.0 + 0.02 * f64::from(index / 5)))));
@@ -77,9 +78,9 @@ mod tests {
         Record { control: Some(record.key.clone()), ..record }
     }
 
-    /// Returns the control point and `naive` of the first machine, and then the control point and `wide` of
-    /// the second machine. For every point, the second machine takes twice as long as the first, so `wide`
-    /// would take 4 ms on the first machine.
+    /// Returns the control point and `naive` as measured on a first machine, and then the control point and
+    /// `wide` as measured on a second machine. The second machine takes twice as long as the first machine,
+    /// so `wide` would take 4 ms on the first machine.
     fn of_two_machines() -> Vec<Record> {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
@@ -100,8 +101,8 @@ mod tests {
         assert_eq!(ranking.winners[0].name, "wide");
     }
 
-    /// The control point failed in the third block. The points of this block are therefore compared with
-    /// points of other blocks by their medians.
+    /// The control point failed in the third block. Points of the third block are therefore compared with
+    /// points of the first two blocks by their medians.
     #[test]
     fn a_block_without_the_control_point_leaves_the_order_of_the_other_blocks() {
         let lone = Record { control: None, ..block("tile", 6.5, 2) };
@@ -111,9 +112,9 @@ mod tests {
         assert_eq!(names, ["wide", "tile", "naive"]);
     }
 
-    /// The control point's ratio to itself is exactly 1 and has no error. If a point of one block is compared
-    /// with the control point as measured in another block, the only error of the result is therefore the
-    /// error of the ratio within the point's own block.
+    /// The control point's ratio to itself is exactly 1 and has no error. If a point is compared with the
+    /// control point as measured in another block, the only error of the result is therefore the error of the
+    /// point's ratio to the control point within the point's own block.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
         let records = of_two_machines();

@@ -1,18 +1,20 @@
-//! Estimates how much more (or less) other programs may have delayed a point than the point's anchor.
+//! Estimates how much more (or less) other programs may have delayed a point than they delayed the point's
+//! anchor.
 //!
 //! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But
 //! other programs may delay the point and the anchor by different factors. For example, a frame of half a
 //! millisecond often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in
-//! all samples. Preempted samples are left out, but each launch keeps at least five samples. If all samples
-//! of a run are preempted, none is left out. The utilization (processor time divided by elapsed time) of the
-//! remaining samples shows by how much other programs may have delayed these samples.
+//! all samples. raycl leaves out preempted samples, but keeps at least five samples of each launch. If all
+//! samples of a run are preempted, raycl keeps all of them. The utilization (processor time divided by
+//! elapsed time) of the remaining samples shows by how much other programs may have delayed the remaining
+//! samples.
 
 use super::types::Record;
 
-/// Returns how wrong the change of a point's time between two runs may be because of other programs. The
-/// change is the ratio of the two times, each relative to the anchor's time. The result is the logarithm of
-/// the factor by which the change may be too large. The result is negative if the change may be too small,
-/// and 0 if nothing shows an error.
+/// Returns the error that other programs may have caused in the change of a point's time between two runs.
+/// The change is the ratio of the two times, each relative to the anchor's time. The error is the logarithm
+/// of the factor by which the change may be too large: negative if the change may be too small, and 0 if
+/// nothing shows an error.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)
 }
@@ -30,8 +32,8 @@ fn known(before: &Record, after: &Record) -> Option<f64> {
     Some(of_point - of_anchor)
 }
 
-/// Returns the logarithm of the factor by which times grew if other programs lowered the utilization from `before` to
-/// `after`. Returns `None` if a utilization is 0, as on systems that report no processor times.
+/// Returns the logarithm of the factor by which times grow if other programs lower the utilization from
+/// `before` to `after`. Returns `None` if a utilization is 0, as on systems that report no processor times.
 fn delay(before: f64, after: f64) -> Option<f64> {
     let delay = (before / after).ln();
     delay.is_finite().then_some(delay)
@@ -44,8 +46,8 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns a record with this utilization. The record's anchor has two utilizations: `remaining` for the
-    /// samples that were not preempted, and `overall` for all samples.
+    /// Returns a record with the given utilization. The record's anchor has two utilizations: `remaining` for
+    /// the samples that were not preempted, and `overall` for all samples.
     fn record(utilization: f64, [remaining, overall]: [f64; 2]) -> Record {
         let mut record = judged([measured("cpu", "naive", 8, 1.0)]).remove(0);
         record.utilization = Some(utilization);
@@ -57,7 +59,8 @@ mod tests {
         record
     }
 
-    /// Returns the factor by which the change of a time from a quiet run to `after` may be too large.
+    /// Returns the factor by which the change of a point's time from an undisturbed run to `after` may be too
+    /// large.
     fn factor(after: &Record) -> f64 {
         let quiet = record(2.0, [2.0; 2]);
         let delay = unshared_delay(&quiet, after);

@@ -1,4 +1,5 @@
-//! `environment.json`: describes the machine, the input files and the settings of a run.
+//! Reads and writes `environment.json`, which describes the machine, the input files and the settings of a
+//! run.
 
 use std::path::Path;
 
@@ -31,17 +32,18 @@ pub struct Environment {
     pub command_line: Vec<String>,
     /// The machine that measured the run.
     pub host: Host,
-    /// The devices that were used.
+    /// The devices that the run used.
     pub devices: Vec<DeviceEnvironment>,
-    /// The compiler's usual options. Programs that use sub-groups are compiled for a later version of OpenCL C.
+    /// The options with which kernels are usually compiled. Programs that use sub-groups are compiled for a
+    /// later version of OpenCL C.
     pub build_options: Vec<String>,
-    /// The config's path.
+    /// The path of the run's config.
     pub config_path: String,
-    /// The config's text.
+    /// The text of the run's config.
     pub config: String,
     /// BLAKE3 hash of the config's text and overrides.
     pub config_hash: String,
-    /// The values changed by `--set`, each as a line of TOML.
+    /// The values of the config that the option `--set` changed, each as a line of TOML.
     pub overrides: Vec<String>,
     /// The input files of the run: the config, the scenes, the kernels.
     #[serde(default)]
@@ -51,16 +53,16 @@ pub struct Environment {
 /// An input file or folder of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Source {
-    /// "config", "scene" or "kernels".
+    /// What the input is: "config", "scene" or "kernels".
     pub what: String,
-    /// The input's path; "built in" for the kernels of the binary.
+    /// The input's path; "built in" for the kernels that raycl's binary contains.
     pub path: String,
     /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files;
     /// null if a file cannot be read.
     pub hash: Option<String>,
     /// The commit that is checked out in the file's repository, and whether the file has been changed since
-    /// this commit (see [`git_state`]). Null if the file is in no git repository, and for the kernels of the
-    /// binary.
+    /// this commit (see [`git_state`]). Null if the file is in no git repository, and for the kernels that
+    /// raycl's binary contains.
     pub git: Option<String>,
 }
 
@@ -105,12 +107,12 @@ pub struct DeviceEnvironment {
     pub vendor: String,
     /// The driver's version.
     pub driver: String,
-    /// "cpu", "gpu", "accelerator" or "other".
+    /// The kind of device: "cpu", "gpu", "accelerator" or "other".
     pub kind: String,
     /// Number of compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
-    /// Number of threads with which the device executes kernels, if known (PoCL reports it).
+    /// Number of threads with which the device executes kernels, if known (PoCL reports this number).
     #[serde(default)]
     pub threads: Option<u32>,
     /// Compute capability, if the driver reports it.
@@ -119,29 +121,30 @@ pub struct DeviceEnvironment {
     /// The highest clock frequency that the driver reports, MHz.
     #[serde(default)]
     pub max_clock_mhz: Option<u64>,
-    /// Resolution of the timer that profiling reads, ns.
+    /// Resolution of the timer with which the driver times kernels, ns.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
     /// Number of the host's cores that the device may use; null if the device does not run on the
     /// host's cores.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// The 16 bytes of the device's UUID as hexadecimal digits, if the driver reports it.
+    /// The 16 bytes of the device's UUID as hexadecimal digits, if the driver reports the UUID.
     #[serde(default)]
     pub uuid: Option<String>,
-    /// The device's PCI address, such as "0000:1b:00.0", if the driver reports it.
+    /// The device's PCI address, such as "0000:1b:00.0", if the driver reports the address.
     #[serde(default)]
     pub pci_bus: Option<String>,
     /// The environment variables that affect the device's times, as `NAME=VALUE`.
     #[serde(default)]
     pub settings: Vec<String>,
-    /// The variables of `settings` that raycl itself has set, because the user had not set them.
+    /// The variables among `settings` that raycl itself has set, because the user had not set these
+    /// variables.
     #[serde(default)]
     pub set_by_raycl: Vec<String>,
 }
 
 impl DeviceEnvironment {
-    /// Returns the properties of a device that `environment.json` contains.
+    /// Returns those properties of a device that `environment.json` contains.
     pub fn of(info: &DeviceInfo) -> Self {
         let info = info.clone();
         Self {
@@ -168,7 +171,7 @@ impl DeviceEnvironment {
 
 /// Returns true if the device name `shown` (from a record or a page) may mean the device `name`: `shown` must
 /// start with `name` or with the device's common name, and a text in brackets may follow. `raycl merge` adds
-/// this text if several machines have devices of the same name.
+/// such a text if several machines have devices of the same name.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     let is_end = |rest: &str| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')');
     [name, &common_name(name)].iter().any(|name| shown.strip_prefix(*name).is_some_and(is_end))
@@ -192,7 +195,7 @@ impl Environment {
 }
 
 impl Host {
-    /// Describes this machine, as far as the system reports it.
+    /// Describes this machine, as far as the system reports the machine's properties.
     pub fn read() -> Self {
         Self {
             name: host_name(),
@@ -293,7 +296,7 @@ mod tests {
                 pci_bus: Some("0000:1b:00.0".into()),
                 uuid: Some("0123".into()),
             },
-            // The user has not set this value of the variable that raycl sets.
+            // raycl sets the variable POCL_AFFINITY; the user has not set it to this value.
             settings: vec!["A=1".into(), "POCL_AFFINITY=of a test".into()],
             cores: Some(3),
             threads: Some(5),

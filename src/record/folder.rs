@@ -1,5 +1,5 @@
-//! Reads folders of results. All code that displays results reads them through [`Folder`], which contains only records
-//! of the folder's current plan (the list of the points of its latest run).
+//! Reads folders of results. All code that displays results uses [`Folder`], which contains only records of
+//! the folder's current plan (the list of the points of the latest run in the folder).
 
 mod notes;
 
@@ -24,25 +24,26 @@ use std::path::{Path, PathBuf};
 /// The file in which `raycl merge` describes the attempts that it merged into a folder.
 pub const MERGE: &str = "merge.json";
 
-/// The records of a run, and the conditions under which they were measured.
+/// The results in a folder: the records of a run, and the conditions under which the records were measured.
 #[derive(Clone, Debug, Default)]
 pub struct Folder {
     /// The folder's path.
     pub path: PathBuf,
     /// The run's name in reports, which is the folder's name.
     pub label: String,
-    /// One record per point of the current plan, in the plan's order and with the plan's names. Without a plan,
-    /// `records` has the latest record of every point. Different scenes with the same name are renamed.
+    /// One record per point of the current plan, in the plan's order and with the plan's names. Without a
+    /// plan, `records` has the latest record of every point. If different scenes have the same name, the
+    /// records contain new, different names for these scenes.
     pub records: Vec<Record>,
     /// The records of control points of the current plan that were measured only to compare blocks, if the
-    /// plan is divided into blocks. These records are not in `records`.
+    /// plan is divided into blocks. The field `records` does not contain these control records.
     pub controls: Vec<Record>,
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
     /// the file cannot be read.
     pub environment: Value,
-    /// The load of other processes while rounds were timed.
+    /// The machine's load by other processes while the points of rounds were timed.
     pub rounds: Vec<RoundLoad>,
-    /// Times of the anchors that were measured together with the points.
+    /// Times of the anchors (kernels that never change) that were measured together with the points.
     pub anchors: Vec<AnchorSample>,
     /// Notes that are shown with the results, for example on records that are not shown.
     pub notes: Vec<String>,
@@ -51,8 +52,8 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Reads a folder of results; `path` names the folder or its journal of records. If there is no journal of records,
-    /// returns an input error (a mistake of the user).
+    /// Reads a folder of results; `path` names the folder or its journal of records. Returns an input error
+    /// (a mistake of the user) if the folder has no journal of records.
     pub fn read(path: &Path) -> Result<Self> {
         let (folder, lines) = read_journal(path)?;
         let environment = environment(folder);
@@ -93,8 +94,8 @@ impl Folder {
         })
     }
 
-    /// Returns the value of a top-level key in the run's config, if the value is a text. If `--set` changed
-    /// this key, returns the value of the last `--set` that changed the key. Returns `None` if neither the
+    /// Returns the value of a top-level key in the run's config, if the value is a text. If the option
+    /// `--set` changed the key, returns the value from the last such `--set`. Returns `None` if neither the
     /// config nor `--set` gives the key a text.
     pub fn config(&self, key: &str) -> Option<String> {
         let overrides = self.environment["overrides"].as_array().into_iter().flatten().rev();
@@ -104,9 +105,9 @@ impl Folder {
         })
     }
 
-    /// Returns the question and the expectation of the run's config. If the config states no question, the
-    /// name of the config's file is returned as the question. If this name is not known either, the folder's
-    /// label is returned. If the config states no expectation, the expectation is empty.
+    /// Returns the question and the expectation that the run's config states. If the config states no
+    /// question, returns the name of the config's file as the question or, if this name is unknown, the
+    /// folder's label. If the config states no expectation, returns an empty expectation.
     pub fn question(&self) -> (String, String) {
         let name =
             || Some(Path::new(self.environment["config_path"].as_str()?).file_stem()?.to_str()?.to_owned());
@@ -131,8 +132,8 @@ pub fn no_results(path: &Path) -> Error {
     Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
 }
 
-/// Reads the journal of records of a folder of results; `path` names the folder or the journal. Also returns the
-/// folder's path.
+/// Reads the journal of records of a folder of results; `path` names the folder or the journal. Returns the
+/// folder's path and the records.
 fn read_journal(path: &Path) -> Result<(&Path, Lines<Record>)> {
     let is_journal = existing::is_file(path)?;
     let (folder, journal) = match is_journal {
@@ -150,8 +151,8 @@ fn read_journal(path: &Path) -> Result<(&Path, Lines<Record>)> {
 }
 
 /// Reads a folder's journal of records. Returns an input error (a mistake of the user) if the folder has no
-/// plan (`plan.json`) and no line of the journal can be read. In this case, raycl probably did not write the
-/// file.
+/// plan (`plan.json`) and no line of the journal can be read. A journal without a readable line was probably
+/// not written by raycl.
 pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     let journal = folder.join(RECORDS);
     let lines = read_lines(&journal)?;
@@ -178,7 +179,7 @@ fn environment(folder: &Path) -> Option<Value> {
     serde_json::from_slice(&text).ok()
 }
 
-/// The records that a folder shows, and notes on the records that it does not show.
+/// The records of a folder that raycl shows, and notes on the records that raycl does not show.
 struct Shown {
     records: Vec<Record>,
     notes: Vec<String>,
@@ -214,10 +215,10 @@ impl Shown {
     }
 }
 
-/// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If
-/// there is no plan, returns the records of all control points. A control point has a record for each block,
-/// and the launches of blocks differ. If a control point has several records of the same launches, the last
-/// record is used.
+/// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If the
+/// folder has no plan, returns the records of all control points. A control point has a record for each
+/// block, and each block has other launches. If a control point has several records with the same launches,
+/// returns only the last of these records.
 fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
     let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
     let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
@@ -227,7 +228,8 @@ fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record>
     }
 }
 
-/// Computes the relative times of records and of control points. All of them are compared with each other.
+/// Computes the relative times of records and of control points. Records and control points are compared with
+/// each other, too.
 fn judged(mut records: Vec<Record>, controls: Vec<Record>) -> (Vec<Record>, Vec<Record>) {
     let count = records.len();
     records.extend(controls);
@@ -236,8 +238,8 @@ fn judged(mut records: Vec<Record>, controls: Vec<Record>) -> (Vec<Record>, Vec<
     (records, controls)
 }
 
-/// Returns the count, followed by the text `one` if the count is 1, and otherwise by `several`; `None` for
-/// zero.
+/// Returns the text of a count, followed by `one` if the count is 1, and by `several` if it is larger.
+/// Returns `None` if the count is 0.
 fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
@@ -247,9 +249,9 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Returns the records without repetitions. `name` returns a text that identifies a record, such as its key. If several
-/// records have the same text, only the last of these records is returned. The returned records are in the order in
-/// which their texts first occur.
+/// Returns the records without repetitions. `name` returns a text that identifies a record, such as the
+/// record's key. Of several records with the same text, only the last is returned. The returned records are
+/// in the order in which their texts first occur.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut indices: HashMap<String, usize> = HashMap::new();
     let mut newest: Vec<Record> = Vec::new();

@@ -5,8 +5,8 @@ use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Returns "0123456789ab, unchanged", "0123456789ab, changed since" or "in no commit"; `None` outside a
-/// repository or without git.
+/// Returns the commit and the state of a file or folder: "0123456789ab, unchanged", "0123456789ab, changed
+/// since" or "in no commit". Returns `None` outside a repository, or if git is not installed.
 pub fn git_state(path: &Path) -> Option<String> {
     let path = path.canonicalize().ok()?;
     let folder = if path.is_dir() { path.as_path() } else { path.parent()? };
@@ -27,8 +27,8 @@ fn git_of(folder: &Path, arguments: &[&str], path: &OsStr) -> Option<String> {
     answer(Command::new("git").arg("-C").arg(folder).args(arguments).arg("--").arg(path))
 }
 
-/// Returns the output of a git command; `None` if git is missing or the command fails. The command
-/// only reads the repository and does not lock it.
+/// Returns the output of a git command; `None` if git is missing or the command fails. The command only reads
+/// the repository, and does not lock the repository.
 fn answer(command: &mut Command) -> Option<String> {
     let command = command.env("GIT_OPTIONAL_LOCKS", "0").stdin(Stdio::null());
     let output = command.output().ok().filter(|output| output.status.success())?;

@@ -1,5 +1,5 @@
-//! Compares the machines of an experiment by the times of control points. If several machines measure blocks of the
-//! same group, each of them measures the group's control point.
+//! Compares the machines of an experiment by the times of control points. If several machines measure blocks
+//! of the same group, each machine measures the group's control point.
 
 use super::point_times::{interval, median};
 use super::ratios::ratio_apart;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub struct Control {
     /// A description such as "teapot, 800 x 500, NVIDIA H200, naive at 8 x 8".
     pub point: String,
-    /// The machines, sorted by name.
+    /// The machines that measured the control point, sorted by name, with their times.
     pub hosts: Vec<AtHost>,
 }
 
@@ -23,17 +23,17 @@ pub struct AtHost {
     pub host: String,
     /// Number of blocks that measured the point on this machine.
     pub blocks: usize,
-    /// The smallest of the medians that the machine's blocks measured.
+    /// The control point's smallest median over the machine's blocks.
     pub median_ms: f64,
-    /// The 95% interval of `median_ms`; `None` with too few samples.
+    /// The 95% interval of `median_ms`; `None` if the machine measured too few samples.
     pub interval_ms: Option<[f64; 2]>,
     /// Ratio of the machine's time to the time of the fastest machine: the estimate, then the lower and the
-    /// upper end of its 95% interval. `None` with too few samples.
+    /// upper end of its 95% interval. `None` if one of the two machines measured too few samples.
     pub slower: Option<[f64; 3]>,
 }
 
-/// A machine differs from the fastest machine if it takes longer by more than this fraction, even at the
-/// lower end of the 95% interval.
+/// The fraction by which a machine must take longer than the fastest machine, even at the lower end of the
+/// 95% interval, to count as different.
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
@@ -45,9 +45,9 @@ impl AtHost {
 }
 
 /// Returns the control points with their times on each machine. A control point is measured in several
-/// blocks. The record of one of these measurements is in `records` (from `records.jsonl`); the records of the
-/// other measurements are in `borrowed` (from `controls.jsonl`). Records with equal keys belong to the same
-/// control point, even if they come from different machines. Records without a median, and records with
+/// blocks. The record of one of these measurements is in `records` (from `records.jsonl`), and the records of
+/// all further measurements are in `borrowed` (from `controls.jsonl`). Records with equal keys belong to the
+/// same control point, even if they come from different machines. Records without a median, and records with
 /// launches from several machines, are left out.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control = |record: &&Record| {
@@ -97,8 +97,8 @@ fn name(record: &Record) -> String {
     format!("{}, {}, {}, {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
-/// Returns one note for each machine that differs from the fastest machine for the same point (see
-/// [`AtHost::differs`]). The note names the point with the largest ratio.
+/// Returns one note for each machine that takes clearly longer for a control point than the fastest machine
+/// (see [`AtHost::differs`]). The note names the control point with the largest ratio.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
     for control in controls(records, borrowed) {
@@ -130,7 +130,8 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns a control point of a block on a machine; `launch` distinguishes blocks.
+    /// Returns the record of a control point that a block on a machine measured. Blocks have different values
+    /// of `launch`.
     fn on(host: &str, ms: f64, launch: u32) -> Record {
         let mut record = measured("gpu", "naive", 8, ms);
         record.sample_launches.iter_mut().for_each(|number| *number += 10 * launch);
@@ -170,7 +171,7 @@ mod tests {
             let [control] = &controls(&judged(records), &[])[..] else { panic!("one point") };
             control.hosts.iter().map(|at| at.host.clone()).collect()
         };
-        // Two machines may both have a device with the name `gpu 1`.
+        // Each of two machines may have a device with the name `gpu 1`.
         let both = [with(Some("n1"), Some("gpu 1"), 0), with(Some("n2"), Some("gpu 1"), 1)];
         assert_eq!(hosts(&both), ["n1", "n2"]);
         assert_eq!(hosts(&[with(None, Some("gpu 1"), 0), with(None, Some("gpu 2"), 1)]), ["gpu 1", "gpu 2"]);
@@ -214,7 +215,7 @@ mod tests {
             let record = Record { name: name.into(), key: name.into(), ..on(host, ms, launch) };
             Record { control: Some(name.into()), ..record }
         };
-        // The control points are in the order of their names.
+        // The function returns control points in the order of their names.
         let ratios = |a: f64, b: f64| {
             let records = [
                 with("a", "n1", 10.0, 0),

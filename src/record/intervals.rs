@@ -1,4 +1,4 @@
-//! Brings the intervals in a journal of records up to date.
+//! Updates the 95% intervals that are stored in a journal of records.
 
 use super::outcome::Outcome;
 use super::point_times::interval;
@@ -8,12 +8,12 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Copies the 95% intervals of `records` to the journal from which the records were read. A record is written
-/// when its group ends. Later groups show more about how much launches differ, so the final interval is known
-/// only at the end of the run.
+/// Copies the 95% intervals of `records` to the journal from which the records were read. raycl writes a
+/// record as soon as the record's group ends. Later groups show more about how much launches differ, so the
+/// final interval is known only at the end of the run.
 ///
-/// If any interval differs, the whole file is replaced; lines without a new interval stay unchanged. The
-/// caller must hold the folder's lock (which allows one run at a time in the folder), and must open the
+/// If any interval differs, replaces the whole file; lines without a new interval stay unchanged. The caller
+/// must hold the folder's lock (by which only one process at a time writes to the folder), and must open the
 /// journal again afterwards. Returns true if the file was replaced.
 pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     let by_key: HashMap<&str, Option<[f64; 2]>> =
@@ -40,7 +40,7 @@ pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     Ok(replaced)
 }
 
-/// Returns the line with the new interval of its record. Returns `None` if the line stays unchanged.
+/// Returns a line of the journal with the new interval of its record; `None` if the line stays unchanged.
 fn renewed(line: &[u8], by_key: &HashMap<&str, Option<[f64; 2]>>) -> Option<Vec<u8>> {
     let mut record: Record = serde_json::from_slice(line).ok()?;
     let interval = *by_key.get(record.key.as_str())?;
@@ -59,8 +59,8 @@ mod tests {
     use super::super::{Lines, read_lines};
     use super::*;
 
-    /// Returns a record of three launches. Each launch takes longer than the launch before. The difference is
-    /// the fraction `apart` of the first launch's time.
+    /// Returns a record of three launches. Each launch takes longer than the previous launch, by the fraction
+    /// `apart` of the first launch's time.
     fn launches(key: &str, first: u32, apart: f64) -> Record {
         let sample = |index: u32| (first + index / 10, 10.0 * (1.0 + apart * f64::from(index / 10)));
         Record { key: key.to_owned(), ..sampled(key, (0..30).map(sample)) }
@@ -78,8 +78,8 @@ mod tests {
         }
         let line = |record: &Record| serde_json::to_string(record).unwrap();
         let skipped = Record { key: "c".to_owned(), outcome: Outcome::OtherKind, ..Record::default() };
-        // A point whose image is wrong has no time. If an earlier version stored an interval for such a point, the
-        // interval stays.
+        // A point whose image is wrong has no time. If an earlier version of raycl stored an interval for a
+        // point with a wrong image, the interval stays in the journal.
         let (outcome, interval_ms) = (Outcome::WrongImage, Some([1.0, 2.0]));
         let wrong = Record { outcome, interval_ms, ..launches("d", 6, 0.01) };
         let text = format!(

@@ -1,5 +1,5 @@
-//! Journals: files with one JSON object per line. Appended lines are on the disk before further lines are appended. If
-//! a crash interrupts a write, only the lines of this write are lost.
+//! Journals: files with one JSON object per line. raycl waits until appended lines are on the disk before it
+//! appends further lines. If a crash interrupts a write, only the lines of this write are lost.
 
 use std::fs::{File, OpenOptions};
 use std::io::{
@@ -22,26 +22,26 @@ use crate::words::counted;
 pub struct JsonLines<T> {
     path: PathBuf,
     file: File,
-    /// True if the path led to the file when the file was opened. On a file system that changes the numbers
-    /// of its files (inodes), the path may seem to lead to another file.
+    /// True if the path led to the file when the file was opened. On a file system that changes the inode
+    /// numbers of its files, the path may seem to lead to another file, and the field is false.
     is_recognised: bool,
     line_type: PhantomData<fn(&T)>,
 }
 
 impl<T: Serialize> JsonLines<T> {
-    /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed. The
-    /// system puts every write at the file's end, so that two runs that write to the file do not overwrite
-    /// each other's lines. (Usually, a lock keeps a second run out of the folder. The lock can fail: some
-    /// file systems have no locks, and a user may have removed the lock's file. On NFS, runs on two machines
-    /// can still overwrite each other's lines, since each machine stores its own position of the file's end.)
+    /// Opens the file for appending, and creates it if it is missing. Removes an incomplete last line. The
+    /// file is opened in append mode, so that two runs that write to the file do not overwrite each other's
+    /// lines. (Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems
+    /// have no locks, and a user may have removed the lock's file. On NFS, runs on two machines can still
+    /// overwrite each other's lines, since each machine stores its own position of the file's end.)
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| Error::unwritable(path, &error);
         own_file(path).map_err(fail)?;
         let file = OpenOptions::new().create(true).read(true).append(true).open(path).map_err(fail)?;
         let text = std::fs::read(path).map_err(fail)?;
         let end = whole_lines(&text) as u64;
-        // A file of whole lines is not cut, since another run may have appended lines after the file was
-        // read.
+        // A file whose last line is complete is not cut, since another run may have appended lines after this
+        // function read the file.
         if end < text.len() as u64 {
             file.set_len(end).map_err(fail)?;
         }
@@ -49,15 +49,15 @@ impl<T: Serialize> JsonLines<T> {
         Ok(Self { path: path.to_path_buf(), file, is_recognised, line_type: PhantomData })
     }
 
-    /// Appends one line. When this function returns, the line is on the disk.
+    /// Appends one line to the journal. When this function returns, the line is on the disk.
     pub fn append(&mut self, line: &T) -> Result<()> {
         self.append_all(std::slice::from_ref(line))
     }
 
-    /// Appends lines. When this function returns, all of them are on the disk. All lines are written at once,
-    /// since each write waits for the disk. After an error, the file contains none of the lines, not even the
-    /// beginning of a line, because the next lines would be appended to this beginning. (If another process
-    /// has appended lines during the write, some whole lines may stay.)
+    /// Appends lines. When this function returns, all lines are on the disk. The lines are written in one
+    /// write, since each write waits for the disk. After an error, the file contains none of the lines, and
+    /// not the beginning of a line either, to which the next lines would be appended. (If another process has
+    /// appended lines during the write, some whole lines may stay in the file.)
     pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
         let mut bytes = Vec::new();
         for line in lines {
@@ -71,8 +71,8 @@ impl<T: Serialize> JsonLines<T> {
     }
 
     /// Returns an error if the file is no longer at its path, because somebody has removed or replaced the
-    /// file or its folder. Nobody would find lines that are appended to such a file. If the system does not
-    /// say where the file is, there is no error, since lines can still be appended.
+    /// file or its folder. Lines that are appended to a removed file would be lost. Returns no error if the
+    /// system does not say whether the file is still at its path, since lines can still be appended.
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
             Ok(false) if self.is_recognised => {
@@ -85,7 +85,7 @@ impl<T: Serialize> JsonLines<T> {
 }
 
 /// Calls `write`, which appends `bytes` to the file. If `write` fails, removes the bytes that `write`
-/// appended. If another process appended lines at the same time, only an incomplete last line is removed.
+/// appended. If another process appended lines at the same time, removes only an incomplete last line.
 fn append_or_nothing(
     file: &mut File,
     bytes: &[u8],
@@ -93,8 +93,8 @@ fn append_or_nothing(
 ) -> IoResult<()> {
     let before = file.metadata()?.len();
     write(file).inspect_err(|_| {
-        // If this fails too, the beginning of a line stays in the file, and the next line that is appended is
-        // damaged.
+        // If the bytes cannot be removed, the beginning of a line stays in the file, and the next line that
+        // is appended becomes damaged.
         let _ = read_from(file, before).and_then(|added| {
             let kept = if bytes.starts_with(&added) { 0 } else { whole_lines(&added) };
             file.set_len(before + kept as u64)
@@ -115,9 +115,10 @@ fn read_from(mut file: &File, start: u64) -> IoResult<Vec<u8>> {
 pub struct Lines<T> {
     /// All complete, readable lines.
     pub lines: Vec<T>,
-    /// True if the last line is incomplete and was left out.
+    /// True if the last line of the file is incomplete. `lines` does not contain this line.
     pub torn: bool,
-    /// The numbers of the lines that cannot be read and were left out (damaged lines), counted from 1.
+    /// The numbers, from 1, of the damaged lines: complete lines that cannot be read, and that `lines` does
+    /// not contain.
     pub damaged: Vec<usize>,
     /// Why the last damaged line cannot be read; empty if no line is damaged.
     reason: String,
@@ -140,7 +141,7 @@ impl<T> Lines<T> {
     }
 
     /// Returns an input error (a mistake of the user) if the file has complete lines, but no line can be
-    /// read. In this case, the file is probably not a journal. `path` is the file's path.
+    /// read. A file without a readable line is probably not a journal. `path` is the file's path.
     pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
         match (&self.lines[..], &self.damaged[..]) {
             ([], [.., last]) => {
@@ -156,22 +157,25 @@ impl<T> Lines<T> {
     }
 }
 
-/// The help in an error about a journal that was removed or replaced during a run, alone or with its folder.
+/// The advice in an error about a journal that was removed or replaced during a run, alone or with its
+/// folder.
 const MOVED: &str = "if the folder was moved, the results up to now are in its new place: name that place with --out to continue there; do not move or remove the folder or its files while a run writes to it";
-/// The help in an error about a folder or a file that holds no results.
+/// The advice in an error about a folder or a file that contains no results.
 pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
 
-/// Reads a journal. A missing journal counts as empty: folders of earlier versions lack some journals, and an attempt
-/// that was killed early has none. A journal that may exist, but cannot be read, is an error.
+/// Reads a journal. A missing journal counts as empty: folders that earlier versions of raycl wrote lack some
+/// journals, and an attempt that was killed early has no journals. A journal that may exist, but cannot be
+/// read, is an error.
 pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if existing::exists(path)? { read_lines(path) } else { Ok(Lines::default()) }
 }
 
-/// Reads a file of JSON lines. An incomplete last line and damaged lines are left out; the result says so.
+/// Reads a file of JSON lines. Leaves out an incomplete last line and damaged lines; the returned `Lines`
+/// says which lines are left out.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
     let unreadable = |error: std::io::Error| match error.kind() {
-        // These errors mean that the path is not the path of a journal.
+        // These four kinds of error mean that no journal is at the path.
         InvalidInput | IsADirectory | NotADirectory | NotFound => {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
         }
@@ -201,8 +205,8 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     Ok(read)
 }
 
-/// Returns the message of serde's error without the position. Serde counts lines within one record, so
-/// serde's position would contradict the line's number in the file.
+/// Returns the message of an error of serde without the position of the error. Serde counts lines within one
+/// record, so its position would contradict the line's number in the file.
 fn without_position(error: &serde_json::Error) -> String {
     let message = error.to_string();
     message.rsplit_once(" at line ").map_or(message.as_str(), |(reason, _)| reason).to_owned()
@@ -288,7 +292,7 @@ mod tests {
         assert_eq!(error.help, FOLDER);
     }
 
-    /// Writes to a pipe, which accepts bytes but has no disk.
+    /// The journal is a pipe, which accepts bytes but cannot be written to a disk.
     #[cfg(unix)]
     #[test]
     fn a_line_is_on_the_disk_or_an_error() {
@@ -297,7 +301,7 @@ mod tests {
         let path = PathBuf::from("pipe");
         let mut journal = JsonLines { path, file, is_recognised: true, line_type: PhantomData };
         assert!(journal.append(&record("a")).is_err());
-        // All lines are written first, and then the function waits for the disk once.
+        // The function writes all lines first, and then waits for the disk once.
         assert!(journal.append_all(&["b", "c", "d"].map(record)).is_err());
         drop(journal);
         let mut text = String::new();
@@ -403,7 +407,7 @@ mod tests {
             assert!(error.exit_code() == 2 && error.to_string().starts_with(&expected), "{error}");
             assert_ne!(error.remedy(), FOLDER);
         }
-        // A folder has the journal's path, so the journal does not count as missing.
+        // Here a folder has the journal's path, so the journal does not count as missing.
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();
         let error = read_lines_if_any::<Record>(&path).unwrap_err();

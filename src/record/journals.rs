@@ -5,11 +5,11 @@
 pub const RECORDS: &str = "records.jsonl";
 /// The journal of samples (single measured times of points), in the order in which they were measured.
 pub const SAMPLES: &str = "samples.jsonl";
-/// The journal of the ends of launches.
+/// The journal of launches that ended with enough samples of all points.
 pub const LAUNCHES: &str = "launches.jsonl";
 /// The journal of the machine's load during the rounds.
 pub const ROUNDS: &str = "rounds.jsonl";
-/// The journal of the anchor's times.
+/// The journal of the times of anchors (kernels that never change).
 pub const ANCHORS: &str = "anchors.jsonl";
 /// The journal of control points' records that serve only to compare the blocks of a plan.
 pub const CONTROLS: &str = "controls.jsonl";
@@ -22,10 +22,11 @@ pub const SUMMARY: &str = "summary.md";
 /// The folder of the points' pictures.
 pub const IMAGES: &str = "images";
 
-/// The beginning of the name of a file that describes an earlier session.
+/// The beginning of the name of a file that describes the machine and inputs of an earlier session.
 const EARLIER_ENVIRONMENT: &str = "environment-";
 
-/// Returns the name of the file that describes an earlier session of the run; the first session has the number 1.
+/// Returns the name of the file that describes the machine and inputs of an earlier session of the run. The
+/// first session has the number 1.
 pub fn earlier_environment(number: usize) -> String {
     format!("{EARLIER_ENVIRONMENT}{number}.json")
 }

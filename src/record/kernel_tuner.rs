@@ -1,6 +1,6 @@
-//! Exports records as cache files of Kernel Tuner (B. van Werkhoven, 2019). From these files,
-//! Kernel Tuner can simulate tuning and draw its own plots. There is one file per device, scene and
-//! image size, with times in milliseconds.
+//! Exports records as cache files of the auto-tuner Kernel Tuner (B. van Werkhoven, 2019). From these files,
+//! Kernel Tuner can simulate tuning and draw plots. raycl writes one file per device, scene and image size,
+//! with times in milliseconds.
 
 use serde_json::{Map, Value, json};
 
@@ -10,8 +10,8 @@ use super::parameters::{joined, parameters};
 use super::summary::{Group, groups};
 use super::types::{HOST, Record};
 
-/// Returns the name without extension and the text of each cache file. Baselines, which run on no OpenCL
-/// device, are left out.
+/// Returns the file name without extension, and the text, of each cache file. Baselines, which run on no
+/// OpenCL device, are left out.
 pub fn kernel_tuner_caches(records: &[Record]) -> Vec<(String, String)> {
     let groups = groups(records);
     let named = file_names(&groups).into_iter().zip(&groups);
@@ -41,8 +41,8 @@ fn cache(group: &Group<'_>) -> String {
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 
-/// Returns the names of all parameters of the records. The parameters of the local size come first. The other
-/// parameters follow in the order in which they first occur.
+/// Returns the names of all tuning parameters of the records. The parameters of the local size come first.
+/// All further parameters follow in the order in which they first occur.
 fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {
@@ -56,7 +56,7 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     names
 }
 
-/// Returns the different values of each parameter.
+/// Returns the list of different values that each tuning parameter has.
 fn values(all: &[(&Record, Map<String, Value>)], names: &[String]) -> Map<String, Value> {
     let of = |name: &String| {
         let mut values: Vec<Value> = Vec::new();

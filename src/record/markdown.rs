@@ -1,4 +1,4 @@
-//! `summary.md`: the question, the expected answer, and the results.
+//! Writes `summary.md`, with the experiment's question, the expected answer, and the results.
 
 mod changes;
 
@@ -15,7 +15,7 @@ use crate::device::common_names;
 use crate::numbers::{align_points, by, duration, ms, significant};
 use crate::printer::{line, markdown};
 
-/// Number of columns of a table.
+/// Number of columns in the table of a group's records.
 const COLUMNS: usize = 11;
 const HEADER: [&str; COLUMNS] = [
     "strategy",
@@ -30,7 +30,7 @@ const HEADER: [&str; COLUMNS] = [
     "of peak",
     "outcome",
 ];
-/// The indices of the left-aligned columns, which contain words; the other columns contain numbers.
+/// The indices of the left-aligned columns, which contain words. All other columns contain numbers.
 const LEFT: [usize; 2] = [0, 10];
 /// The indices of the columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
@@ -48,7 +48,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     for group in &groups {
         let size = by(group.image_size);
         let device = names[group.device].as_str();
-        // Writing to a String cannot fail, so the results are ignored.
+        // Writing to a String cannot fail, so the `Result`s of `write!` are ignored.
         let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(device));
         if device != group.device {
             let _ = write!(text, "The driver's name of the device is {}.\n\n", markdown(group.device));
@@ -96,8 +96,8 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     text + "\n"
 }
 
-/// Returns the speed-up of the best point over each of the host's baselines and over the best point of the preset
-/// `naive`.
+/// Returns sentences with the speed-up of the best point over each of the host's baselines, and over the best
+/// point of the preset `naive`.
 fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let naive = group.naive().filter(|naive| naive.key != best.key);
     let others = group.baselines(groups).into_iter().chain(naive);
@@ -172,7 +172,8 @@ fn outcome(record: &Record) -> String {
     format!("{}{modes}", record.outcome.name())
 }
 
-/// Formats the number of samples: "10" for a single launch, "15 in 3" for 15 samples in 3 launches.
+/// Formats the number of a record's samples: "10" for a single launch, "15 in 3" for 15 samples in 3
+/// launches.
 fn samples(record: &Record) -> String {
     match (record.samples_ms.len(), launches(record)) {
         (n, 0 | 1) => n.to_string(),
@@ -181,7 +182,7 @@ fn samples(record: &Record) -> String {
 }
 
 /// Returns a Markdown table. The cells are padded with blanks, so that the columns are also aligned in the
-/// source text. `left` has the indices of the left-aligned columns; the other columns are right-aligned.
+/// source text. `left` contains the indices of the left-aligned columns; all other columns are right-aligned.
 fn lay_out<R: AsRef<[String]>>(header: &[String], rows: &[R], left: &[usize]) -> String {
     let all = || std::iter::once(header).chain(rows.iter().map(R::as_ref));
     // Some Markdown parsers require at least three dashes below a column's heading.
@@ -212,7 +213,7 @@ fn warnings(group: &Group<'_>) -> String {
     if lines.is_empty() { lines } else { format!("\nWarnings:\n\n{lines}") }
 }
 
-/// Returns a list of the points without a time, each with the reason.
+/// Returns a Markdown list of the points without a time, each with the reason.
 fn failures(group: &Group<'_>) -> String {
     let failures = group.failures();
     if failures.is_empty() {
@@ -220,7 +221,8 @@ fn failures(group: &Group<'_>) -> String {
     }
     let mut text = "\nPoints without a time:\n\n".to_string();
     for (record, reason) in failures {
-        // A compiler's log has many lines. Only the log's first line is shown here; the record contains the whole log.
+        // A compiler's log has many lines. The summary shows only the log's first line; the record contains
+        // the whole log.
         let first = reason.lines().next().unwrap_or_default();
         let _ = writeln!(text, "- {}, {}: {}", title(record), record.outcome.name(), markdown(first));
     }
@@ -275,8 +277,8 @@ mod tests {
 
     #[test]
     fn rates_have_the_units_of_their_columns() {
-        // The frame takes 10 ms. Its 400,000 primary rays take 5 ms of this time. The frame has half as many
-        // shadow rays.
+        // The frame takes 10 ms, of which its 400,000 primary rays take 5 ms. The frame has half as many
+        // shadow rays as primary rays.
         let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
         let record = Record { primary_ms, shadow_rays, ..measured("pocl", "wide", 1, 10.0) };
         let text = summary_markdown(&judged([record]), &[], "?", "!");
@@ -426,8 +428,8 @@ mod tests {
         }
     }
 
-    /// One point takes about six times as long as the other. From launch to launch, the times of both points
-    /// change by a tenth, in opposite directions.
+    /// The point `naive` takes about six times as long as the point `wide`. From launch to launch, the times
+    /// of both points change by a tenth, in opposite directions.
     #[test]
     fn noisy_times_are_not_said_to_be_incomparable_beside_a_clear_winner() {
         let wavers = |name: &str, ms: [f64; 2]| sampled(name, (0..10).map(|n| (n / 5, ms[n as usize / 5])));

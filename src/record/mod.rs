@@ -1,5 +1,5 @@
-//! Results: one flat record per point, stored as JSON lines, and summaries that are computed only
-//! from records.
+//! Results of measurements: one flat record per point, stored as a line of JSON, and summaries that are
+//! computed from records alone.
 
 mod anchors;
 mod axes;

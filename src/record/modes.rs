@@ -1,4 +1,4 @@
-//! Warnings about a record's median.
+//! Returns warnings about a record's median, for example that the samples lie around two values.
 
 use super::point_times::{launches, median};
 use super::types::Record;
@@ -6,20 +6,20 @@ use crate::measure::Modes;
 use crate::numbers::ms;
 use crate::words::counted;
 
-/// A launch counts as having a single mode if one of the record's two modes has at most this fraction of the
-/// launch's samples.
+/// The largest fraction of a launch's samples that may lie in the second mode of a record if the launch
+/// counts as having a single mode.
 const STRAYS: f64 = 0.1;
 
-/// Returns the record's warning and, if the record's samples lie around two values, a note on these values; `None` if
-/// there is neither a warning nor a note.
+/// Returns a record's warning and, if the record's samples lie around two values, a note on these values;
+/// `None` if the record has neither.
 pub(crate) fn to_mind(record: &Record) -> Option<String> {
     let parts: Vec<String> = record.warning.clone().into_iter().chain(two_modes(record)).collect();
     (!parts.is_empty()).then(|| parts.join("; "))
 }
 
-/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per launch". The words
-/// "one mode per launch" are added if each launch has a single mode. Returns `None` if the samples do not show two
-/// modes.
+/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per launch".
+/// The note contains "one mode per launch" if each launch has a single mode. Returns `None` if the samples do
+/// not show two modes.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes = Modes::of(&record.samples_ms, &record.sample_launches)?;
@@ -28,7 +28,7 @@ pub(crate) fn two_modes(record: &Record) -> Option<String> {
     Some(format!("two modes: {} ms ({many}) and {} ms ({few}){whose}", ms(fast), ms(slow)))
 }
 
-/// Returns true if there are several launches and each of them has a single mode (see [`STRAYS`]).
+/// Returns true if a record has several launches and each launch has a single mode (see [`STRAYS`]).
 fn is_by_launch(record: &Record, modes: &Modes) -> bool {
     let of_one = |launch: &u32| {
         let own = record.sample_launches.iter().zip(&record.samples_ms).filter(|(other, _)| *other == launch);
@@ -64,8 +64,8 @@ mod tests {
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
 
-    /// Tests launches of seven samples, so that one sample is more than a tenth of a launch. If the slowest sample of
-    /// the fast mode were counted as slow, the launch of this sample would have two modes.
+    /// Each launch has seven samples, so that one sample is more than a tenth of a launch. If the slowest
+    /// sample of the fast mode were counted as slow, the launch of that sample would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |index: u32| {
@@ -76,7 +76,7 @@ mod tests {
         assert!(said.ends_with(", one mode per launch"), "{said}");
     }
 
-    /// A slow point has few samples, so its dip cannot show that one of four launches is slow.
+    /// A slow point has few samples, so the dip test cannot show that one of four launches is slow.
     #[test]
     fn one_slow_launch_of_four_is_said_also_of_twenty_samples() {
         let sample = |index: u32| {

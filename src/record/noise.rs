@@ -1,4 +1,5 @@
-//! Computes the smallest differences that the records of a run can show, and lists causes of noise.
+//! Computes the smallest differences between points that the records of a run can show, and lists causes of
+//! noise.
 
 use super::point_times::median;
 use super::ranking::{resolution, resolution_within};
@@ -15,11 +16,11 @@ use std::collections::HashSet;
 /// few points have enough samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
-    /// The device.
+    /// The device's name.
     pub device: String,
     /// Number of launches.
     pub launches: usize,
-    /// Number of samples of all points.
+    /// Number of samples of all points together.
     pub samples: usize,
     /// The smallest difference between two points that a single launch can show, computed in the same way as
     /// `between_launches`. The value is the median over all launches.
@@ -30,14 +31,14 @@ pub struct Noise {
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
     /// of the median time. The value is the median over all points.
     pub own_time: Option<f64>,
-    /// A text with the number of points that were not compared with others, and the reason for the first of
-    /// these points; `None` if all points were compared.
+    /// A text with the number of points that were not compared with other points, and the reason for the
+    /// first of these points; `None` if all points were compared.
     pub not_compared: Option<String>,
-    /// The causes of noise.
+    /// Readings that may explain the noise, such as the load by other processes.
     pub causes: Causes,
 }
 
-/// Causes of noise. A value is `None` if it is not known.
+/// Readings that may explain noise in the times. A value is `None` if it is unknown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Causes {
     /// Number of processors of the machine.
@@ -57,7 +58,7 @@ pub struct Causes {
     pub device_clock_mhz: Option<f64>,
     /// Number of samples that were left out because other programs used the processors at the same time.
     pub preempted_samples: Option<u32>,
-    /// Number of samples taken while the device throttled.
+    /// Number of samples that were measured while the device throttled.
     pub throttled_samples: Option<u32>,
     /// Number of threads with which the device executed kernels.
     pub threads: Option<u32>,
@@ -90,9 +91,9 @@ impl Noise {
     }
 }
 
-/// Returns a text that says how many points were not compared with others, and the reason for the first of
-/// these points. If there is only one point, the text says that a difference needs two points. Returns `None`
-/// if all points were compared.
+/// Returns a text that says how many points were not compared with other points, and the reason for the first
+/// of these points. If `records` contains only one point, the text says that a difference needs two points.
+/// Returns `None` if all points were compared.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),
@@ -153,8 +154,8 @@ mod tests {
         assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
-        // `half` returns the distance from a record's median to the upper end of its interval, as a fraction of the
-        // median. For two points, the median over points is the mean of their two distances.
+        // `half` returns the distance from a record's median to the upper end of its interval, as a fraction
+        // of the median. For two points, the median over all points is the mean of the two points' distances.
         let half = |index: usize| {
             let record = &folder.records[index];
             interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0
@@ -225,8 +226,8 @@ mod tests {
 
     #[test]
     fn what_all_launches_can_show_is_that_of_the_group_that_varies_most() {
-        // Each of the three launches has five samples; the samples of the second launch differ from those of the other
-        // launches.
+        // Each of the three launches has five samples; the samples of the second launch differ from those of
+        // the first and third launches.
         let varied = |name: &str, second: f64| {
             let ms = move |launch: u32| if launch == 3 { second } else { 10.0 };
             sampled(name, (0..15).map(move |index| (2 + index / 5, ms(2 + index / 5))))

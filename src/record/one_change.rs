@@ -16,54 +16,56 @@ use pairs::{Pair, pairs};
 /// The largest number of changes that are shown for a device.
 const MOST: usize = 40;
 
-/// The explanation of the tables, for every page that has them.
+/// The explanation of the tables of changes, for every page that has such tables.
 pub(crate) const HOW_TO_READ_CHANGES: &str = "Each row compares two strategies that differ in a single axis. \
     A cell says how many times as fast the second strategy is as the first, with the ratio's 95% interval. Each \
     strategy has the local size at which it is fastest; the cell names both sizes if they differ. \"Tie\" means \
     that the samples do not show that one of the two takes more than 1% longer; \"-\" means that there is no ratio. \
     The changes with the largest effects come first. About one of twenty intervals misses the true ratio.";
 
-/// The changes of a single axis on one device.
+/// The comparisons, on one device, of strategies that differ in a single axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Changes<'a> {
     /// The device's name.
     pub device: &'a str,
-    /// The scenes with their image sizes in pixels (across, down). [`Change::results`] has a result for each of them.
+    /// The scenes with their image sizes in pixels (across, down). [`Change::results`] has a result for each
+    /// of these columns.
     pub columns: Vec<(&'a str, [u32; 2])>,
-    /// The changes with the largest effects, the largest first: at most `MOST`.
+    /// At most `MOST` changes, those with the largest effects, sorted by effect from the largest down.
     pub rows: Vec<Change<'a>>,
-    /// The number of changes that `rows` lacks.
+    /// The number of further changes, which `rows` does not contain.
     pub left_out: usize,
 }
 
 /// A change of a single axis: two strategies that are equal in all other axes, in the order of the records.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change<'a> {
-    /// The axis.
+    /// The axis whose value changes.
     pub axis: &'a str,
     /// The axis's value in each strategy.
     pub values: [&'a str; 2],
     /// The name of each strategy.
     pub names: [&'a str; 2],
-    /// The result for each scene and image size.
+    /// The result of the change for each scene and image size.
     pub results: Vec<Compared>,
 }
 
-/// The result of comparing two strategies in a group of points: a scene at an image size on a device.
+/// The result of comparing two strategies in a group of points (one scene at one image size on one device).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Compared {
-    /// Both strategies have a point with a rank.
+    /// The ratio of the strategies' times is known, since both strategies have a point with a rank.
     Times {
-        /// The first strategy's time divided by the second strategy's time: how many times as fast the second is.
+        /// The first strategy's time divided by the second strategy's time: how many times as fast the second
+        /// strategy is as the first.
         ratio: Interval,
-        /// What the ratio shows.
+        /// What the ratio shows about the second strategy.
         effect: Effect,
-        /// The local size of each point: that at which the strategy is fastest.
+        /// The local size at which each of the two strategies is fastest.
         local_sizes: [Option<[u32; 2]>; 2],
     },
-    /// There is no ratio.
+    /// The ratio of the strategies' times is unknown.
     Nothing {
-        /// The reason.
+        /// The reason why the ratio is unknown.
         why: String,
     },
 }
@@ -71,17 +73,17 @@ pub enum Compared {
 /// What the ratio of two times shows about the second strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// The first strategy takes more than 1% longer.
+    /// The second strategy is faster: the first strategy takes more than 1% longer.
     Faster,
-    /// The second strategy takes more than 1% longer.
+    /// The second strategy is slower: it takes more than 1% longer than the first strategy.
     Slower,
-    /// The samples show neither.
+    /// The samples do not show that either strategy takes more than 1% longer.
     Tie,
 }
 
 impl Effect {
-    /// Judges the ratio of the first strategy's time to the second's, by the rule by which points tie with the fastest
-    /// point of a group.
+    /// Decides what the ratio of the first strategy's time to the second strategy's time shows. Two
+    /// strategies tie by the same rule by which points tie with the fastest point of a group.
     fn of(ratio: Interval) -> Self {
         if ratio.low > 1.0 + TIE {
             Self::Faster
@@ -103,13 +105,13 @@ impl Effect {
 }
 
 impl Changes<'_> {
-    /// Returns the image size of all columns; `None` if they have several.
+    /// Returns the image size of all columns; `None` if the columns have several image sizes.
     pub fn image_size(&self) -> Option<[u32; 2]> {
         let (_, first) = *self.columns.first()?;
         self.columns.iter().all(|(_, size)| *size == first).then_some(first)
     }
 
-    /// Returns the columns' names: the scenes and, if there are several image sizes, the sizes.
+    /// Returns the columns' names: the scene and, if the columns have several image sizes, the image size.
     pub fn column_names(&self) -> Vec<String> {
         let is_one_size = self.image_size().is_some();
         let name = |(scene, [across, down]): &(&str, [u32; 2])| match is_one_size {
@@ -119,7 +121,8 @@ impl Changes<'_> {
         self.columns.iter().map(name).collect()
     }
 
-    /// Returns a sentence on the changes that are left out; `None` if there are none.
+    /// Returns a sentence that says how many changes are left out of the table; `None` if the table has all
+    /// changes.
     pub fn note(&self) -> Option<String> {
         let are = counted_are(self.left_out, "further change");
         let note = || format!("{are} left out: only the {MOST} with the largest effects are shown.");
@@ -139,7 +142,8 @@ impl Change<'_> {
         self.names.join(" → ")
     }
 
-    /// Returns the largest effect in any group: the absolute value of the ratio's logarithm; 0 for ties.
+    /// Returns the largest effect of the change in any group. The effect is the absolute value of the ratio's
+    /// logarithm, and 0 for a tie.
     fn largest_effect(&self) -> f64 {
         let effect = |result: &Compared| match result {
             Compared::Times { effect: Effect::Tie, .. } | Compared::Nothing { .. } => 0.0,
@@ -164,8 +168,9 @@ pub(crate) fn with_interval(ratio: Interval) -> String {
     format!("{middle} ({low} to {high})")
 }
 
-/// Returns the changes of a single axis on each device on which both strategies of such a change have times. `groups`
-/// are the groups of `records`. The order of `records` decides which strategy of a change is the first.
+/// Returns, for each device, the changes of a single axis for which both strategies have times on the device.
+/// `groups` are the groups of `records`. The order of `records` decides which strategy of a change is the
+/// first.
 pub(crate) fn changes<'a>(records: &'a [Record], groups: &[Group<'a>]) -> Vec<Changes<'a>> {
     let pairs = pairs(records);
     if pairs.is_empty() {

@@ -1,4 +1,4 @@
-//! The outcome of a point: the point was measured, or why it was not.
+//! The outcome of a point: whether the point was measured, and if not, why.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

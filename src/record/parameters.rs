@@ -1,13 +1,13 @@
-//! Converts a record's strategy to tuning parameters.
+//! Converts a record's strategy to tuning parameters, for files that other auto-tuners read.
 
 use serde_json::{Map, Value};
 
 use super::axes::axes;
 use super::types::Record;
 
-/// Returns the names and values of a record's parameters: its local size, its value on every axis and, if the run
-/// compares two kernel folders, the label of the folder from which the record's kernels come. Commas are replaced by dots, since commas separate the values in the keys of Kernel
-/// Tuner's cache files.
+/// Returns the names and values of a record's tuning parameters: its local size, its value on every axis and,
+/// if the run compares two kernel folders, the label of the folder from which the record's kernels come. Dots
+/// replace the commas in values, since commas separate the values in the keys of Kernel Tuner's cache files.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
     let [across, down] = record.local_size.unwrap_or([1, 1]);
@@ -23,8 +23,8 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     parameters
 }
 
-/// Joins the parameters' values with commas into one key, in the order of `names`. A parameter that is
-/// missing has an empty value.
+/// Joins the parameters' values with commas into one key, in the order of `names`. The value of a missing
+/// parameter is empty.
 pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
     let text = |name: &String| match parameters.get(name) {
         Some(Value::String(text)) => text.clone(),

@@ -1,4 +1,5 @@
-//! `plan.json`: which records of a folder belong to the current run, and their names in that run.
+//! Reads and writes `plan.json`, which says which records of a folder belong to the current run, and which
+//! names their scenes, devices and strategies have in that run.
 
 use super::types::Record;
 use super::write_json;
@@ -9,30 +10,31 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::Path;
 
-/// The file's name in a folder of results.
+/// The file name of the plan in a folder of results.
 const FILE: &str = "plan.json";
 
 /// The points of the latest run in a folder, in the run's order and without repetitions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CurrentPlan {
-    /// The points.
+    /// The points of the run.
     pub points: Vec<PlannedPoint>,
 }
 
-/// A point's key, and the names and notes that are not part of the key. An earlier record with the same key
-/// may have other names and notes. raycl shows the record with the names and notes of this point.
+/// A point's key, and the point's names and notes, which are not part of the key. A record of an earlier run
+/// with the same key may contain other names and notes; raycl shows such a record with the names and notes of
+/// the planned point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlannedPoint {
     /// The record's key.
     pub key: String,
     /// The scene's name.
     pub scene: String,
-    /// The scene's file.
+    /// The path of the scene's file.
     pub scene_file: Option<String>,
-    /// The values changed in the scene.
+    /// The values that the config changes in the scene.
     #[serde(default)]
     pub scene_values: Vec<String>,
-    /// Notes on the scene. Plans of earlier versions do not have this field.
+    /// Notes on the scene. Plans of earlier versions of raycl do not have this field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_notes: Option<Vec<String>>,
     /// The device's name.
@@ -41,14 +43,14 @@ pub struct PlannedPoint {
     pub name: String,
     /// The preset's name; null for a baseline, and if an axis differs from the preset.
     pub preset: Option<String>,
-    /// The folder of the point's kernels, if two folders of kernels are compared. Plans of earlier versions do not
-    /// have this field.
+    /// The folder of the point's kernels, if two folders of kernels are compared. Plans of earlier versions
+    /// of raycl do not have this field.
     #[serde(default)]
     pub kernels_of: Option<String>,
 }
 
 impl PlannedPoint {
-    /// Returns the point of a record.
+    /// Returns the planned point that has a record's key, names and notes.
     pub fn of(record: &Record) -> Self {
         let Record { key, scene, scene_file, scene_values, device, name, preset, kernels_of, .. } =
             record.clone();
@@ -56,7 +58,7 @@ impl PlannedPoint {
         Self { key, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of }
     }
 
-    /// Gives a record the names and notes of this point. The notes on a scene may differ between runs
+    /// Gives a record the names and notes of this planned point. The notes on a scene may differ between runs
     /// although the scene is the same, since the notes also name other scenes with the same content.
     fn name(&self, record: &mut Record) {
         let Self { key: _, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of } =
@@ -64,8 +66,8 @@ impl PlannedPoint {
         if let Some(notes) = scene_notes {
             record.scene_notes = notes;
         }
-        // A plan of an earlier version does not name the folder of kernels. The point's name contains the
-        // folder's label, so a record with the same name has the same folder.
+        // A plan of an earlier version of raycl does not name the folder of kernels. The point's name
+        // contains the label of the folder, so a record with the same name has kernels of the same folder.
         if kernels_of.is_some() || record.name != name {
             record.kernels_of = kernels_of;
         }
@@ -75,7 +77,7 @@ impl PlannedPoint {
 }
 
 impl CurrentPlan {
-    /// Creates the plan from drafts, which are the points' records before they are measured.
+    /// Creates the plan from drafts, which are the records of points that have not been measured yet.
     pub fn of<'a>(drafts: impl IntoIterator<Item = &'a Record>) -> Self {
         let mut seen = HashSet::new();
         let drafts = drafts.into_iter().filter(|record| seen.insert(record.key.clone()));
@@ -109,14 +111,14 @@ impl CurrentPlan {
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 
-    /// Returns the name of each point's device, by the point's key.
+    /// Returns a map from the key of each point to the name of the point's device.
     pub fn devices(&self) -> HashMap<&str, &str> {
         self.points.iter().map(|point| (point.key.as_str(), point.device.as_str())).collect()
     }
 
-    /// Returns the plan's name of a device that other plans or records call `name`. `points` has the key and
-    /// the device's name of each point of these other plans or records. Returns `None` if the keys of the
-    /// points on the device `name` belong to no device of the plan, or to several.
+    /// Returns the name that this plan gives to a device which other plans or records call `name`. `points`
+    /// contains the key and the device's name of each point in the other plans or records. Returns `None` if
+    /// the keys of the points on the device `name` belong to no device of this plan, or to several devices.
     pub fn device_called<'a>(
         &self,
         name: &str,
@@ -128,7 +130,7 @@ impl CurrentPlan {
         names.first().copied().filter(|_| names.len() == 1)
     }
 
-    /// Returns a record with the plan's names; `None` if the record's key is not in the plan.
+    /// Returns a record with the plan's names and notes; `None` if the record's key is not in the plan.
     pub fn named(&self, mut record: Record) -> Option<Record> {
         self.points.iter().find(|point| point.key == record.key)?.name(&mut record);
         Some(record)
@@ -207,11 +209,11 @@ mod tests {
         let mut record = Record { key: "k".into(), median_ms: Some(2.0), ..Record::default() };
         plan.points[0].name(&mut record);
         assert_eq!(record, Record { median_ms: Some(2.0), ..planned });
-        // A plan of an earlier version neither names the folder of kernels nor has notes.
+        // A plan of an earlier version of raycl has neither the folder of kernels nor notes.
         let earlier = PlannedPoint { kernels_of: None, scene_notes: None, ..plan.points[0].clone() };
         earlier.name(&mut record);
         assert_eq!((record.kernels_of.as_deref(), record.scene_notes.len()), (Some("new"), 1));
-        // This run no longer compares two folders of kernels.
+        // The plan's run no longer compares two folders of kernels, so the record loses the folder's label.
         let alone = PlannedPoint { name: "alone".into(), ..earlier };
         alone.name(&mut record);
         assert_eq!((record.name.as_str(), record.kernels_of), ("alone", None));

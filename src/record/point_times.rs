@@ -1,4 +1,5 @@
-//! The times of a single point: the median with its interval, and the numbers of launches and samples.
+//! Computes the times of a single point: the median with its interval, and the numbers of launches and
+//! samples.
 
 use super::outcome::Outcome;
 use super::types::Record;
@@ -24,15 +25,16 @@ pub(crate) fn launches(record: &Record) -> usize {
     numbers.len().max(usize::from(!record.samples_ms.is_empty()))
 }
 
-/// Returns the number of samples in the launch that has the fewest samples. Samples with a time of 0 do not count.
+/// Returns the number of samples in the launch that has the fewest samples, not counting samples with a time
+/// of 0.
 pub(crate) fn fewest(record: &Record) -> usize {
     fewest_where(record, |ms| ms > 0.0)
 }
 
 /// Counts, in each launch, the samples for which `counts` returns true. Returns the smallest of these counts.
 fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
-    // A launch in which no sample counts must have the number 0 in the map, so the map first gets an entry for every
-    // launch.
+    // The map first gets an entry for every launch, so that a launch in which no sample counts has the
+    // number 0.
     let mut of_launches: HashMap<u32, usize> =
         record.sample_launches.iter().map(|launch| (*launch, 0)).collect();
     for (launch, ms) in record.sample_launches.iter().zip(&record.samples_ms) {
@@ -42,8 +44,8 @@ fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
     of_launches.into_values().min().unwrap_or_else(all)
 }
 
-/// Returns true if a measured record has enough samples, but no rank, because some of its times are 0. A time
-/// is 0 if a frame takes less than a step of the device's timer.
+/// Returns true if a measured record has enough samples, but cannot be ranked, because some of its times
+/// are 0. A measured time is 0 if a frame takes less than a step of the device's timer.
 pub(crate) fn is_below_resolution(record: &Record) -> bool {
     let has_zero = record.samples_ms.iter().any(|ms| *ms <= 0.0);
     median(record).is_some()
@@ -63,7 +65,7 @@ mod tests {
         assert_eq!(fewest(&record), 5);
         let zeros = in_two_launches("naive", 10.0, -1.0);
         assert_eq!((fewest(&zeros), fewest_where(&zeros, |_| true)), (0, 5));
-        // Records of earlier versions have no numbers of launches.
+        // Records of earlier versions of raycl do not state the launches of samples.
         let old = Record { sample_launches: Vec::new(), ..record };
         assert_eq!(fewest(&old), 10);
     }

@@ -1,4 +1,4 @@
-//! Ranks records by their times, and computes the smallest difference between two records that is no tie.
+//! Ranks records by their times, and computes the smallest difference at which two records do not tie.
 
 use super::point_times::median;
 use super::ratios::ratio;
@@ -8,19 +8,20 @@ use super::types::Record;
 use crate::measure::{BetweenRuns, Paired, PairedSample, Ranking, median_of};
 use std::collections::HashMap;
 
-/// A point ties with the fastest point unless the samples show that the point takes longer by more than this
-/// fraction.
+/// The fraction by which the samples must show that a point takes longer than the fastest point; if they do
+/// not, the two points tie.
 pub(super) const TIE: f64 = 0.01;
 
 /// Ranks the measured records by their times. The winners are the fastest record and every record that ties
-/// with it. A record ties if the samples do not show that the record takes more than 1% longer. A record with
-/// too few samples, or with times of 0, has no rank.
+/// with it. A record ties with the fastest record if the samples do not show that it takes more than 1%
+/// longer. A record with too few samples, or with times of 0, has no rank.
 ///
 /// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Records
-/// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls such a family a
-/// set of comparable points; a kernel family is something else. The ratio of two records of different families is
-/// the ratio of their medians (see [`ratio`]). The levels of each family are therefore shifted by a constant, so
-/// that the mean of the levels equals the mean of the logarithms of the family's medians.
+/// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls such a
+/// family a set of comparable points; a kernel family is something else. The ratio of the times of two
+/// records of different families is the ratio of their medians (see [`ratio`]). The levels of each family are
+/// therefore shifted by a constant, so that the mean of the levels equals the mean of the logarithms of the
+/// family's medians.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
     let mut families: HashMap<String, Vec<f64>> = HashMap::new();
@@ -43,8 +44,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
 }
 
 /// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.
-/// Each set of records that were measured together has its own value. The function returns the least and the
-/// greatest of these values, or `None` if no value is known.
+/// The smallest difference is computed for each set of records that were measured together. The function
+/// returns the least and the greatest of the results, or `None` if no set has a result.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
@@ -61,9 +62,10 @@ fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
 
-/// Returns the smallest difference between two of these records that a single launch can show, as a fraction, by the
-/// rule of [`resolution`]. The result is the median over launches. Records with equal launch numbers must have been
-/// measured together, on one device. Records without a time, or with a sample of 0, are left out.
+/// Returns the smallest difference between two records that a single launch can show, as a fraction. The
+/// smallest difference is computed for each launch by the rule of [`resolution`]; the function returns the
+/// median over the launches. Records with equal launch numbers must have been measured together, on one
+/// device. Records without a time, or with a sample of 0, are left out.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let records: Vec<&Record> = records.iter().filter(|record| has_time(record)).collect();
     let samples = in_order(records.iter().copied(), &[]);
@@ -86,8 +88,8 @@ mod tests {
         let records = judged([
             measured("gpu", "naive", 8, 10.0),
             measured("gpu", "wide", 1, 10.09),
-            // The samples show that this point takes at least 0.4% longer than the fastest point. They do not
-            // show that the point takes at least 1% longer.
+            // The samples show that this point takes at least 0.4% longer than the fastest point, but not
+            // that it takes at least 1% longer.
             measured("gpu", "wide", 4, 10.15),
             measured("gpu", "wide", 2, 10.3),
             few("gpu", "naive", 4, 1.0, 4),
@@ -113,10 +115,10 @@ mod tests {
         assert_eq!(ranked[0].name, "naive");
         let ratios = ranked.iter().map(|record| ratio(record, ranked[0]).expect("enough samples").middle);
         assert!(ratios.clone().all(|ratio| ratio >= 1.0), "{:?}", ratios.collect::<Vec<_>>());
-        // Samples of the same rounds are paired, and their points are ranked by the means.
+        // Samples of the same rounds can be paired, so points of the same rounds are ranked by the means.
         let same = [session("wide", 0, [1.2; 3]), session("naive", 0, [1.0, 1.0, 4.0])];
         assert_eq!(ranking(&judged(same.clone())).ranked[0].name, "wide");
-        // A point of another session does not change this order.
+        // An additional point from another session does not change the order of the two points.
         let records = judged([&same[..], &[session("tile", 3, [5.0; 3])]].concat());
         let ranked = ranking(&records).ranked;
         let names: Vec<_> = ranked.iter().map(|record| record.name.as_str()).collect();

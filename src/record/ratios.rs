@@ -1,13 +1,14 @@
-//! Ratios of the times of records, and of the mean times of several records.
+//! Computes ratios of the times of two records, and of the mean times of several records.
 
 use super::together::between_runs;
 use super::types::Record;
 use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Relative, Standing};
 
-/// Returns the time of `slow` divided by the time of `fast`. If the records were measured together, samples
-/// that were measured close in time are compared. Otherwise, the ratio is computed from the control point
-/// that the records' blocks share. If the blocks share no control point, the ratio is that of
-/// [`ratio_apart`]. Returns `None` if either record has too few samples, or times of 0.
+/// Returns the time of `slow` divided by the time of `fast`. If the records were measured together, the ratio
+/// compares samples that were measured close in time. If the records were measured in different blocks that
+/// share a control point, the ratio is computed from the ratios of both times to the control point's time. If
+/// the records share neither rounds nor a control point, the ratio is that of [`ratio_apart`]. Returns `None`
+/// if either record has too few samples, or times of 0.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.relative_times.as_ref()?, fast.relative_times.as_ref()?);
     if slow.together == fast.together {
@@ -16,9 +17,9 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the time of `slow` divided by the time of `fast`, from the medians of all samples. Records that
-/// were measured together are treated as measured apart. Returns `None` if either record has too few samples,
-/// or times of 0.
+/// Returns the time of `slow` divided by the time of `fast`, from the medians of all samples. Even if the
+/// records were measured together, samples that were measured close in time are not compared with each other.
+/// Returns `None` if either record has too few samples, or times of 0.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.relative_times.as_ref()?.standing.ratio_apart(&fast.relative_times.as_ref()?.standing))
 }
@@ -35,16 +36,16 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
 }
 
 /// Returns the name of the anchor of the record's device, and the ratio of the record's time to the anchor's
-/// time. Returns `None` if the record has no relative times, or if its anchor was not measured or not
-/// requested (see `judge_with_anchors`).
+/// time. Returns `None` if the record has no relative times, if the anchor was not measured, or if the
+/// relative times were computed without anchors (see `judge_with_anchors`).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let times = record.relative_times.as_ref()?;
     let anchor = times.anchor.as_ref()?;
     Some((&anchor.name, times.standing.ratio(&anchor.standing)))
 }
 
-/// Returns the ratio of the mean time of some records to the anchor's time; `None` if there is no anchor, or if a
-/// record has no relative times. The records must have been measured together.
+/// Returns the ratio of the mean time of some records to the anchor's time; `None` if the first record has no
+/// anchor, or if a record has no relative times. The records must have been measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Relative> {
     let anchor = records.first()?.relative_times.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.relative_to(&anchor.standing))
@@ -69,10 +70,10 @@ pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<
     Some(mean(records)?.ratio(&mean(others)?))
 }
 
-/// Returns the ratio of the times of two passes of the same frames of a record. `ratios` has each sample's
-/// launch and ratio. A pass is treated like a point. From run to run, the time of a pass changes by two
-/// factors: its own factor, and a factor that all points share. The shared factor cancels in the ratio.
-/// Returns `None` if there are too few samples.
+/// Returns the ratio of the times of two passes of a record's frames, with its interval. `ratios` contains
+/// the launch of each sample, and the sample's ratio of the two times. A pass is treated like a point: from
+/// run to run, its time changes by a factor of its own, and by a factor that all points share. The shared
+/// factor cancels in the ratio. Returns `None` if the record has too few samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();

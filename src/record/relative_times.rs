@@ -1,12 +1,12 @@
-//! A record's relative times: how its times compare with the times of records that were measured together
-//! with it.
+//! Defines a record's relative times, which say how the record's times compare with the times of records that
+//! were measured in the same rounds.
 
 use super::anchors::AnchorUtilization;
 use super::control::Control;
 use crate::measure::{Interval, Standing};
 
-/// A record's times relative to the times of the other records, the anchor and the control point that were
-/// measured together with the record.
+/// A record's times, relative to the times of the records, the anchor and the control point that were
+/// measured in the same rounds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RelativeTimes {
     /// A hash that is equal for all records that were measured together.
@@ -16,7 +16,8 @@ pub struct RelativeTimes {
     /// The median of the record's samples in milliseconds. The interval of this median never depends on anchors, so
     /// every output of raycl shows the same interval.
     pub(super) median_ms: Interval,
-    /// The anchor of the record's device. `None` if there is no anchor, or if anchors were not requested.
+    /// The anchor of the record's device. `None` if the device has no anchor, or if the relative times were
+    /// computed without anchors.
     pub(super) anchor: Option<MeasuredAnchor>,
     /// The control point of the record's block; `None` if the group was not divided into blocks, or if the
     /// control point has no time in this block.

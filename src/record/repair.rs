@@ -22,7 +22,7 @@ pub struct Repaired {
 }
 
 /// Repairs a folder's journals. Returns one `Repaired` for each journal that was damaged. The caller must
-/// hold the folder's lock, which allows one run at a time in the folder.
+/// hold the folder's lock, by which only one process at a time writes to the folder.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
         repair_file(&folder.join(RECORDS), is_a::<Record>)?,
@@ -60,7 +60,8 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
 }
 
-/// Writes a copy of a file to the disk, in the same folder and under an unused name. Returns the copy's path.
+/// Writes a copy of a journal to the disk, in the same folder and under an unused name. Returns the copy's
+/// path.
 fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;

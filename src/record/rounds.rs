@@ -1,4 +1,5 @@
-//! `rounds.jsonl`: the load of other processes while rounds were timed.
+//! Reads and interprets `rounds.jsonl`: how much other processes and virtual machines used the machine while
+//! rounds were timed.
 
 use super::types::Record;
 use crate::load::Load;
@@ -8,15 +9,15 @@ use crate::words::{counted, counted_are};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// A line of `rounds.jsonl`: the load during consecutive rounds of a launch. Together, these rounds
-/// take long enough to measure the load.
+/// A line of `rounds.jsonl`: the machine's load during consecutive rounds of a launch, which together take
+/// long enough to measure the load.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundLoad {
     /// The launch's number in the folder.
     pub launch: u32,
-    /// The number of the last of the line's rounds.
+    /// The number of the last round that the line describes.
     pub round: u32,
-    /// The duration of the line's rounds together, in milliseconds.
+    /// The total duration of the rounds that the line describes, in milliseconds.
     pub ms: f64,
     /// Number of processors of the machine.
     pub processors: usize,
@@ -28,18 +29,17 @@ pub struct RoundLoad {
     /// waited for a disk. Null if the system does not report the load average.
     pub load_1m: Option<f64>,
     /// The core-to-core latency (the time in which a cache line moves from one processor to another) after
-    /// the line's rounds, in nanoseconds; null if the latency was not measured.
+    /// the rounds that the line describes, in nanoseconds; null if the latency was not measured.
     #[serde(default)]
     pub core_to_core_ns: Option<f64>,
 }
 
-/// Percentiles of the core-to-core latency are computed only if there are at least this many
-/// readings.
+/// The least number of readings of the core-to-core latency from which raycl computes percentiles.
 const LEAST_READINGS: usize = 10;
-/// The median latency is computed only if there are at least this many readings.
+/// The least number of readings of the core-to-core latency from which raycl computes the median.
 const LEAST_OF_MEDIAN: usize = 3;
-/// If the core-to-core latency differs by more than this factor between rounds, the virtual
-/// machine's processors were probably moved to other cores.
+/// The factor by which the core-to-core latency must differ between rounds before raycl assumes that the
+/// virtual machine's processors were moved to other cores.
 pub(crate) const MOVED: f64 = 1.5;
 
 /// Other processes and virtual machines that together used more than this fraction of the machine may have
@@ -47,7 +47,7 @@ pub(crate) const MOVED: f64 = 1.5;
 const DISTURBED: f64 = 0.05;
 
 impl RoundLoad {
-    /// Creates a line from the load that was measured while rounds were timed.
+    /// Makes a line of `rounds.jsonl` from the load that was measured while rounds were timed.
     pub fn of(launch: u32, round: u32, load: &Load) -> Self {
         let Load { ms, others, stolen, processors, load_1m, core_to_core_ns } = *load;
         Self { launch, round, ms, processors, others, stolen, load_1m, core_to_core_ns }
@@ -71,7 +71,7 @@ impl MeanLoad {
     }
 }
 
-/// Returns the mean load, weighted by the rounds' durations; `None` if there are no rounds.
+/// Returns the mean load over some rounds, weighted by the rounds' durations; `None` if `lines` is empty.
 pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<MeanLoad> {
     let lines: Vec<&RoundLoad> = lines.into_iter().collect();
     let all_ms: f64 = lines.iter().map(|line| line.ms).sum();
@@ -80,7 +80,7 @@ pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> O
     Some(MeanLoad { processors, others: mean(|line| line.others), stolen: mean(|line| line.stolen) })
 }
 
-/// Returns the launches of the records' samples.
+/// Returns the numbers of the launches in which the records' samples were measured.
 fn launches_of(records: &[Record]) -> HashSet<u32> {
     records.iter().flat_map(|record| &record.sample_launches).copied().collect()
 }
@@ -118,8 +118,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     ))
 }
 
-/// Returns a note on the samples that were left out because other programs used the processors; `None` if no
-/// samples were left out.
+/// Returns a note on the samples that raycl left out because other programs used the processors; `None` if no
+/// samples were left out for this reason.
 pub(crate) fn preempted(records: &[Record]) -> Option<String> {
     let samples: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
     (samples > 0).then(|| {
@@ -128,8 +128,8 @@ pub(crate) fn preempted(records: &[Record]) -> Option<String> {
     })
 }
 
-/// Returns the 10th and the 90th percentile of the core-to-core latency, in nanoseconds; `None` if
-/// there are too few readings.
+/// Returns the 10th and the 90th percentile of the core-to-core latency, in nanoseconds; `None` if `lines`
+/// contain too few readings.
 pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<[f64; 2]> {
     let mut readings: Vec<f64> = lines.into_iter().filter_map(|line| line.core_to_core_ns).collect();
     readings.sort_unstable_by(f64::total_cmp);
@@ -137,9 +137,9 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns the number of launches that were left out because the virtual machine's processors ran on cores further
-/// apart than in other samples, or shared a core. All records of a group have the same launches, so records with equal
-/// launches are counted once.
+/// Returns the number of launches that raycl left out because the virtual machine's processors ran on cores
+/// further apart than in other samples, or shared a core. All records of a group have the same launches, so
+/// records with equal launches are counted once.
 fn moved_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
         let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();
@@ -150,8 +150,8 @@ fn moved_launches(records: &[Record]) -> u32 {
 
 /// Returns a note on the launches and samples that were left out because this virtual machine's processors
 /// ran on cores further apart than in other samples, or shared a core. If nothing was left out, but the
-/// core-to-core latency changed while these records were measured, returns a note on this change. Otherwise
-/// returns `None`.
+/// core-to-core latency changed while these records were measured, returns a note on this change. Returns
+/// `None` if neither is the case.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;
@@ -181,15 +181,15 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     })
 }
 
-/// Returns the median of readings of the core-to-core latency, in nanoseconds; `None` if there are too few
-/// readings.
+/// Returns the median of readings of the core-to-core latency, in nanoseconds; `None` if `readings_ns` has
+/// fewer than [`LEAST_OF_MEDIAN`] readings.
 fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
     readings_ns.sort_unstable_by(f64::total_cmp);
     (readings_ns.len() >= LEAST_OF_MEDIAN).then(|| quantile(&readings_ns, 0.5))
 }
 
-/// Returns the median core-to-core latency of the launches of these records, in nanoseconds; `None` if there are too
-/// few readings.
+/// Returns the median core-to-core latency in the launches of some records, in nanoseconds; `None` if these
+/// launches have too few readings.
 pub(crate) fn latency_ns(lines: &[RoundLoad], records: &[Record]) -> Option<f64> {
     let shown = launches_of(records);
     let of_shown = lines.iter().filter(|line| shown.contains(&line.launch));
@@ -200,7 +200,8 @@ pub(crate) fn latency_ns(lines: &[RoundLoad], records: &[Record]) -> Option<f64>
 mod tests {
     use super::*;
 
-    /// Returns a record of a group that used these launches, with the numbers of samples and launches left out.
+    /// Returns a record whose group used the given launches, with the numbers of samples and launches that
+    /// were left out.
     fn left_out(launches: &[u32], moved_samples: Option<u32>, moved_launches: Option<u32>) -> Record {
         Record { sample_launches: launches.to_vec(), moved_samples, moved_launches, ..Record::default() }
     }
@@ -294,8 +295,8 @@ mod tests {
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
-        // With one high reading of the core-to-core latency, the 90th percentile stays low, so there is no
-        // note.
+        // With one high reading of the core-to-core latency, the 90th percentile stays low, so the function
+        // returns no note.
         let mut one = lines([60.0, 60.0], 0);
         one[3].core_to_core_ns = Some(900.0);
         assert_eq!(moved_processors(&one, &records), None);
@@ -339,7 +340,8 @@ mod tests {
             "{said}"
         );
         // Other virtual machines alone use too little of the machine to count as a disturbance. The same is
-        // true of other processes alone. Both together count as a disturbance.
+        // true of other processes alone. But other virtual machines and other processes together count as a
+        // disturbance.
         let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
         assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));
         assert!(disturbance(&[RoundLoad { stolen: 0.08, ..line(0, 0.08) }], &records).is_some());

@@ -1,5 +1,5 @@
-//! Checks the paths in a folder of results. The folder may come from a stranger, so its paths must not lead out of the
-//! folder or to a device file.
+//! Checks the paths in a folder of results. Such a folder may come from a stranger, so paths in it must not
+//! lead out of the folder or to a device file.
 
 use crate::reader;
 use std::io::{Error as IoError, ErrorKind};
@@ -7,7 +7,7 @@ use std::path::Path;
 
 const LINK: &str = "it is a link, which may lead out of the folder";
 
-/// Creates a subfolder in a folder of results. Fails if a link with this name exists.
+/// Creates a subfolder in a folder of results. Fails if the subfolder's path is a link.
 pub fn own_folder(path: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(path)?;
     match path.symlink_metadata()?.is_symlink() {
@@ -16,8 +16,8 @@ pub fn own_folder(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Fails if `path` is a link, a pipe or a device, to which raycl must not append. A missing file is
-/// accepted.
+/// Fails if `path` is a link, a pipe or a device, to which raycl must not append. Accepts the path of a
+/// missing file.
 pub fn own_file(path: &Path) -> std::io::Result<()> {
     match path.symlink_metadata() {
         Ok(metadata) if metadata.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
@@ -36,12 +36,12 @@ pub fn ordinary(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Returns the bytes of a picture's file in a folder of results.
+/// Returns the bytes of a picture file in a folder of results.
 ///
 /// # Errors
 ///
-/// Fails if the path, after links are followed, leads out of the folder or to something other than an ordinary file.
-/// Also fails if the file cannot be read, or is larger than the pictures that reports show.
+/// Fails if the path leads, after links are followed, out of the folder or to something that is not an
+/// ordinary file. Also fails if the file cannot be read, or if it is larger than reports allow for a picture.
 pub fn read_inside(folder: &Path, path: &str) -> std::io::Result<Vec<u8>> {
     let resolved = folder.join(path).canonicalize()?;
     match resolved.starts_with(folder.canonicalize()?) {

@@ -1,15 +1,15 @@
-//! A line of `samples.jsonl`. `docs/format.md` documents every field.
+//! Defines a line of `samples.jsonl`. `docs/format.md` documents every field of the line.
 
 use crate::sensor::SensorReading;
 use serde::{Deserialize, Serialize};
 
-/// One timed frame, or the mean of a batch of frames. Times are in milliseconds. An optional value is null or absent
-/// if it was not measured.
+/// One timed frame, or the mean of a batch of frames. Times are in milliseconds. An optional value is null or
+/// absent if the value was not measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// The point's key.
     pub key: String,
-    /// The launch's number in the folder; 0 in files of earlier versions, which store no launch.
+    /// The launch's number in the folder; 0 in files of earlier versions of raycl, which store no launch.
     #[serde(default)]
     pub launch: u32,
     /// The launch's round, counted from 0.
@@ -19,7 +19,7 @@ pub struct Sample {
     pub at_ms: Option<f64>,
     /// The frame's device time; for a baseline, the time on the host's clock.
     pub ms: f64,
-    /// Time of the frame's primary pass, if passes are separate.
+    /// Device time of the frame's primary pass, if passes are timed separately.
     pub primary_ms: Option<f64>,
     /// Time of the frame's shadow pass, if passes are separate. The shadow pass includes shading if
     /// `shade_ms` is null.
@@ -34,7 +34,7 @@ pub struct Sample {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
     /// The core-to-core latency in nanoseconds: the larger of a reading before and a reading after the frame.
-    /// If the frame ended shortly after the last reading, raycl takes no new reading, and this value is the
+    /// If the frame ended shortly after the last reading, raycl takes no new reading, and the value is the
     /// last reading. Absent if the latency was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub core_to_core_ns: Option<f64>,
@@ -51,10 +51,10 @@ pub struct Sample {
     pub measured_on: Option<String>,
     /// The UUID of the device that measured the sample or, if the UUID is unknown, the device's PCI address.
     /// Absent if `measured_on` is absent. In another session, the name in `measured_on` may belong to another
-    /// device; this identifier does not.
+    /// device, but the identifier always belongs to the same device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_by: Option<String>,
-    /// The attempt and the launch that measured the sample, if a later attempt copied the sample.
+    /// The attempt and the launch that measured the sample, if a later attempt copied the sample from there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
 }

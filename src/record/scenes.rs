@@ -1,6 +1,6 @@
-//! Gives different names to scenes with different contents. If scenes have the same name, each gets a new
-//! name: the end of the scene's path, with as few folders as are needed to make the names differ. If paths
-//! alone do not make the names differ, other names are used (see [`Names::others`]).
+//! Gives different names to scenes with different contents. If several scenes have the same name, each of
+//! these scenes gets a new name: the end of the scene's path, with as few folders as are needed to make the
+//! names differ. If the paths do not make the names differ, the scenes get the names in [`Names::others`].
 
 use super::types::Record;
 use crate::entry::entry;
@@ -12,13 +12,14 @@ struct Names {
     /// Names from the scene's path: the file's name alone, the file's name after one folder, the file's name
     /// after two folders, and so on.
     paths: Vec<String>,
-    /// Names for scenes whose paths differ in the file's extension at most. The first name contains the extension, the
-    /// second the values changed in the scene, and the third the scene's hash.
+    /// Names for scenes whose paths differ in the file's extension at most. The first of these names contains
+    /// the file's extension, the second the values that the config changed in the scene, and the third the
+    /// hash of the scene.
     others: [String; 3],
 }
 
-/// Renames scenes in records, so that different scenes have different names. Records of earlier
-/// versions have no hash of the scene's content and are not renamed.
+/// Renames scenes in records, so that different scenes have different names. Scenes in records of earlier
+/// versions of raycl, which do not contain the hash of the scene's content, are not renamed.
 pub fn tell_scenes_apart(records: &mut [Record]) {
     let names = new_names(records.iter());
     for record in records {
@@ -28,8 +29,8 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns new names for different scenes that have the same name in the records. The key of a new name is
-/// the hash of the scene's content.
+/// Returns a map with new names for different scenes that have the same name in the records. The key of a new
+/// name in the map is the hash of the scene's content.
 pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<String, String> {
     let mut contents: HashMap<&str, Vec<Content<'_>>> = HashMap::new();
     for record in records {
@@ -49,31 +50,32 @@ pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<Strin
     new_names
 }
 
-/// The content of a scene, including its camera.
+/// The content of a scene, including the camera, as some records describe it.
 struct Content<'r> {
     hash: &'r str,
     image_sizes: HashSet<[u32; 2]>,
-    /// The first record of this content.
+    /// The first record of a scene with this content.
     record: &'r Record,
 }
 
 impl Content<'_> {
     /// Returns true if `self` and `other` probably belong to one scene, whose camera raycl places differently
-    /// for images of different shapes. Both contents must have the same file with the same changed values,
-    /// but no image size in common. Records of earlier versions, in which the camera did not depend on the
-    /// shape, may lack the file.
+    /// for images of different shapes. Both contents must have the same scene file with the same changed
+    /// values, but no image size in common. Records of earlier versions of raycl, in which the camera did not
+    /// depend on the image's shape, may lack the scene file.
     fn is_other_shape_of(&self, other: &Self) -> bool {
         let is_known = self.record.scene_file.is_some();
         is_known && self.made_of() == other.made_of() && self.image_sizes.is_disjoint(&other.image_sizes)
     }
 
-    /// Returns the scene's file and the values that the config changes in it.
+    /// Returns the scene's file, and the scene's values that the config changes.
     fn made_of(&self) -> (Option<&str>, &[String]) {
         (self.record.scene_file.as_deref(), &self.record.scene_values)
     }
 }
 
-/// Divides contents of the same name into scenes. Each inner list has the contents of one scene.
+/// Divides contents of the same name into scenes. Each inner list of the result has the contents of one
+/// scene.
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {
@@ -83,8 +85,8 @@ fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     scenes
 }
 
-/// Returns one name per scene. All names are of one kind (see [`Names::at`]): the first kind for which all names
-/// differ. If no kind makes all names different, the names with hashes are returned.
+/// Returns one name per scene. All names are made by the same rule (see [`Names::at`]): the first rule by
+/// which all names differ. If all names differ by no rule, returns the names with hashes.
 fn distinct(scenes: &[Names]) -> Vec<&str> {
     let depth = scenes.iter().map(|names| names.paths.len()).max().unwrap_or(0);
     let mut kinds = (0..depth + 3).map(|kind| scenes.iter().map(|names| names.at(kind, depth)).collect());
@@ -97,8 +99,8 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // A suffix such as "+triangles=80" states a value that the config changed in the scene. The suffix
-        // remains at the end of the name.
+        // A suffix such as "+triangles=80" states a value that the config changed in the scene. Such a suffix
+        // remains at the end of the new name.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);
@@ -117,8 +119,9 @@ impl Names {
         }
     }
 
-    /// Returns the scene's possible name of the given kind. Kinds from 0 to `depth - 1` are ends of the path; the
-    /// following kinds are the names in `others`. If a path has too few parts, the whole path is used.
+    /// Returns the scene's name by the rule with the number `kind`. The rules from 0 to `depth - 1` give ends
+    /// of the path, and the following rules give the names in `others`. If the path has too few folders for a
+    /// rule, the name is the whole path.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),
@@ -179,7 +182,8 @@ mod tests {
         assert_eq!(renamed(&of("a/bunny.obj", ["1", "2"])), ["bunny", "bunny"]);
         let both = [of("a/bunny.obj", ["1", "2"]), of("b/bunny.obj", ["3", "4"])].concat();
         assert_eq!(renamed(&both), ["a/bunny", "a/bunny", "b/bunny", "b/bunny"]);
-        // The file was changed between two runs, so an image size has two contents.
+        // The scene's file was changed between two runs, so the records have two contents for the same image
+        // size.
         let edited = [of("bunny.obj", ["1", "1"]), of("bunny.obj", ["2", "2"])].concat();
         assert_eq!(renamed(&edited), ["bunny (1)", "bunny (1)", "bunny (2)", "bunny (2)"]);
     }

@@ -1,4 +1,5 @@
-//! Notes on the certainty of results, in particular on the smallest difference that can be shown between two points.
+//! Writes notes on the certainty of results, in particular on the smallest difference in time that the
+//! samples can show between two points.
 
 use super::ranking::resolution;
 use super::ratios::rounds_of;
@@ -7,10 +8,10 @@ use crate::numbers::{by, significant};
 use std::collections::{BTreeMap, HashSet};
 
 /// The times of points are noisy if the points must differ by more than this fraction before the samples show
-/// a difference. The smallest difference that can be shown between noisy points is stated as a factor and not
-/// as a percentage.
+/// a difference. For noisy points, the smallest difference that can be shown is stated as a factor and not as
+/// a percentage.
 const NOISY: f64 = 1.0;
-/// The largest factor that is stated for noisy times. A larger factor would mean nothing, since factors are
+/// The largest factor that is stated for noisy times. A larger factor would be meaningless, since factors are
 /// computed from the spread of only a few launches.
 const LARGEST_FACTOR: f64 = 100.0;
 /// The properties of a point on which the smallest difference that can be shown between two points may depend.
@@ -36,8 +37,8 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
 }
 
 /// Returns the note on the smallest difference that can be shown between two points. The smallest difference
-/// that can be shown between baselines says nothing about kernels, so baselines count only if there are no
-/// other points. Returns `None` if the smallest difference is unknown.
+/// that can be shown between baselines says nothing about kernels, so baselines are used only if the records
+/// contain no kernels. Returns `None` if the smallest difference is unknown.
 pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
     let judged = records.into_iter().filter(|record| record.relative_times.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
@@ -63,8 +64,8 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
 }
 
 /// Returns the smallest difference that can be shown between two of the points, such as "2.1 to 4.1%
-/// (depending on device)". For noisy points, the difference is a factor, such as "a factor of 3.2". Either
-/// all points must be noisy, or none. Returns `None` if the difference is unknown.
+/// (depending on device)". For noisy points, the difference is a factor, such as "a factor of 3.2". The
+/// points must be all noisy or all not noisy. Returns `None` if the smallest difference is unknown.
 fn smallest_difference(points: &[&Record]) -> Option<String> {
     let [part, _] = resolution(points.iter().copied())?;
     let amount = |shown: &str| match part > NOISY {
@@ -80,8 +81,8 @@ fn smallest_difference(points: &[&Record]) -> Option<String> {
     })
 }
 
-/// Returns the two values of [`resolution`] as texts: percentages or, for noisy points, factors. Returns `None` if the
-/// values are unknown.
+/// Returns the least and the greatest of the smallest differences ([`resolution`]) as texts: percentages or,
+/// for noisy points, factors. Returns `None` if the values are unknown.
 fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
     let shown = |part: f64| match part > NOISY {
         true => significant((1.0 + part).min(LARGEST_FACTOR), 2),
@@ -90,11 +91,11 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
     Some(resolution(points.iter().copied())?.map(shown))
 }
 
-/// Names what the smallest difference between points depends on: "scene", "scene and device", "when the
-/// points were measured". A property is named if the smallest difference varies among points that are equal
-/// in all other properties. This rule finds no property if, for example, points of different scenes also have
-/// different devices. If the properties that the rule finds do not explain why the smallest difference
-/// varies, all properties in which the points differ are named instead.
+/// Names the properties on which the smallest difference between points depends: "scene", "scene and device",
+/// "when the points were measured". A property is named if the smallest difference varies among points that
+/// are equal in all other properties. The rule finds no property if, for example, points of different scenes
+/// also have different devices. If the properties found by the rule do not explain why the smallest
+/// difference varies, the function names all properties in which the points differ.
 fn what_it_depends_on(points: &[&Record]) -> String {
     let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();
     for point in points {
@@ -129,7 +130,7 @@ fn what_it_depends_on(points: &[&Record]) -> String {
     }
 }
 
-/// Returns true if a record has relative times from only one launch.
+/// Returns true if a record's relative times come from a single launch.
 fn has_one_launch(record: &Record) -> bool {
     record.relative_times.as_ref().is_some_and(|times| times.standing.launches() == 1)
 }
@@ -209,8 +210,9 @@ mod tests {
         assert_eq!(all, "Differences below a factor of 100 between two points are mostly not detected here.");
     }
 
-    /// Returns two points that were measured in two launches. In the first launch, `naive` takes longer than the other
-    /// point by the fraction `apart`. In the second launch, `wide` takes longer by this fraction.
+    /// Returns the two points `naive` and `wide`, measured in two launches. In the first launch, `naive`
+    /// takes longer than `wide` by the fraction `apart`. In the second launch, `wide` takes longer than
+    /// `naive` by this fraction.
     fn two_points(
         scene: &str,
         image_size: [u32; 2],

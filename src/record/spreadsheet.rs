@@ -1,4 +1,5 @@
-//! `summary.csv`: one row per record. A field with two numbers, such as the local size, has one column per number.
+//! Writes `summary.csv`, with one row per record. A field with two numbers, such as the local size, has one
+//! column per number.
 
 use serde::Serialize;
 
@@ -7,7 +8,7 @@ use super::summary::quartiles;
 use super::types::Record;
 use crate::error::{Error, Result};
 
-/// The columns, in order.
+/// The columns of `summary.csv`, in order.
 #[derive(Serialize)]
 struct Row<'a> {
     key: &'a str,
@@ -121,12 +122,12 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Returns the records as CSV with a header; null values are empty.
+/// Returns the records as CSV with a header. Cells of null values are empty.
 pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
     let fail = |error: String| Error::fault(format!("cannot write the CSV summary: {error}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    // The writer writes the header together with the first row. If there are no records, a row with default values is
-    // written and then cut off, so that only the header remains.
+    // The writer writes the header together with the first row. If `records` is empty, this function writes a
+    // row with default values and then cuts this row off, so that only the header remains.
     let cut_off = records.is_empty().then(Record::default);
     for record in records.iter().chain(&cut_off) {
         writer.serialize(Row::of(record)).map_err(|error| fail(error.to_string()))?;
@@ -155,14 +156,14 @@ mod tests {
         let rows: Vec<_> = reader.records().collect::<std::result::Result<_, _>>().unwrap();
         let cell = |row: usize, name: &str| &rows[row][header.iter().position(|head| head == name).unwrap()];
         assert_eq!(["q1_ms", "median_ms", "q3_ms"].map(|name| cell(0, name)), ["99.0", "100.0", "101.0"]);
-        // In each size, the number across comes before the number down.
+        // In the columns of a local size or image size, the number across comes before the number down.
         assert_eq!(["local_size_x", "local_size_y"].map(|side| cell(1, side)), ["16", "2"]);
         assert_eq!(["image_width", "image_height"].map(|side| cell(1, side)), ["800", "500"]);
         assert_eq!(cell(1, "median_ms"), "");
         assert_eq!(cell(1, "reason"), "too \"big\", really");
     }
 
-    /// Programs that read the file expect a header, even if no point has been measured.
+    /// Programs that read `summary.csv` expect a header, even if no point has been measured.
     #[test]
     fn without_records_there_is_only_the_header() {
         let header = summary_csv(&[]).unwrap();
@@ -252,8 +253,8 @@ mod tests {
             ("ci95_high_ms", high.to_string()),
             ("samples", "10".into()),
             ("launches", "2".into()),
-            // The frame of 400,000 primary and 9 shadow rays takes 100 ms. The frame's primary pass takes 3
-            // ms.
+            // The frame of 400,000 primary and 9 shadow rays takes 100 ms, including 3 ms for the primary
+            // pass.
             ("frame_rays_per_s", "4000090.0".into()),
             ("registers", "40".into()),
             ("spill_store_bytes", "41".into()),

@@ -17,17 +17,19 @@ pub struct Group<'a> {
     pub image_size: [u32; 2],
     /// The device's name, or "host".
     pub device: &'a str,
-    /// The records, sorted by strategy and then by local size. Presets come first, in the order of `PRESETS`;
-    /// other strategies follow, sorted by name, with numbers in names in numerical order.
+    /// The group's records, sorted by strategy and then by local size. Presets come first, in the order of
+    /// `PRESETS`. Strategies that are not presets follow, sorted by name, with numbers in names in numerical
+    /// order.
     pub records: Vec<&'a Record>,
 }
 
-/// Returns the groups in the order in which they first occur. If a group has two records with the
-/// same key, the later record is used.
+/// Divides records into groups, in the order in which the groups first occur. If a group has two records with
+/// the same key, only the later record is used.
 pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
     let named = |record: &'a Record| (record.scene.as_str(), record.image_size, record.device.as_str());
     let identity = |record: &'a Record| (named(record), record.key.as_str());
-    // If several records have the same scene, image size, device and key, the map has the last of them.
+    // If several records have the same scene, image size, device and key, the map contains the last of these
+    // records.
     let last: HashMap<_, &Record> = records.iter().map(|record| (identity(record), record)).collect();
     let mut indices: HashMap<_, usize> = HashMap::new();
     let mut groups: Vec<Group<'a>> = Vec::new();
@@ -47,8 +49,8 @@ pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
     groups
 }
 
-/// Returns the notes on the scenes' files, as pairs of a scene's name and a note, without
-/// repetitions.
+/// Returns the notes that records contain on the files of scenes, as pairs of a scene's name and a note,
+/// without repetitions.
 pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     let mut notes: Vec<(&str, &str)> = Vec::new();
     for record in records {
@@ -62,19 +64,19 @@ pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     notes
 }
 
-/// The parts of a name, and the name itself.
+/// The parts of a strategy's name ([`parts`]), and the whole name.
 type NameKey<'a> = (Vec<(&'a str, u64)>, &'a str);
 
-/// Returns the key by which the records of a group are sorted: the preset's position, the name, the number of
-/// work-items per work-group, and the local size.
+/// Returns the key by which the records of a group are sorted: the position of the preset in `PRESETS`, the
+/// strategy's name, the number of work-items per work-group, and the local size.
 fn sort_key(record: &Record) -> (usize, NameKey<'_>, Option<u32>, Option<[u32; 2]>) {
     let preset = PRESETS.iter().position(|preset| preset.name == record.name).unwrap_or(PRESETS.len());
     let work_items = record.local_size.map(|[across, down]| across * down);
     (preset, (parts(&record.name), record.name.as_str()), work_items, record.local_size)
 }
 
-/// Returns the parts of a name, each a text and the number that follows it (0 if none follows), so that names are
-/// sorted as "width=2", "width=16" and not as texts.
+/// Splits a name into parts, each a text and the number that follows the text (0 if no number follows). By
+/// these parts, "width=2" is sorted before "width=16".
 fn parts(name: &str) -> Vec<(&str, u64)> {
     let mut parts = Vec::new();
     let mut rest = name;
@@ -89,7 +91,7 @@ fn parts(name: &str) -> Vec<(&str, u64)> {
 }
 
 impl<'a> Group<'a> {
-    /// Ranks the measured records. Records with too few samples, or with times of 0, are in
+    /// Ranks the measured records of the group. Records with too few samples, or with times of 0, are in
     /// [`Ranking::unranked`].
     pub fn ranking(&self) -> Ranking<&'a Record> {
         ranking(self.records.iter().copied())
@@ -115,15 +117,15 @@ impl<'a> Group<'a> {
         groups.iter().find(is_host).map(|host| host.ranking().all()).unwrap_or_default()
     }
 
-    /// Returns the records without a time, each with the reason.
+    /// Returns the group's records without a time, each with the reason.
     pub fn failures(&self) -> Vec<(&'a Record, &'a str)> {
         let failed = self.records.iter().filter(|record| median(record).is_none());
         failed.map(|record| (*record, record.reason.as_deref().unwrap_or("no reason was recorded"))).collect()
     }
 }
 
-/// Returns the first and third quartile in milliseconds; `None` for a record with too few samples, or with
-/// times of 0.
+/// Returns the first and third quartile of a record's samples in milliseconds; `None` for a record with too
+/// few samples, or with times of 0.
 pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     interval(record)?;
     Some([record.q1_ms?, record.q3_ms?])
@@ -139,14 +141,14 @@ pub(crate) fn not_enough(record: &Record) -> Option<String> {
     })
 }
 
-/// Returns the first line of the reason for a missing time.
+/// Returns the first line of the reason why a record has no time.
 pub(crate) fn first_line(record: &Record) -> &str {
     let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
     reason.lines().next().unwrap_or_default()
 }
 
-/// Returns in brief why a measured record has no rank: "n = 3" if the launch with the fewest samples has 3
-/// samples, or [`BELOW_RESOLUTION`].
+/// Returns a short text that says why a measured record has no rank: "n = 3" if the launch with the fewest
+/// samples has 3 samples, or [`BELOW_RESOLUTION`] if times are 0.
 pub(crate) fn why_unranked(record: &Record) -> String {
     match is_below_resolution(record) {
         true => BELOW_RESOLUTION.to_owned(),
@@ -192,7 +194,7 @@ pub mod tests {
         }
     }
 
-    /// Returns an infeasible record for tests.
+    /// Returns, for tests, a record of a point that could not be measured (outcome "infeasible").
     pub fn infeasible(device: &str, name: &str, side: u32, reason: &str) -> Record {
         Record {
             outcome: Outcome::Infeasible,
@@ -206,7 +208,8 @@ pub mod tests {
         }
     }
 
-    /// Returns the record with the axes of an exhaustive strategy whose working vectors are in this memory.
+    /// Returns the record, changed to the axes of an exhaustive strategy whose working vectors are in the
+    /// memory `vectors`.
     pub fn in_memory(record: Record, vectors: &str) -> Record {
         Record { strategy: format!("traversal=exhaustive vectors={vectors}"), ..record }
     }
@@ -216,7 +219,8 @@ pub mod tests {
         Record { samples_ms: vec![ms; n], sample_launches: vec![0; n], ..measured(device, name, side, ms) }
     }
 
-    /// Returns a measured record with these samples, each with the number of its launch.
+    /// Returns a measured record with the given samples. Each sample is a pair of the launch's number and the
+    /// time.
     pub fn sampled(name: &str, samples: impl Iterator<Item = (u32, f64)> + Clone) -> Record {
         let times: Vec<f64> = samples.clone().map(|(_, ms)| ms).collect();
         let middle = crate::measure::median_of(&times).expect("samples");
@@ -262,7 +266,8 @@ pub mod tests {
         assert_eq!(few_names(&[&records[0]], |_| "naive".into()), format!("naive ({reason})"));
     }
 
-    /// The samples that are not 0 are enough for an interval, but the median is 0.
+    /// The record of this test has enough samples above 0 for an interval, but the median of all samples
+    /// is 0.
     #[test]
     fn a_median_of_zero_has_no_rank() {
         let step = |index: u32| (index / 15, if index % 15 < 6 { 0.001 } else { 0.0 });
@@ -318,7 +323,7 @@ pub mod tests {
         ];
         let groups = groups(&records);
         let keys: Vec<_> = groups[0].records.iter().map(|record| record.key.as_str()).collect();
-        // 16 x 16 are more work-items than 128 x 1.
+        // 16 x 16 comes after 128 x 1, since it has more work-items.
         assert_eq!(
             keys,
             ["gpu naive 2", "gpu naive 128x1", "gpu naive 16", "gpu wide 1", "gpu a-kernel-of-one's-own 1"]

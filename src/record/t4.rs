@@ -96,8 +96,8 @@ mod tests {
 
     #[test]
     fn rays_of_a_frame_are_not_those_of_its_primary_pass() {
-        // The frame takes 10 ms. Its 400,000 primary rays take 5 ms of this time. The frame has half as many
-        // shadow rays.
+        // The frame takes 10 ms, of which its 400,000 primary rays take 5 ms. The frame has half as many
+        // shadow rays as primary rays.
         let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
         let wide = measured("gpu", "wide", 1, 10.0);
         let record = Record { primary_ms, shadow_rays, rays_per_s: Some(8e7), ..wide };

@@ -1,4 +1,5 @@
-//! The table that is printed at the end of a run: a row per strategy, a column per local size.
+//! Formats the tables that `raycl run` prints at the end of a run, with a row per strategy and a column per
+//! local size.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
@@ -14,9 +15,9 @@ use crate::numbers::{by, duration, ms, significant};
 use crate::printer::{line, plain};
 use crate::strategy::Infeasible;
 
-/// Returns a table of medians for every scene, image size and device. The fastest points have a
-/// star. For a point without a time, the table shows a word for the reason; the legend explains
-/// these words. If `coloured` is true, winners are green and points without a time are yellow.
+/// Returns a table of medians for every scene, image size and device. A star marks the fastest points. For a
+/// point without a time, the table shows a word for the reason, which the legend explains. If `coloured` is
+/// true, winners are green and points without a time are yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
     let names = common_names(groups.iter().map(|group| group.device));
@@ -31,8 +32,8 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     text
 }
 
-/// Formats the host's baselines as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples
-/// (n = 1); parallel-f32 210.0 ms".
+/// Formats the times of the host's baselines as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough
+/// samples (n = 1); parallel-f32 210.0 ms".
 fn host_line(group: &Group<'_>) -> String {
     let cell = |record: &&Record| match median(record) {
         Some(time) => {
@@ -81,9 +82,9 @@ fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
-/// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy reaches; empty
-/// if the peak was not measured. The fraction is "unknown" if a strategy's rate of ray-triangle tests is
-/// known, but the number of operations per test is not.
+/// Returns a line with the largest fraction of the device's peak rate of multiply-adds that each strategy
+/// reaches; empty if the peak was not measured. The fraction is "unknown" if a strategy's rate of
+/// ray-triangle tests is known, but the number of operations per test is not.
 fn peak_line(group: &Group<'_>) -> String {
     let (mut parts, mut unknown): (Vec<(&str, f64)>, Vec<&str>) = (Vec::new(), Vec::new());
     for record in group.ranking().ranked {
@@ -129,8 +130,8 @@ fn cell(record: &Record, wins: bool) -> Cell {
     }
 }
 
-/// Returns why a time has no rank: " n=3" if there are too few samples, and " <timer" if some samples are 0. Returns an
-/// empty text for all other times.
+/// Returns why a record's time has no rank: " n=3" if the record has too few samples, and " <timer" if some
+/// samples are 0. Returns an empty text for a time with a rank.
 fn few(record: &Record) -> String {
     match is_below_resolution(record) {
         true => " <timer".to_owned(),
@@ -138,7 +139,7 @@ fn few(record: &Record) -> String {
     }
 }
 
-/// Returns "!" for a time with a warning or with two modes, and an empty text for other times.
+/// Returns "!" for a record with a warning or with two modes, and an empty text for all other records.
 fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
@@ -221,8 +222,8 @@ fn meaning(record: &Record) -> &'static str {
     }
 }
 
-/// Returns why an infeasible point could not run, in general terms. The function searches the text of the reason, since
-/// records contain no other data about the cause.
+/// Returns in general words why an infeasible point could not run. The function searches the text of the
+/// record's reason, since a record contains no other data about the cause.
 fn obstacle(reason: &str) -> &'static str {
     if reason.ends_with(Infeasible::EMULATED) {
         "the device that `[emulate]` in the config imitates has too little memory"

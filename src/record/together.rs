@@ -1,6 +1,6 @@
-//! Computes the relative times of records, from the samples that were measured together. All outputs of raycl, such as
-//! the report, the summaries and `raycl compare`, use relative times to decide whether two times differ;
-//! docs/methodology.md explains the rule.
+//! Computes the relative times of records: how a record's times compare with the times of records that were
+//! measured in the same rounds. All outputs of raycl, such as the report, the summaries and `raycl compare`,
+//! use relative times to decide whether two times differ; docs/methodology.md explains the rule.
 
 use super::anchors::{AnchorSample, AnchorTimes, AnchorUtilization};
 use super::control::find_controls;
@@ -12,16 +12,16 @@ use crate::measure::{BetweenRuns, Interval, Paired, PairedSample};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Computes the relative times of each measured record: its times relative to the times of the records that
-/// were measured together. Records of the same launches were measured together. Records of earlier versions
-/// have no launch numbers. These records are treated as measured together if their scene, image size and
+/// were measured together. Records with the same launches were measured together. Records of earlier versions
+/// of raycl, which have no launch numbers, are treated as measured together if their scene, image size and
 /// device are equal.
 pub fn judge(records: &mut [Record]) {
     write_all_relative_times(records, &[]);
 }
 
 /// Computes the relative times of each record like [`judge`], and also the relative times of the anchors. If
-/// the records already have relative times from `judge`, the intervals of their medians stay as they are,
-/// since every output of raycl must show the same intervals.
+/// the records already have relative times from `judge`, the intervals of their medians stay unchanged, since
+/// every output of raycl must show the same intervals.
 pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let of_judge = |record: &Record| Some(record.relative_times.as_ref()?.median_ms);
     let medians: Vec<Option<Interval>> = records.iter().map(of_judge).collect();
@@ -34,7 +34,8 @@ pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
 }
 
 /// Computes the relative times of each record and of the anchors. A record with times of 0 among its samples
-/// has no relative times, since a time of 0 only says that the time is below the timer's resolution.
+/// has no relative times, since a measured time of 0 only says that the true time is below the timer's
+/// resolution.
 fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
@@ -62,11 +63,12 @@ pub(super) fn has_time(record: &Record) -> bool {
 
 /// Records that were measured together, and the anchors that were measured in the same launches.
 struct Table {
-    /// A hash that identifies these records.
+    /// A hash that identifies the set of records.
     together: blake3::Hash,
-    /// The indices of these records in the list of all records.
+    /// The indices of the table's records in the list of all records.
     indices: Vec<usize>,
-    /// The anchors. In `paired`, the indices of the anchors follow the indices of the records.
+    /// The anchors that were measured in the same launches. In `paired`, the indices of the anchors follow
+    /// the indices of the records.
     anchors: Vec<Anchor>,
     paired: Paired,
 }
@@ -85,12 +87,12 @@ impl Table {
         let together = name(&samples);
         let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
         let mut anchor_times = AnchorTimes::of_launches(&launches, anchors);
-        // An anchor with times of 0 cannot be compared. The same is true of a point with times of 0.
+        // Like a point with times of 0, an anchor with times of 0 cannot be compared.
         anchor_times.retain(|anchor| anchor.remaining.iter().all(|sample| sample.ms > 0.0));
         let record_of = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
         let on_processors: Vec<bool> =
             anchor_times.iter().map(|anchor| record_of(anchor).is_some_and(is_on_processors)).collect();
-        // Baselines do not show how much the times of kernels vary.
+        // The times of baselines do not show how much the times of kernels vary, so baselines are marked.
         let are_kernels: Vec<bool> = own().map(|record| !record.is_baseline()).collect();
         let paired = Paired::with_anchors(&in_order(own(), &anchor_times), &are_kernels, &on_processors);
         let of_anchors =
@@ -104,9 +106,10 @@ impl Table {
         Self { together, indices, anchors, paired }
     }
 
-    /// Returns the machine and the devices that measured the records. Only tables with the same machine and
-    /// devices show each other how much times differ between launches. If devices of the same model share the
-    /// points, all records name the first device, and only `measured_on` tells which device measured a point.
+    /// Returns the machine and the devices that measured the records. How much times differ between launches
+    /// is estimated together only from tables with the same machine and devices. If devices of the same model
+    /// share the points, all records name the first device, and only `measured_on` tells which device
+    /// measured a point.
     fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String, Option<String>)> {
         let of = |index: &usize| {
             let Record { host, device, measured_on, .. } = &records[*index];
@@ -132,13 +135,14 @@ impl Table {
     }
 }
 
-/// Returns by how much times on a record's device may differ from one run to the next.
+/// Returns by how much the same point's times on a record's device may differ from one run to the next.
 pub(super) fn between_runs(record: &Record) -> BetweenRuns {
     if is_on_processors(record) { BetweenRuns::ON_PROCESSORS } else { BetweenRuns::ON_OTHER_DEVICES }
 }
 
-/// Returns true if a record's device is a CPU, or the host without OpenCL. Records of earlier versions do not
-/// contain the device's kind; if such a record contains a number of threads, the device is a CPU.
+/// Returns true if a record's device is a CPU, or the host without OpenCL. Records of earlier versions of
+/// raycl do not contain the device's kind. If such a record contains a number of threads, the device is a
+/// CPU.
 fn is_on_processors(record: &Record) -> bool {
     match record.device_kind.as_deref() {
         Some(kind) => kind == DeviceKind::Cpu.name(),
@@ -155,8 +159,9 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// Returns the samples of some records and anchors, sorted by launch and then by time. In a sample, `point`
-/// is the record's index. The indices of the anchors follow the indices of the records.
+/// Returns the samples of some records and anchors, sorted by launch and then by time. The field `point` of a
+/// sample is the index of the sample's record; for the sample of an anchor, it is the number of records plus
+/// the anchor's index.
 pub(super) fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[AnchorTimes<'_>],
@@ -180,8 +185,8 @@ pub(super) fn in_order<'a>(
     samples.into_iter().map(|(_, sample)| sample).collect()
 }
 
-/// Returns a hash of the samples. The hash identifies the records that were measured together. Launch numbers
-/// cannot identify these records, since two folders may use the same numbers.
+/// Returns a hash of the samples, which identifies a set of records that were measured together. Launch
+/// numbers cannot identify this set, since two folders may use the same launch numbers.
 fn name(samples: &[PairedSample]) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     for sample in samples {

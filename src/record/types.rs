@@ -1,4 +1,5 @@
-//! The record of a point. `docs/format.md` documents every field.
+//! Defines the record of a measured point, which is a line of `records.jsonl`. `docs/format.md` documents
+//! every field of a record.
 
 use super::axes::axes;
 use super::outcome::Outcome;
@@ -275,13 +276,15 @@ pub fn schema() -> serde_json::Value {
 }
 
 impl Record {
-    /// Returns the machines that measured the point; none if the record names no machine.
+    /// Returns the names of the machines that measured the point. Returns no name if the record names no
+    /// machine.
     pub fn hosts(&self) -> impl Iterator<Item = &str> {
         self.host.iter().flat_map(|names| names.split(", "))
     }
 
     /// Returns true if the outcome is not a failure, and would be the same at any other moment. Returns false
-    /// if the point lacked memory that other programs, or other points of the run, may hold only for a time.
+    /// if the point lacked memory that other programs, or other points of the run, may have used only for a
+    /// time.
     pub fn is_final(&self) -> bool {
         let is_of_the_moment = self.outcome == Outcome::Infeasible
             && self.reason.as_deref().is_some_and(Infeasible::is_of_the_moment);
@@ -294,11 +297,11 @@ impl Record {
         self.outcome == Outcome::Infeasible && reason.is_some_and(Infeasible::is_of_the_session)
     }
 
-    /// Returns the record's rank among the records of a point that several attempts have. The record with the lowest
-    /// rank is the point's result.
+    /// Returns the record's rank among the records that several attempts have of the same point. The record
+    /// with the lowest rank becomes the point's result.
     pub fn rank(&self) -> u8 {
         match self.outcome {
-            // An error must not be hidden by another attempt.
+            // A wrong image comes first, so that the record of another attempt cannot hide the error.
             Outcome::WrongImage => 0,
             Outcome::Measured => 1,
             // A lack of memory at one moment or in one session must not hide that another attempt had enough memory and
@@ -307,13 +310,14 @@ impl Record {
             // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
             Outcome::Infeasible | Outcome::BuildFailed => 2,
             Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
-            // The point was not tried; another attempt may have been asked to try it.
+            // This attempt did not try the point, but another attempt may have tried it.
             Outcome::OtherKind => 5,
         }
     }
 
-    /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis. An axis
-    /// that is newer than the record has the value that `axes` gives it.
+    /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis.
+    /// For an axis that is newer than the record, the value describes what raycl did before the axis existed
+    /// (see `axes`).
     pub fn axis(&self, axis: &str) -> Option<&str> {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }
@@ -325,13 +329,13 @@ impl Record {
         Traversal::all().into_iter().find(|traversal| traversal.name() == name)
     }
 
-    /// Returns true if the point tests every ray against every triangle, so that the number of tests is
-    /// known.
+    /// Returns true if the point tests every ray against every triangle, so that the number of tests per
+    /// frame is known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.traversal().is_some_and(Traversal::tests_every_triangle)
     }
 
-    /// Returns true if the point's rays traverse a tree, each separately or together in a tile.
+    /// Returns true if the point's rays traverse a tree, each ray separately or the rays of a tile together.
     pub fn walks_tree(&self) -> bool {
         self.traversal().is_some_and(Traversal::walks_tree)
     }
@@ -342,16 +346,16 @@ impl Record {
         self.traversal().is_some_and(Traversal::rasterises)
     }
 
-    /// Returns the main kernel, which casts primary rays, alone or with the rest of the frame. Returns `None` if the
-    /// record describes no such kernel.
+    /// Returns the main kernel, which casts the primary rays, and in some strategies also casts shadow rays
+    /// and shades. Returns `None` if the record describes no main kernel.
     pub fn main_kernel(&self) -> Option<&CompiledKernel> {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
-    /// Returns the main kernel if its work-groups have the point's local size; `None` for rasterisers. The work-groups
-    /// of a rasteriser's main kernel have a fixed size, so its occupancy does not depend on the point's local size. In
-    /// records of earlier versions, this occupancy is wrong: it was predicted for the point's local size, although the
-    /// driver chose another size.
+    /// Returns the main kernel if its work-groups have the point's local size; `None` for rasterisers. The
+    /// work-groups of a rasteriser's main kernel have a fixed size, so the kernel's occupancy does not depend
+    /// on the point's local size. In records of earlier versions of raycl, the occupancy of a rasteriser is
+    /// wrong: it was predicted for the point's local size, although the driver chose another size.
     pub fn main_kernel_of_local_size(&self) -> Option<&CompiledKernel> {
         self.main_kernel().filter(|_| !self.rasterises())
     }
@@ -361,9 +365,9 @@ impl Record {
         Some(self.pixels() / positive(self.primary_ms)? * 1e3)
     }
 
-    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in seconds. This rate can
-    /// be compared between all strategies. `None` if the shadow rays were not counted, as for baselines in records of
-    /// earlier versions.
+    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in seconds.
+    /// This rate can be compared between all strategies. Returns `None` if the shadow rays were not counted,
+    /// as for baselines in records of earlier versions of raycl.
     pub fn frame_rays_per_s(&self) -> Option<f64> {
         Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }

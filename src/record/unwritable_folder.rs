@@ -5,8 +5,8 @@ use crate::reader::may_write;
 use std::io::{Error as IoError, ErrorKind};
 use std::path::Path;
 
-/// Returns an input error if raycl cannot write into the folder because the path of the folder, or of a
-/// folder above it, is a file or a link without a target.
+/// Returns an input error (a mistake of the user) if a folder cannot exist because its path, or the path of
+/// an ancestor, is a file or a link without a target.
 pub fn refuse_file(folder: &Path) -> Result<()> {
     let leads_nowhere = |path: &Path| path.is_symlink() && matches!(path.try_exists(), Ok(false));
     let is_obstacle = |path: &&Path| path.is_file() || leads_nowhere(path);
@@ -19,9 +19,9 @@ pub fn refuse_file(folder: &Path) -> Result<()> {
     }))
 }
 
-/// Returns an input error with the help `remedy` if this process may not create files in a folder. If the
-/// folder does not exist, the function checks the closest existing folder above it instead, in which the
-/// missing folder would have to be made.
+/// Returns an input error (a mistake of the user) with the advice `remedy` if this process may not create
+/// files in a folder. If the folder does not exist, the function checks its closest existing ancestor
+/// instead, in which the missing folder would have to be made.
 pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
     let Some(existing) = folder.ancestors().map(or_current).find(|path| path.is_dir()) else { return Ok(()) };
     may_write(existing).map_err(|error| {
@@ -32,14 +32,14 @@ pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
     })
 }
 
-/// Returns the path, or `.` if the path is empty.
+/// Returns `path`, or `.` (the current folder) if `path` is empty.
 fn or_current(path: &Path) -> &Path {
     if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
-/// Returns the error for a folder that cannot be made; the error's help is `remedy`. The error counts as a mistake of
-/// the user in these cases: something else has this path, no folder can have this path, or this process may not make
-/// folders in that place.
+/// Returns the error for a folder that cannot be made, with the advice `remedy`. The error counts as a
+/// mistake of the user in three cases: the path belongs to something that is not a folder, no folder can have
+/// such a path, or this process may not make folders in the parent folder.
 pub fn cannot_make(folder: &Path, error: &IoError, remedy: impl Into<String>) -> Error {
     use ErrorKind::{AlreadyExists, InvalidFilename, NotADirectory, NotFound};
     let other = || {
@@ -78,7 +78,7 @@ mod tests {
     fn a_folder_that_would_have_to_be_made_is_refused_if_the_closest_folder_above_it_is_closed() {
         let folder = tempfile::tempdir().unwrap();
         assert!(refuse_closed(&folder.path().join("new/inner"), "").is_ok());
-        // The path above the path `new` is empty, and means the current folder.
+        // The parent of the relative path `new` is the empty path, which means the current folder.
         let above = Path::new("new").ancestors().map(or_current);
         assert_eq!(above.collect::<Vec<_>>(), ["new", "."].map(Path::new));
         if cfg!(target_os = "linux") {

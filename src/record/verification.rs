@@ -1,4 +1,5 @@
-//! Counts the points whose images were hardly verified, because too few pixels of these images are certain.
+//! Counts the points whose images could hardly be verified, because too few pixels of these images are
+//! certain (rounding may decide the values of the others).
 
 use super::outcome::Outcome;
 use super::types::Record;
@@ -6,12 +7,12 @@ use crate::numbers::by;
 use crate::verify::hardly_verified;
 use crate::words::counted_of_were;
 
-/// Returns a note on the measured points in whose images too few pixels are certain; `None` if there are no such
-/// points.
+/// Returns a note on the measured points in whose images too few pixels are certain; `None` if all images
+/// have enough certain pixels.
 pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
-        // Records of earlier versions do not have the numbers of pixels whose rays hit something. For these
+        // Records of earlier versions of raycl do not state how many pixels' rays hit something. In these
         // records, all pixels count.
         let hits = [record.uncertain_hits, record.hits].map(|count| count.unwrap_or(0) as usize);
         hardly_verified([record.uncertain_pixels? as usize, record.pixels() as usize], hits)

@@ -10,23 +10,24 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 
-/// Prefix of the names of temporary files. A run that is killed may leave temporary files behind.
+/// The prefix of the names of raycl's temporary files. A run that is killed may leave temporary files behind.
 pub const TEMPORARY_PREFIX: &str = ".raycl-";
 
-/// Writes a temporary file in the folder of `path` and then renames it. A process that reads `path` finds
-/// either the complete old file or the complete new file, even after a crash or a loss of power.
+/// Writes a temporary file in the folder of `path`, and then renames the temporary file to `path`. A process
+/// that reads `path` finds either the complete old file or the complete new file, even after a crash or a
+/// loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
 
-/// Writes a whole file like [`write_whole`]: `value` as indented JSON, and a newline.
+/// Writes `value` as indented JSON with a final newline, completely or not at all like [`write_whole`].
 pub fn write_json(path: &Path, value: &(impl Serialize + ?Sized)) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
     write_whole(path, format!("{text}\n").as_bytes())
 }
 
-/// Writes a whole file like [`write_whole`], for contents that are too large for memory: the
-/// function `write` writes the contents piece by piece.
+/// Writes a file completely or not at all like [`write_whole`], for contents that are too large for memory.
+/// The function `write` writes the contents piece by piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
         let mut file = std::io::BufWriter::new(file);
@@ -35,14 +36,15 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// Writes a whole file like [`write_whole`], but does not wait until the file is on the disk. This
-/// function is for files that can be regenerated from records.
+/// Writes a file completely or not at all like [`write_whole`], but does not wait until the file is on the
+/// disk. `write_page` is for pages, which raycl can generate again from the records.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
-/// Writes a file unless it exists already. Returns true if the file was written, and false if it existed. If
-/// several processes write the same file with this function, only one process succeeds.
+/// Writes a file unless a file with this path exists already. Returns true if the file was written, and false
+/// if a file existed. If several processes write the same file with this function, only one of them gets
+/// true.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = folder_of(path);
     let write = || -> std::io::Result<bool> {
@@ -80,16 +82,17 @@ fn replace(
     write().map_err(|error| Error::unwritable(path, &error))
 }
 
-/// Removes temporary files that killed processes left behind in a folder of results. Only files that nobody
-/// has changed for `age` are removed. A file that cannot be removed stays in the folder, which does no harm.
+/// Removes temporary files that killed processes left behind in a folder of results. Removes only files that
+/// nobody has changed for `age`. A temporary file that cannot be removed stays in the folder, which does no
+/// harm.
 pub fn remove_leftovers(folder: &Path, age: Duration) {
     let is_old = |entry: &DirEntry| {
         let changed = entry.metadata().and_then(|file| file.modified());
-        // The clock of a file server may be ahead of this machine's clock. If the file's time is in the
-        // future, the file's age counts as 0.
+        // The clock of a file server may be ahead of this machine's clock. If the file's modification time is
+        // in the future, the file's age counts as 0.
         changed.is_ok_and(|changed| changed.elapsed().unwrap_or_default() >= age)
     };
-    // A folder that is a link is left out, since the link may lead out of the folder of results.
+    // Subfolders that are links are left out, since a link may lead out of the folder of results.
     let inner = [IMAGES, "plots", "exports", "kinds"].map(|name| folder.join(name)).into_iter();
     for folder in inner.filter(|folder| !folder.is_symlink()).chain([folder.to_owned()]) {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -100,8 +103,8 @@ pub fn remove_leftovers(folder: &Path, age: Duration) {
     }
 }
 
-/// Writes a folder's list of files to the disk. Does nothing on a file system that cannot write a folder to
-/// the disk, such as the shared folders of VirtualBox.
+/// Writes a folder's list of files to the disk. Does nothing on a file system that has no `fsync` for
+/// folders, such as the shared folders of VirtualBox.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     match std::fs::File::open(folder)?.sync_all() {
@@ -110,8 +113,8 @@ pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Returns true if an operation failed because the file system does not support it. If a file system has no
-/// `fsync` for folders, Linux returns `EINVAL`.
+/// Returns true if an operation failed because the file system does not support the operation. If a file
+/// system has no `fsync` for folders, Linux returns `EINVAL`.
 #[cfg(unix)]
 fn is_unsupported(error: &std::io::Error) -> bool {
     use rustix::io::Errno;
@@ -125,7 +128,7 @@ pub fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Creates a temporary file that will be renamed to a file in this folder.
+/// Creates a temporary file in a folder. The caller will rename it to a file in the same folder.
 pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMPORARY_PREFIX);
@@ -133,7 +136,8 @@ pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-/// Gives temporary files the usual permissions (umask); otherwise only their owner could read them.
+/// Gives temporary files the usual permissions (those that the umask allows), since by default only the owner
+/// could read a temporary file.
 #[cfg(unix)]
 fn readable(builder: &mut tempfile::Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;

@@ -1,5 +1,5 @@
-//! Collects the data of a report's first screen: the winners, how much faster they are than other points, how
-//! certain this result is, and which points have no time.
+//! Collects the data of a report's first screen: the winners, how much faster the winners are than other
+//! points, how certain this result is, and which points have no time.
 
 use super::words::{first_line, series_name, title};
 use crate::entry::entry;
@@ -8,43 +8,43 @@ use crate::numbers::{duration, duration_range, significant};
 use crate::record::{Group, HOST, Record, few_names, interval, launches, median, not_enough, ratio, word};
 use crate::words::counted;
 
-/// The result of one group of points: a scene at an image size on a device.
+/// The result of one group of points, which is one scene at one image size on one device.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// The scene.
+    /// The scene's name.
     pub scene: String,
     /// Image size in pixels: across, down.
     pub image_size: [u32; 2],
-    /// The device.
+    /// The device's name.
     pub device: String,
-    /// The winners, fastest first: strategy and local size.
+    /// The winners (strategy and local size), the fastest first.
     pub winners: Vec<Winner>,
-    /// The text that is shown if there is no winner.
+    /// The text that the page shows if the group has no winner.
     pub nobody: &'static str,
-    /// The fastest winner's median as text, such as "1.2 ms"; "-" if there is no winner.
+    /// The fastest winner's median as text, such as "1.2 ms"; "-" if the group has no winner.
     pub time: String,
     /// The 95% interval of the fastest winner's median as text; empty if the interval is unknown.
     pub interval: String,
     /// The speed-ups of the fastest winner over the serial baselines and over the fastest point of the preset
     /// `naive`.
     pub speedups: Vec<Speedup>,
-    /// The text "the best naive point" if the fastest winner has the preset `naive`, otherwise `None`.
-    /// Speed-ups of other groups have the same text in [`Speedup::over`].
+    /// The text "the best naive point" if the fastest winner has the preset `naive`, otherwise `None`. For
+    /// groups in which another preset wins, [`Speedup::over`] has the same text.
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure".
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
     pub sure: String,
-    /// The points without a time: one entry per reason.
+    /// The points without a time, with one element per reason.
     pub refused: Vec<Refused>,
 }
 
-/// A winner.
+/// A point that is the fastest of its group, or ties with the fastest point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Winner {
     /// The strategy's name.
     pub name: String,
-    /// The winner's local size, such as "16×16"; empty if the winner has none.
+    /// The winner's local size, such as "16×16"; empty if the winner has no local size.
     pub size: String,
     /// The values of all axes of the strategy.
     pub strategy: String,
@@ -57,25 +57,25 @@ pub struct Speedup {
     pub over: String,
     /// The factor; `None` if either of the two points has too few samples, or times of 0.
     pub ratio: Option<f64>,
-    /// The factor as text: "4.4×", or "?" if it is unknown.
+    /// The factor as text, such as "4.4×"; "?" if the factor is unknown.
     pub factor: String,
     /// The 95% interval of the factor, such as "4.2 to 4.6". If the factor is unknown, the reason, such as
     /// "not enough samples (n = 3)".
     pub range: String,
 }
 
-/// Points without a time, all for the same reason.
+/// Points that have no time for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in brief, such as "local" (too little `__local` memory) or "wrong-image".
     pub word: String,
     /// The number of points without a time for this reason.
     pub count: usize,
-    /// The first of these points, with the first line of its reason.
+    /// The first point without a time for this reason, with the first line of the reason.
     pub example: String,
 }
 
-/// Returns one answer per group of points. Groups of baselines on the host get no answer.
+/// Returns one answer per group of points. Groups of baselines on the host are left out.
 pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
     groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
 }
@@ -116,8 +116,8 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
     others.filter_map(|other| speedup(best, other)).collect()
 }
 
-/// Returns the text of [`Speedup::over`] for a record: a baseline's strategy, such as "serial-f32", or for
-/// other records a text such as "the best naive point".
+/// Returns the text of [`Speedup::over`] for a record: for a baseline its strategy, such as "serial-f32", and
+/// for a kernel a text such as "the best naive point".
 fn name_of_other(record: &Record) -> String {
     match record.is_baseline() {
         true => record.strategy.clone(),
@@ -135,7 +135,7 @@ fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
     Some(Speedup { over, ratio: Some(ratio.middle), factor, range })
 }
 
-/// The text shown if no point has a time.
+/// The text that the page shows if no point of a group has a time.
 const NOTHING: &str = "nothing measured";
 
 fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String) {
@@ -167,7 +167,7 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
         }
         1 => {
             // Points without a rank or without a time may be faster than the winner. The result is therefore
-            // clear only if another point has a rank, or if there is no other point.
+            // clear only if another point has a rank, or if the group has no other point.
             let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
                 (1, _) => ("There is no other point", true),
                 (_, 1) => ("No other point has a rank", false),
@@ -207,14 +207,16 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
     refused
 }
 
-/// Returns a summary in one sentence: which strategies win in how many groups, and the winners' speed-ups.
+/// Returns a summary of all groups in one sentence: which strategies win in how many groups, and the winners'
+/// speed-ups.
 pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
 
 /// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as
 /// serial-f32, 1.04 to 7.82 times as fast as the best naive point". If a speed-up is known in fewer groups
-/// than have a winner, both numbers follow. Returns an empty text if no speed-up is known.
+/// than have a winner, the text also states the number of groups in which it is known and the number of
+/// groups with a winner. Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
@@ -404,8 +406,8 @@ mod tests {
         }
     }
 
-    /// With two digits, the headline would say "1.0 times as fast", and contradict the line "1.03×, 1.02 to
-    /// 1.05" below.
+    /// With only two digits, the headline would say "1.0 times as fast", and contradict the line "1.03×, 1.02
+    /// to 1.05" below it.
     #[test]
     fn the_headline_does_not_round_a_small_speed_up_away() {
         let records = judged([measured("gpu", "naive", 8, 10.34), measured("gpu", "wide", 4, 10.0)]);

@@ -1,17 +1,17 @@
-//! Replaces the drivers' names of devices by common names, for pages: "pthread-znver4-AMD EPYC 9B45" becomes
-//! "AMD EPYC 9B45, PoCL". Files for other programs keep the drivers' names.
+//! Replaces the names that drivers give to devices by common names, for pages: "pthread-znver4-AMD EPYC 9B45"
+//! becomes "AMD EPYC 9B45, PoCL". Files for other programs keep the drivers' names.
 
 use crate::device::common_names;
 use crate::record::{Folder, HOST};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
-/// The key under which the entry of a renamed device stores the name that the driver reports.
+/// The key under which the description of a renamed device stores the name that the driver reports.
 const DRIVER: &str = "driver's_name";
 
-/// Returns copies of the folders, in which the drivers' names of devices are replaced by common names. Also
-/// returns a map from each common name to the name that the driver reports. Devices whose name did not change
-/// are not in the map.
+/// Returns copies of the folders in which common names replace the names that drivers give to devices. Also
+/// returns a map from each common name to the name that the driver reports. The map does not contain devices
+/// whose name did not change.
 pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
     let measured = folders.iter().flat_map(|folder| folder.records.iter().chain(&folder.controls));
     let described = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
@@ -28,8 +28,8 @@ pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<Str
     (renamed, names.into_iter().map(|(name, common)| (common, name)).collect())
 }
 
-/// Returns the name that the driver reports for a device. `entry` is the device's entry in the environment.
-/// Returns `None` if the entry contains no name.
+/// Returns the name that the driver reports for a device. `entry` is the device's description in
+/// `environment.json`. Returns `None` if the description contains no name.
 pub(super) fn name_of_driver(entry: &Value) -> Option<&str> {
     entry[DRIVER].as_str().or(entry["device"].as_str())
 }
@@ -78,7 +78,8 @@ mod tests {
         let without_records = Folder { environment, ..Folder::default() };
         let (folders, _) = with_common_names(&[folder.clone(), without_records]);
         assert_eq!(folders[0].records[0].device, driver);
-        // A record of a second device with the same common name has the same effect.
+        // If a record, instead of the environment, names a second device with the same common name, both
+        // devices keep their drivers' names, too.
         let other = Folder { records: vec![record("cpu-znver4-AMD EPYC 9B45")], ..Folder::default() };
         let (folders, drivers) = with_common_names(&[folder, other]);
         assert_eq!((folders[0].records[0].device.as_str(), drivers.len()), (driver, 0));

@@ -1,4 +1,4 @@
-//! Describes the machines, programs and commands of runs, so that others can repeat these runs.
+//! Describes the machines, programs and commands of runs on a page, so that readers can repeat these runs.
 
 use crate::entry::entry;
 use crate::record::journals::earlier_environment;
@@ -13,13 +13,13 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// The version of raycl that wrote the environment. The commands that build this version again follow, or
-    /// the reason why it cannot be built again. If other commits of raycl measured some of the records, the
-    /// text also lists the commits of all records.
+    /// A text with the version of raycl that wrote the environment, and the commands that build this version
+    /// again, or the reason why this version cannot be built again. If other commits of raycl measured some
+    /// of the records, the text also lists the commits of all records.
     pub program: String,
-    /// The config's text.
+    /// The text of the run's config.
     pub config: String,
-    /// All other values of the environment, as pairs of name and value under headings.
+    /// All further values of the environment: for each heading, pairs of name and value.
     pub sections: Vec<(String, Vec<(String, String)>)>,
 }
 
@@ -31,7 +31,7 @@ pub struct Program {
     /// The strategy's axes.
     pub strategy: String,
     /// The hashes of the strategy's programs. A hash covers the source, the defines and the build options, so
-    /// each combination of local size and scene can have its own hash.
+    /// programs for different local sizes and scenes can have different hashes.
     pub hashes: Vec<String>,
 }
 
@@ -66,8 +66,8 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// Returns the name "sessions" and a text: the number of a run's sessions, and the files that describe the
-/// earlier sessions. Returns `None` if there was only one session.
+/// Returns the name "sessions", and a text with the number of a run's sessions and the files that describe
+/// the earlier sessions. Returns `None` if the run had only one session.
 fn sessions(folder: &Folder) -> Option<(String, String)> {
     let is_there = |number: &usize| folder.path.join(earlier_environment(*number)).is_file();
     let earlier = (1..).take_while(is_there).count();
@@ -105,8 +105,8 @@ fn program_of(folder: &Folder) -> String {
     format!("These commits of raycl measured the records: {all}. The environment was written by {last}")
 }
 
-/// Returns the version and the commit of the raycl that wrote an environment, and how to build this commit
-/// again.
+/// Returns a text with the version and the commit of raycl that wrote an environment, and how to build this
+/// commit again.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
@@ -121,8 +121,8 @@ fn program(environment: &Value) -> String {
     }
 }
 
-/// Returns the kind and path of an input file of the run, and a text with the file's commit and the beginning
-/// of the file's hash.
+/// Returns two texts about an input file of the run: its kind (such as "scene") and path, and its commit and
+/// the beginning of its hash.
 fn source(source: &Value) -> (String, String) {
     let text = |key: &str| source[key].as_str();
     let name = format!("{} {}", text("what").unwrap_or_default(), text("path").unwrap_or_default());
@@ -142,7 +142,8 @@ fn command(environment: &Value) -> String {
     let quoted: Vec<_> = arguments
         .filter(|argument| !["--resume", "--retry-failed"].contains(argument))
         .enumerate()
-        // raycl's own path differs between machines, so the command begins with the name alone.
+        // The path of the program raycl differs between machines, so the command begins with the name "raycl"
+        // alone.
         .map(|(index, argument)| if index == 0 { "raycl".to_owned() } else { quote(argument) })
         .collect();
     quoted.join(" ")
@@ -175,8 +176,8 @@ fn words(key: &str) -> String {
     key.replace("_mhz", ", MHz").replace('_', " ")
 }
 
-/// Returns the programs of each strategy, in the order of the strategies' first records. Baselines have no
-/// programs.
+/// Returns the OpenCL programs of each strategy, in the order of the strategies' first records. Baselines
+/// have no OpenCL programs.
 pub fn programs(records: &[Record]) -> Vec<Program> {
     let mut programs: Vec<Program> = Vec::new();
     for record in records.iter().filter(|record| !record.is_baseline()) {

@@ -10,27 +10,28 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// The limit on the bytes that all embedded pictures of a page take together, without the small pictures at
-/// the top, so that the page stays below 15 MB. Beyond this limit, only the paths of pictures are shown.
+/// The largest number of bytes that all embedded pictures of a page may take together, without the small
+/// pictures at the top, so that the page stays below 15 MB. For further pictures, the page shows only the
+/// paths.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture of each scene at the top of a report.
 const THUMBNAIL: u32 = 120;
 
-/// A picture in the page.
+/// A picture on a page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// The kind of picture, such as "reference", "naive" or "uncertain pixels".
     pub kind: String,
     /// The picture's caption.
     pub caption: String,
-    /// The picture as a `data:` URL. `None` if the picture is missing, or was left out to keep the page
-    /// small.
+    /// The picture as a `data:` URL; `None` if the picture's file is missing, or if the picture was left out
+    /// to keep the page small.
     pub data: Option<String>,
     /// The picture's path in its folder of results.
     pub path: String,
 }
 
-/// The pictures of a scene at an image size.
+/// The pictures of one scene at one image size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// The scene's name.
@@ -50,11 +51,11 @@ pub struct Pictures {
     /// The bytes that the page's embedded pictures take so far, without the small pictures at the top of the
     /// page.
     spent: usize,
-    /// The files that were read, by folder and path. `None` for a file that cannot be read.
+    /// The picture files that were read, by folder and path; `None` for a file that cannot be read.
     read: HashMap<(PathBuf, String), Option<File>>,
 }
 
-/// A picture's file.
+/// The contents of a picture file.
 #[derive(Debug)]
 struct File {
     bytes: Vec<u8>,
@@ -62,7 +63,8 @@ struct File {
 }
 
 impl Pictures {
-    /// Returns the file `path` in a folder; `None` if the file cannot be read, or lies outside the folder.
+    /// Returns the contents of the file `path` in a folder; `None` if the file cannot be read, or lies
+    /// outside the folder.
     fn file(&mut self, folder: &Path, path: &str) -> Option<&File> {
         let read = || {
             let bytes = read_inside(folder, path).ok()?;
@@ -71,8 +73,8 @@ impl Pictures {
         self.read.entry((folder.to_owned(), path.to_owned())).or_insert_with(read).as_ref()
     }
 
-    /// Returns true if the folder contains the file `path`, and this file can be read. Without `path`, returns
-    /// false.
+    /// Returns true if the folder contains the file `path`, and this file can be read. Returns false if
+    /// `path` is `None`.
     pub fn has(&mut self, folder: &Path, path: Option<&str>) -> bool {
         path.is_some_and(|path| self.file(folder, path).is_some())
     }
@@ -106,9 +108,9 @@ impl Pictures {
     }
 
     /// Returns the pictures of every scene and image size: the reference, the uncertain pixels, and the cost
-    /// of rays (triangle tests and tree nodes). For each strategy, there are also the strategy's picture and
-    /// the picture of its differences from the reference. Each record's pictures come from the record's own
-    /// folder. If several records have the same picture under the same name, the picture is shown only once.
+    /// of rays (triangle tests and tree nodes). Also returns, for each strategy, its picture and the picture
+    /// of the differences from the reference. Each record's pictures come from the record's own folder. If
+    /// several records have the same picture under the same name, the picture is shown only once.
     pub fn gallery(&mut self, records: &[Record], origins: &Origins<'_>) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String, Option<blake3::Hash>)> = Vec::new();
@@ -187,7 +189,8 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
     present.collect()
 }
 
-/// Describes how the rays of a record's strategy find triangles.
+/// Returns "without a tree" or "with a tree", depending on how the rays of a record's strategy find
+/// triangles.
 fn traversal(record: &Record) -> &'static str {
     if record.tests_every_triangle() { "without a tree" } else { "with a tree" }
 }
@@ -203,7 +206,7 @@ fn tests_caption(record: &Record) -> String {
     )
 }
 
-/// Returns the address with which a page embeds a PNG file of these bytes.
+/// Returns the `data:` URL with which a page embeds a PNG file.
 fn png_address(bytes: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(bytes))
 }
@@ -216,7 +219,7 @@ mod tests {
     use crate::record::Folder;
     use crate::record::fixtures::measured;
 
-    /// Returns a folder with pictures of these names, each of 400 x 100 pixels.
+    /// Returns a folder with pictures of the given names, each of 400 x 100 pixels.
     fn folder(names: &[&str]) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         for name in names {
@@ -254,8 +257,9 @@ mod tests {
         assert!(scenes[0].pictures.iter().all(|one| one.data.is_some()));
     }
 
-    /// Returns the gallery of two folders, in which scenes with these hashes have the same name. The folders' pictures
-    /// have the same names too. The two references are equal, but the two pictures of `naive` differ.
+    /// Returns the gallery of two folders, in which the scenes with the hashes `hashes` have the same name.
+    /// The folders' pictures have the same names too. The two references are equal, but the two pictures of
+    /// `naive` differ.
     fn of_two_folders(hashes: [&str; 2]) -> Vec<Scene> {
         let parent = tempfile::tempdir().unwrap();
         let folder = |label: &str, hash: &str, grey: u8| {

@@ -1,5 +1,5 @@
-//! Plots how times grow with the number of triangles in a scene and with the number of pixels in an image. A
-//! power law is fitted to the times, and the plots show its exponent.
+//! Plots how times grow with the number of triangles in a scene and with the number of pixels in an image.
+//! raycl fits a power law to the times, and the plots show the exponent of the law.
 
 use super::overview::{best_of_each, devices, numbered};
 use super::plot::Plot;
@@ -11,7 +11,8 @@ use crate::numbers::by;
 use crate::record::Group;
 
 /// Returns up to two plots for each device: times over the number of triangles, and times over the number of
-/// pixels. A plot is left out if all its times have the same number of triangles or pixels.
+/// pixels. A plot is left out if all measured scenes or image sizes have the same number of triangles or
+/// pixels.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(index, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
@@ -59,9 +60,9 @@ fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> 
 struct Labels {
     title: String,
     x: &'static str,
-    /// The plot's name, from which the names of its files are made.
+    /// The plot's name, from which the names of the plot's files are made.
     file: String,
-    /// A further sentence of the caption; may be empty.
+    /// A further sentence of the plot's caption, or an empty text.
     besides: &'static str,
 }
 
@@ -130,22 +131,22 @@ fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     values.len()
 }
 
-/// Fits a power law to points (x, y). Returns the law's exponent and the exponent's standard error. Points
-/// with x or y of 0 or less are ignored. Returns `None` if the other points have fewer than three different
-/// values of x.
+/// Fits a power law to points (x, y). Returns the law's exponent and the exponent's standard error. Ignores
+/// points whose x or y is not above 0. Returns `None` if the points that are not ignored have fewer than
+/// three different values of x.
 pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
     let fit = Fit::of(&points.iter().map(mark).collect::<Vec<_>>())?;
     Some([fit.exponent, fit.standard_error])
 }
 
-/// A power law y = exp(offset) x^exponent, fitted to marks of a plot: it minimises the sum of squared
-/// differences of log y.
+/// A power law y = exp(offset) x^exponent that was fitted to the marks of a plot: the law minimises the sum
+/// of squared differences of log y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fit {
     exponent: f64,
     offset: f64,
-    /// The exponent's standard error.
+    /// The standard error of the exponent.
     standard_error: f64,
     /// The number of marks to which the law was fitted.
     n: usize,
@@ -153,8 +154,8 @@ struct Fit {
 
 impl Fit {
     /// Fits a power law to marks. Ignores marks without an interval, because they have too few samples, and
-    /// marks whose x or y is not above 0. Returns `None` if the other marks have fewer than three different
-    /// values of x.
+    /// marks whose x or y is not above 0. Returns `None` if the marks that are not ignored have fewer than
+    /// three different values of x.
     fn of(marks: &[Mark]) -> Option<Self> {
         let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
         let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();
@@ -173,7 +174,7 @@ impl Fit {
         Some(Self { exponent, offset, standard_error, n: points.len() })
     }
 
-    /// Formats the exponent as "0.98 ± 0.02 (n = 5)".
+    /// Formats the exponent with its standard error and the number of marks: "0.98 ± 0.02 (n = 5)".
     fn text(&self) -> String {
         format!("{:.2} ± {:.2} (n = {})", self.exponent, self.standard_error, self.n)
     }
@@ -213,8 +214,8 @@ mod tests {
         let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
         let fit = Fit::of(&marks(&exact)).expect("three values of x");
         assert!((fit.exponent - 0.75).abs() < 1e-12 && fit.standard_error < 1e-6, "{fit:?}");
-        // The expected values were calculated without this code: a line fitted to log10 y = 0, 1, 3 over log10 x = 0,
-        // 1, 2 has the slope 1.5 and the residuals 1/6, -1/3, 1/6.
+        // The expected values were calculated independently of this code: a line fitted to log10 y = 0, 1, 3
+        // over log10 x = 0, 1, 2 has the slope 1.5 and the residuals 1/6, -1/3, 1/6.
         let bent = Fit::of(&marks(&[[1.0, 1.0], [10.0, 10.0], [100.0, 1000.0]])).expect("three values of x");
         assert!((bent.exponent - 1.5).abs() < 1e-12, "{bent:?}");
         assert!((bent.standard_error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");
@@ -225,7 +226,7 @@ mod tests {
         assert_eq!(Fit::of(&few), None, "only two values on the x axis have enough samples");
     }
 
-    /// Returns a record of a scene with this number of triangles.
+    /// Returns a record of a scene with the given number of triangles.
     fn record(triangles: u64, size: [u32; 2], name: &str, ms: f64) -> Record {
         Record {
             key: format!("{triangles} {size:?} {name}"),
@@ -287,7 +288,8 @@ mod tests {
         };
         let mut records = Vec::new();
         for device in ["a", "b"] {
-            // This scene has an image size that no other scene has, so the scene is in neither plot.
+            // The scene of 7 triangles has an image size that no other scene has, so this scene is in neither
+            // plot.
             records.push(on(device, record(7, [80, 50], "naive", 1e6)));
             for triangles in [1_000, 10_000, 100_000] {
                 records.push(on(device, record(triangles, [800, 500], "naive", triangles as f64)));

@@ -5,13 +5,13 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Returns the records of all folders. If two folders measured the same point under different conditions
-/// (driver, machine, program or timing), the keys of the two records differ. In this case, each folder's
+/// (driver, machine, program or timing), the keys of the two records differ. For such a device, each folder's
 /// records get the folder's label after the device's name, so that the results are shown separately. If the
-/// point is a baseline, its device is the host, whose name does not change. Instead, the folder's label is
-/// added to the names of all baselines in the folder's records. The labels are also added to the names of
-/// scenes that have the same name but different content. If a point was measured twice under the same
-/// conditions, the keys of the two records are equal. In this case, the later folder's record and names are
-/// used, even if the folders have different names for the device or the strategy.
+/// point is a baseline, its device is the host, whose name does not change. Instead, the names of all
+/// baselines in the folder's records get the folder's label. Scenes that have the same name but different
+/// content also get the label of their folder. If a point was measured twice under the same conditions, the
+/// keys of the two records are equal. Of two records with equal keys, only the later folder's record is
+/// returned, with the later folder's names for the device and the strategy.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(labelled(folders, &labels(folders)).concat(), point)
 }
@@ -39,22 +39,22 @@ impl<'a> Origins<'a> {
         Self { folders, labels, folder_indices }
     }
 
-    /// Returns the path of a merged record's folder; `None` if the record is not one of the merged ones.
+    /// Returns the path of a merged record's folder; `None` if the record is not among the merged records.
     pub fn folder(&self, record: &Record) -> Option<&'a Path> {
         let index = *self.folder_indices.get(&point(record))?;
         Some(self.folders[index].path.as_path())
     }
 
-    /// Returns the label of a merged record's folder; `None` if there is only one folder, or if the record is not one
-    /// of the merged ones.
+    /// Returns the label of a merged record's folder; `None` if only one folder was merged, or if the record
+    /// is not among the merged records.
     pub fn label(&self, record: &Record) -> Option<&str> {
         let index = self.folder_indices.get(&point(record)).filter(|_| self.folders.len() > 1)?;
         Some(self.labels[*index].as_str())
     }
 }
 
-/// Returns the records of each folder. Labels are added to the names of devices, baselines and scenes as [`merged`]
-/// says.
+/// Returns the records of each folder. The names of devices, baselines and scenes get folder labels by the
+/// rules that [`merged`] describes.
 fn labelled(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut all = with_one_name_a_scene(folders, labels);
     for index in (0..all.len()).rev() {
@@ -86,7 +86,8 @@ pub fn labels(folders: &[Folder]) -> Vec<String> {
 }
 
 /// Returns each folder's records. Scenes with the same content get the same name. If scenes in different
-/// folders have the same name but different content, each folder's label is added to the name.
+/// folders have the same name but different content, the scene's name gets the folder's label in each of
+/// these folders.
 fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut scenes: Vec<(&str, &str, &str)> = Vec::new();
     for (folder, label) in folders.iter().zip(labels) {
@@ -98,8 +99,8 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
         }
     }
     // Within a folder, records with the same scene name belong to one scene, even if their hashes differ: the
-    // content of a scene may depend on the images' shape. A name therefore clashes only with the same name in
-    // another folder.
+    // content of a scene may depend on the images' shape. A scene's name therefore clashes only with the same
+    // name in another folder.
     let has_namesake =
         |name: &str, label: &str| scenes.iter().any(|(_, other, of)| *other == name && *of != label);
     let named = |(hash, name, label): &(&str, &str, &str)| match has_namesake(name, label) {
@@ -116,9 +117,9 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
 
 /// Gives the devices and strategies of a folder's records the names that they have in the records `later` of
 /// a later folder. Records with equal keys show which names belong together. A record keeps its names if,
-/// with the new names, it would be for the same point as another record of its folder. If no two devices get
-/// the same name, all devices are renamed before the strategies. In this case, a record gets the new name of
-/// its device even if it keeps the old name of its strategy.
+/// with the new names, it would seem to belong to the same point as another record of its folder. If no two
+/// devices get the same name, the function renames all devices before the strategies, so that a record gets
+/// the new name of its device even if it keeps the old name of its strategy.
 fn rename(records: &mut [Record], later: &[Record]) {
     let devices = device_names(records, later);
     let stay_apart = stay_apart(records, &devices);
@@ -142,7 +143,7 @@ fn rename(records: &mut [Record], later: &[Record]) {
     }
 }
 
-/// Renames a record's device if `names` has a new name for it.
+/// Renames a record's device if `names` has a new name for the device.
 fn rename_device(record: &mut Record, names: &HashMap<String, String>) {
     if let Some(name) = names.get(&record.device) {
         record.device.clone_from(name);
@@ -157,9 +158,9 @@ fn stay_apart(records: &[Record], names: &HashMap<String, String>) -> bool {
     renamed.len() == devices.len()
 }
 
-/// Returns a map from the devices' names in the records `own` to the names of the same devices in the records `other`.
-/// A device's name depends on the machine's other devices. Records with equal keys were measured on the same device, so
-/// they show which names belong together.
+/// Returns a map from the devices' names in the records `own` to the names of the same devices in the records
+/// `other`. A device's name depends on the machine's other devices. Records with equal keys were measured on
+/// the same device, so these records show which names belong to the same device.
 pub fn device_names(own: &[Record], other: &[Record]) -> HashMap<String, String> {
     let other = CurrentPlan::of(other);
     let points = || own.iter().map(|record| (record.key.as_str(), record.device.as_str()));
@@ -275,8 +276,8 @@ mod tests {
         assert_eq!(keys, ["1", "2", "1"]);
     }
 
-    /// The second folder has another name for the device too. The strategy `b` of the first folder, which the second
-    /// folder lacks, was also measured on this device.
+    /// In this test, the second folder also has another name for the device. The point of strategy `b` in the
+    /// first folder, which the second folder lacks, was measured on the same device.
     #[test]
     fn every_record_gets_the_new_name_of_its_device_even_if_a_strategys_name_is_taken() {
         let mut one = vec![on("gpu", "a", "1"), on("gpu", "b", "2")];
@@ -287,7 +288,7 @@ mod tests {
         let mut two = vec![on("gpu", "a", "1"), on("gpu-2", "a", "2")];
         rename(&mut two, &[on("gpu", "a", "2"), on("gpu-2", "a", "1")]);
         assert_eq!(two.iter().map(|record| record.device.as_str()).collect::<Vec<_>>(), ["gpu-2", "gpu"]);
-        // According to the second folder, the two names are those of one device.
+        // According to the second folder, the two names in the first folder belong to one device.
         let mut both = vec![on("gpu", "a", "1"), on("old", "a", "2")];
         rename(&mut both, &[on("gpu", "b", "1"), on("gpu", "c", "2")]);
         let names = both.iter().map(|record| (record.device.as_str(), record.name.as_str()));
@@ -331,7 +332,8 @@ mod tests {
         assert_eq!(labels, ["x/a", "y/a", "b"]);
     }
 
-    /// The first and the last folder have no common point. Only the second shows that their devices are the same.
+    /// The first and the last folder have no point in common. Only the second folder shows that their devices
+    /// are the same.
     #[test]
     fn the_names_of_the_last_folder_reach_the_first_one_through_the_second() {
         let folders = [

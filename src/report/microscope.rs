@@ -1,4 +1,4 @@
-//! Writes the page of `raycl compile`. The page shows the source next to the instructions of each kernel.
+//! Writes the page of `raycl compile`, which shows the source next to the instructions of each kernel.
 
 use super::page::{SCRIPT, STYLE, nonce};
 use crate::error::{Error, Result};
@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// The file name of the page.
 pub const MICROSCOPE: &str = "microscope.html";
 
-/// The styles that only the page of `raycl compile` has. The page also has the styles of all pages (`STYLE`).
+/// The styles that only the page of `raycl compile` needs, in addition to the styles of all pages (`STYLE`).
 const OWN_STYLE: &str = include_str!("templates/microscope.css");
 const OWN_SCRIPT: &str = include_str!("templates/microscope.js");
 
@@ -35,11 +35,12 @@ struct View {
     name: String,
     /// Properties of the kernel, such as its registers: pairs of name and value.
     facts: Vec<(&'static str, String)>,
-    /// Says how instructions are assigned to rows, and whether the timed program has the same instructions.
+    /// A text that says how instructions are assigned to rows, and whether the timed program has the same
+    /// instructions.
     note: String,
     source: Vec<SourceLine>,
     steps: Vec<Step>,
-    /// The kinds of instructions that occur, which are the columns of the table.
+    /// The kinds of instructions that the kernel has, which are the columns of the table.
     kinds: Vec<String>,
     table: Vec<TableRow>,
 }
@@ -47,16 +48,16 @@ struct View {
 struct SourceLine {
     number: u32,
     text: String,
-    /// The number of the line's instructions, as text; empty for 0.
+    /// The number of instructions of the source line, as text; empty for 0.
     instructions: String,
-    /// The kinds of memory that the line's instructions access, such as "global local".
+    /// The kinds of memory that the instructions of the source line access, such as "global local".
     memory: String,
     tip: String,
 }
 
 /// An instruction, or a label between instructions.
 struct Step {
-    /// The number of the instruction's source line; empty if the instruction has none.
+    /// The number of the instruction's source line; empty if the instruction belongs to no source line.
     line: String,
     text: String,
     memory: String,
@@ -97,10 +98,10 @@ pub fn microscope_page(
     page.render().map_err(|error| Error::fault(format!("{MICROSCOPE} could not be written: {error}")))
 }
 
-/// Returns the command that writes this page for a record's point on `device`. Returns `None` if the record
-/// has no local size or no name of the scene's file, or if the run changed values of the scene. Also returns
-/// `None` if the run compared two folders of kernels, since records do not contain the paths of these
-/// folders.
+/// Returns the command (`raycl compile`) that writes this page for a record's point on `device`. Returns
+/// `None` if the record has no local size, if the record does not name the scene's file, or if the run
+/// changed values of the scene. Also returns `None` if the run compared two folders of kernels, since records
+/// do not contain the paths of these folders.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain = record.scene_values.is_empty() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;
@@ -137,8 +138,8 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     if listing.counts.iter().next().is_some() {
         facts.insert(2, ("by kind", listing.counts.to_string()));
     }
-    // The driver reports the following facts, so they are known only for the code that the driver generated,
-    // and not for the output of `ptxas`.
+    // The driver reports spilled registers, `__local` memory and occupancy, so these are known only for the
+    // code that the driver generated, and not for the output of `ptxas`.
     if let Some(kernel) = kernel.filter(|_| listing.is_drivers) {
         facts.push(("bytes of spilled registers", printed(kernel.resources.spill_store_bytes)));
         facts.push(("bytes of __local memory per work-group", kernel.group_local_bytes().to_string()));
@@ -147,7 +148,8 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     facts
 }
 
-/// Says how instructions are assigned to rows, and whether the timed program has the same instructions.
+/// Returns a text that says how instructions are assigned to rows, and whether the timed program has the same
+/// instructions.
 fn note(listing: &Listing) -> String {
     let rows = match listing.rows_are {
         RowsAre::Lines => {
@@ -284,7 +286,7 @@ mod tests {
         assert!(note(&listing).contains("or its table has no line for this kernel"), "{}", note(&listing));
     }
 
-    /// The output of `ptxas` is not the code about which the driver reports.
+    /// What the driver reports about a kernel does not apply to the output of the installed `ptxas`.
     #[test]
     fn what_the_driver_reports_of_a_kernel_is_shown_with_the_drivers_own_code_alone() {
         let mut kernel =

@@ -1,4 +1,4 @@
-//! Writes pages from stored records and pictures, without a device.
+//! Writes HTML pages from stored records and pictures, without an OpenCL device.
 
 mod answer;
 mod claims;
@@ -53,14 +53,14 @@ pub const PAGE: &str = "report.html";
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
 /// The file names of a reproduction: the page, and the page's content as JSON for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
-/// The path of each plot of a reproduction begins with one of these texts.
+/// The beginnings of the paths of a reproduction's plots.
 const REPRODUCTION_PLOTS: [&str; 2] = ["plots/answer-", "plots/figure-"];
 
-/// Files to write: each file's path, relative to the output folder, and the file's content.
+/// Files to be written: each file's path, relative to the output folder, and the file's content.
 type Files = Vec<(String, Vec<u8>)>;
 
-/// Writes `report.html`, `plots/` and `exports/` for the folders' records into `out`. Then removes those
-/// plots and exports of earlier reports that this report does not contain.
+/// Writes `report.html`, `plots/` and `exports/` for the folders' records into `out`. Also removes those
+/// plots and exports of earlier reports that the new report does not contain.
 pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     let page = Page::of(folders);
     let mut files = vec![(PAGE.to_owned(), page.html()?.into_bytes())];
@@ -93,14 +93,14 @@ pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<Pat
     let mut files = vec![(html, page.html()?.into_bytes()), (json, page.json()?.into_bytes())];
     files.extend(plot_files(&page.plots())?);
     out.write(&files)?;
-    // Only old plots of the reproduction are removed; plots of other pages in the folder stay.
+    // Only old plots of `raycl reproduce` are removed; plots of other pages in the folder stay.
     let is_own = |name: &str| REPRODUCTION_PLOTS.iter().any(|beginning| name.starts_with(beginning));
     let is_written = |name: &str| files.iter().any(|(written, _)| written == name);
     out.remove_listed(|name| is_own(name) && !is_written(name))?;
     Ok(out.path().join(REPRODUCTION[0]))
 }
 
-/// Writes `compare.html`, `compare.md` and the plot into `out`.
+/// Writes `compare.html`, `compare.md` and the plot of a comparison into `out`.
 pub fn write_comparison(comparison: &Comparison, out: &mut OutFolder) -> Result<()> {
     let [html, markdown] = COMPARISON.map(str::to_owned);
     let mut files =

@@ -1,6 +1,6 @@
-//! Compares predicted occupancy with measured times. The paper chooses local sizes by predicted occupancy,
-//! and the comparison shows whether local sizes with a higher prediction are faster. Occupancy itself is not
-//! measured, since OpenCL has no counter of resident work-groups.
+//! Compares predicted occupancy with measured times. The paper chooses local sizes by predicted occupancy.
+//! The comparison shows whether local sizes with a higher predicted occupancy are faster. raycl does not
+//! measure the actual occupancy, since OpenCL has no counter of resident work-groups.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -12,11 +12,11 @@ use crate::device::occupancy::{
 };
 use crate::record::{Group, Record, interval, median};
 
-/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, with two exceptions:
-/// points without a local size (casters on the host), and points of rasterisers. The main kernel of a rasteriser does
-/// not have work-groups of the point's local size. If `compute_capability` is `None`, the prediction is for the paper's
-/// device. Returns `None` if all strategies have fewer than three marks, or if raycl has no data on the compute
-/// capability.
+/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, with two
+/// exceptions: points without a local size (casters on the host), and points of rasterisers. The work-groups
+/// of a rasteriser's main kernel do not have the point's local size. If `compute_capability` is `None`, the
+/// prediction is for the compute capability that raycl assumes for the paper's GPU. Returns `None` if all
+/// strategies have fewer than three marks, or if raycl has no data on the compute capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER_CAPABILITY)).ok()?;
     let mut series = Vec::new();
@@ -67,9 +67,9 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
 const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot report how many \
     work-groups are resident. The prediction is compared with the measured speed instead.";
 
-/// Describes the multiprocessor for which the occupancy is predicted, and where the numbers of registers for this
-/// prediction come from. `all` is the number of points, and `assumed` is the number of those points whose kernel has an
-/// unknown number of registers.
+/// Describes the multiprocessor for which the occupancy is predicted, and where the numbers of registers for
+/// this prediction come from. `all` is the number of points, and `assumed` is the number of points for which
+/// raycl assumes the number of registers, because the compiler did not report it.
 fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String {
     match compute_capability {
         Some(cc) if assumed == 0 => format!(
@@ -92,7 +92,7 @@ fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String
     }
 }
 
-/// Describes the rank correlations between predicted occupancy and measured speed.
+/// Returns a text about the rank correlations between predicted occupancy and measured speed.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
         return "raycl cannot judge how well the prediction ranks local sizes: there are too few local sizes, or all \
@@ -128,9 +128,9 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 
-/// Returns the main kernel's number of registers, or `None` if the compiler did not report it. Also returns
-/// the bytes of `__local` memory that a work-group needs: the compiled kernel's bytes if the number of
-/// registers is known, otherwise the bytes that raycl predicted, or 0 without a prediction.
+/// Returns the main kernel's number of registers, or `None` if the compiler did not report this number. Also
+/// returns the bytes of `__local` memory that a work-group needs: the compiled kernel's bytes if the number
+/// of registers is known, otherwise the bytes that raycl predicted, or 0 if raycl predicted no bytes.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);
@@ -181,9 +181,9 @@ mod tests {
         assert_eq!(ranks([5.0, 1.0, 5.0, 9.0, 5.0].into_iter()), [2.0, 0.0, 2.0, 4.0, 2.0]);
         let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
         assert_eq!(spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(3.0, 3.0)]), None, "too few");
-        // The expected correlation was calculated without this code. The ranks of x are 0, 1.5, 1.5, 3, and the ranks
-        // of y are 0, 1, 2, 3. The products of their deviations from the mean rank add up to 4.5. The squares of the
-        // deviations add up to 4.5 for x, and to 5 for y.
+        // The expected correlation was calculated independently of this code. The ranks of x are 0, 1.5, 1.5,
+        // 3, and the ranks of y are 0, 1, 2, 3. The products of their deviations from the mean rank add up to
+        // 4.5. The squares of the deviations add up to 4.5 for x, and to 5 for y.
         let actual = spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(2.0, 3.0), mark(3.0, 4.0)]);
         assert!(actual.is_some_and(|actual| (actual - 4.5 / 22.5_f64.sqrt()).abs() < 1e-12), "{actual:?}");
     }
@@ -203,7 +203,8 @@ mod tests {
         assert!(ranking(&[0.8]).contains("(Spearman) of predicted occupancy and measured speed"));
     }
 
-    /// Uses a work-group of 16 x 16 work-items with 63 registers each: 512 of at most 1536 threads are resident.
+    /// In this test, a work-group has 16 x 16 work-items with 63 registers each, so 512 of at most 1536
+    /// threads are resident.
     #[test]
     fn a_mark_has_the_predicted_occupancy_and_the_speed_relative_to_the_best() {
         use crate::record::fixtures::measured;

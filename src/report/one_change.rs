@@ -3,16 +3,17 @@
 use crate::numbers::by;
 use crate::record::{Change, Changes, Compared, Group, Record, both_sizes, changes, with_interval};
 
-/// The table of a device.
+/// The table of a device, with a row per change of a single axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// The device and, if all columns have the same, the image size.
+    /// The device's name and, if all columns have the same image size, this size.
     pub caption: String,
-    /// The name of each column: its scene and, if there are several image sizes, the size.
+    /// The name of each column: the column's scene and, if the columns have several image sizes, the image
+    /// size.
     pub columns: Vec<String>,
-    /// The rows, those with the largest effects first.
+    /// The rows, sorted by effect from the largest down.
     pub rows: Vec<Row>,
-    /// A sentence on the changes that are left out; empty if there are none.
+    /// A sentence that says how many changes the table leaves out; empty if the table has all changes.
     pub note: String,
 }
 
@@ -30,13 +31,15 @@ pub struct Row {
 /// A cell of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// How many times as fast the second strategy is as the first, with the 95% interval; "-" without a ratio.
+    /// How many times as fast the second strategy is as the first, with the 95% interval; "-" if the ratio is
+    /// unknown.
     pub ratio: String,
-    /// The effect in a word: "faster", "slower" or "tie"; empty without a ratio.
+    /// The effect in a word: "faster", "slower" or "tie"; empty if the ratio is unknown.
     pub effect: &'static str,
-    /// The local sizes at which the two are compared, such as "8 x 8" or "8 x 8 → 4 x 4"; empty without a ratio.
+    /// The local sizes at which the two strategies are compared, such as "8 x 8" or "8 x 8 → 4 x 4"; empty if
+    /// the ratio is unknown.
     pub size: String,
-    /// The cell's tooltip: the result as a sentence, or the reason why there is no ratio.
+    /// The cell's tooltip: the result as a sentence, or the reason why the ratio is unknown.
     pub tip: String,
 }
 

@@ -1,4 +1,5 @@
-//! Draws the plots that cover several groups: all scenes, and pairs of devices.
+//! Draws the plots that cover several groups of points: the plots of all scenes on a device, and the plots of
+//! pairs of devices.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -8,12 +9,12 @@ use crate::numbers::by;
 use crate::record::{Group, HOST, Record, interval, median};
 use std::collections::HashMap;
 
-/// Up to this number of devices, each pair of devices has its own plot. The number of pairs grows with the square of
-/// the number of devices. If there are more devices, each device is therefore compared only with the device that has
-/// the most times.
+/// The largest number of devices for which each pair of devices has a plot. The number of pairs grows with
+/// the square of the number of devices. With more devices, each device is therefore compared only with the
+/// device that has the most times.
 const MOST_WITH_ALL_PAIRS: usize = 8;
 
-/// A device, and its records, sorted by rank within each group.
+/// A device's name, and the device's records, sorted by rank within each group.
 type OfDevice<'a> = (&'a str, Vec<&'a Record>);
 
 /// Returns a plot for each device with several scenes or image sizes. The plot shows the best time of every
@@ -58,7 +59,7 @@ fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
     if one_size { scene.to_owned() } else { format!("{scene} {}x{}", size[0], size[1]) }
 }
 
-/// Returns the devices that have records, without the host.
+/// Returns the names of the devices that have records, without the host.
 pub(super) fn devices<'a: 'g, 'g>(groups: impl IntoIterator<Item = &'g Group<'a>>) -> Vec<&'a str> {
     let mut devices = Vec::new();
     for group in groups.into_iter().filter(|group| group.device != HOST) {
@@ -70,8 +71,8 @@ pub(super) fn devices<'a: 'g, 'g>(groups: impl IntoIterator<Item = &'g Group<'a>
 }
 
 /// Returns a series for each strategy, with a mark for the strategy's fastest point in every group. A mark's
-/// x is the index of the group's scene and image size in `columns`. Groups that are not in `columns` have no
-/// marks.
+/// x is the index of the group's scene and image size in `columns`. Groups whose scene and image size are not
+/// in `columns` have no marks.
 pub(super) fn best_of_each(
     groups: &[&Group<'_>],
     columns: &[(&str, [u32; 2])],
@@ -107,9 +108,9 @@ pub(super) fn best_of_each(
     series
 }
 
-/// Returns a plot for each pair of devices that measured the same points: one device's times against the
-/// other device's times. If there are more than `MOST_WITH_ALL_PAIRS` devices, only the pairs of the device
-/// with the most times have plots, and the returned note says so.
+/// Returns a plot for each pair of devices that measured the same points: the plot shows one device's times
+/// over the other device's times. With more than `MOST_WITH_ALL_PAIRS` devices, only the pairs that include
+/// the device with the most times have plots, and the returned note says so.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>, Option<String>) {
     // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
     let of = |device| -> OfDevice<'_> {
@@ -182,8 +183,8 @@ mod tests {
 
     #[test]
     fn bars_of_device_against_device_are_the_second_devices() {
-        // The times of the two launches are far apart (10 and 15 ms), so the
-        // interval is wide. Three samples are too few for an interval.
+        // The times of the two launches of `wide` are far apart (10 and 15 ms), so its interval is wide. The
+        // three samples of `none` are too few for an interval.
         let wide = |device: &str| {
             let samples = (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 15.0 }));
             Record { device: device.into(), ..sampled("naive", samples) }

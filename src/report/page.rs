@@ -1,4 +1,4 @@
-//! Collects, from records, the data that the report's template shows.
+//! Collects, from records, the data that the page of `raycl report` shows.
 
 use super::answer::{Answer, answers, headline};
 use super::common_names::{name_of_driver, with_common_names};
@@ -21,10 +21,10 @@ use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 
 /// The style sheet of every page.
 pub const STYLE: &str = include_str!("templates/page.css");
-/// The script of every page. Pages can also be read without the script.
+/// The JavaScript of every page. Pages can also be read without JavaScript.
 pub const SCRIPT: &str = include_str!("templates/page.js");
 
-/// The data of the report.
+/// The data of the page of `raycl report`.
 #[derive(Template)]
 #[template(path = "report.html")]
 pub struct Page {
@@ -47,11 +47,11 @@ pub struct Page {
     version: &'static str,
 }
 
-/// The plots and the table of one group of points.
+/// The plots and the table of one group of points (one scene at one image size on one device).
 pub struct View {
     id: String,
-    /// True for the view that the page shows when it opens: the view of a group whose scene has the most
-    /// triangles.
+    /// True for the view that a browser shows when it opens the page. The first view is that of a group whose
+    /// scene has the most triangles.
     first: bool,
     title: String,
     /// Notes that raycl made when it read the group's scene.
@@ -60,12 +60,13 @@ pub struct View {
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
     rows: Vec<Row>,
-    /// The command (`raycl compile`) that shows the instructions of the fastest point. Empty if no point has
-    /// a rank, if the report is on several folders, or if an argument of the command is unknown.
+    /// The command (`raycl compile`) that shows the instructions of the fastest point. The command is empty
+    /// if no point has a rank, if the report is on several folders, or if an argument of the command is
+    /// unknown.
     microscope: String,
 }
 
-/// A point's row in the table of a view.
+/// A point's row in the table of a group.
 pub struct Row {
     name: String,
     strategy: String,
@@ -86,7 +87,7 @@ pub struct Row {
     wins: bool,
 }
 
-/// A row of the table of hosts: the time of a control point on one host.
+/// A row of the table of machines: the time of a control point on one machine.
 pub struct HostRow {
     point: String,
     host: String,
@@ -98,7 +99,7 @@ pub struct HostRow {
 }
 
 impl Page {
-    /// Collects the data of the page from the folders.
+    /// Collects the data of the page from the folders' records.
     pub fn of(folders: &[Folder]) -> Self {
         let (folders, drivers) = with_common_names(folders);
         let folders = &folders[..];
@@ -143,7 +144,7 @@ impl Page {
         self.render().map_err(|error| Error::fault(format!("the report could not be written: {error}")))
     }
 
-    /// Returns every plot of the page.
+    /// Returns all plots of the page.
     pub fn plots(&self) -> Vec<&Plot> {
         let views = self
             .views
@@ -160,16 +161,16 @@ fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) 
     pictures.thumbnail(origins.folder(best)?, best.image.as_deref()?)
 }
 
-/// Returns a nonce: a random number of 128 bits. The page lets only scripts with this number run. Scripts in
-/// the page's texts, such as scene names, do not run, because nobody can predict the nonce: the standard
-/// library derives it from the system's random numbers.
+/// Returns a nonce, which is a random number of 128 bits. The browser runs only those scripts of the page
+/// that have this number. Scripts in texts of the page, such as scene names, do not run, because nobody can
+/// predict the nonce: the standard library derives the nonce from the system's random numbers.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
 }
 
-/// Returns the notes of the folders for which `shows` returns true. If there are several folders, each note begins with
-/// its folder's label.
+/// Returns the notes of the folders for which `shows` returns true. If `folders` has several elements, each
+/// note begins with the label of its folder.
 pub fn notes(folders: &[Folder], shows: impl Fn(&Folder) -> bool) -> Vec<String> {
     let of = |(folder, label): (&Folder, String)| -> Vec<String> {
         let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
@@ -190,7 +191,7 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     questions
 }
 
-/// Returns a row for each control point of a folder and each host that measured this point.
+/// Returns a row for each control point of a folder and each machine that measured this control point.
 fn hosts(folder: &Folder) -> Vec<HostRow> {
     let controls = controls(&folder.records, &folder.controls);
     controls.iter().flat_map(|control| control.hosts.iter().map(|at| host_row(&control.point, at))).collect()
@@ -298,7 +299,7 @@ fn one_view(
         others,
         rows: rows.chain(host).collect(),
         // In a report on several folders, a device's name in a record may end with the name of a folder. Such
-        // a name would not select a device, so only a report on a single folder shows the command.
+        // a name would not select a device, so a report on several folders does not show the command.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -322,16 +323,16 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     entries(folders, device).find_map(|entry| entry["compute_capability"].as_str().map(str::to_owned))
 }
 
-/// Returns the command that writes a page with a point's instructions. The record's name of the device may be
-/// the common name, or end with a text in brackets. The command has the driver's name instead. Returns `None`
-/// if [`microscope::command`] returns `None`.
+/// Returns the command (`raycl compile`) that writes a page with a point's instructions. In the record, the
+/// device's name may be the common name, or end with a text in brackets. The command contains the driver's
+/// name of the device instead. Returns `None` if [`microscope::command`] returns `None`.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(name_of_driver);
     microscope::command(record, name.unwrap_or(&record.device))
 }
 
-/// Returns a device's entries in the environments of the folders. `shown` is the device's name in the
-/// records.
+/// Returns the descriptions of a device in the `environment.json` of the folders. `shown` is the device's
+/// name in the records.
 fn entries<'a>(folders: &'a [Folder], shown: &'a str) -> impl Iterator<Item = &'a Value> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
     devices.filter(move |entry| entry["device"].as_str().is_some_and(|name| is_shown_as(name, shown)))

@@ -1,6 +1,6 @@
-//! The run times in milliseconds that the paper published, and the configs that repeat the paper's
-//! experiments. The authors of raycl read the times off the plots in the paper's Figures 6 to 8. The configs
-//! are built in, so that `raycl reproduce` needs no other files.
+//! The run times in milliseconds that the paper published, and the configs with which `raycl reproduce`
+//! repeats the paper's experiments. The authors of raycl read the times off the plots in the paper's Figures
+//! 6 to 8. The program contains the configs, so that `raycl reproduce` needs no further files.
 
 use include_dir::{Dir, include_dir};
 
@@ -13,7 +13,8 @@ pub const CONFIGS: [(&str, &str); 5] = [
     ("next-steps", include_str!("../../configs/next-steps.toml")),
 ];
 
-/// The folder of raycl's scenes, which contains the scenes that the paper's configs use.
+/// The folder of raycl's scene files, which contains the scenes of the configs that repeat the paper's
+/// experiments.
 pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Returns the names of all scenes in the folder [`SCENES`].
@@ -23,7 +24,7 @@ pub fn scenes() -> Vec<&'static str> {
     scenes.filter_map(|path| path.file_stem()?.to_str()).collect()
 }
 
-/// One point of a curve in the paper.
+/// One point of a curve in a plot of the paper.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {
     /// The paper's figure: 6, 7 or 8.
@@ -32,13 +33,13 @@ pub struct Published {
     pub series: String,
     /// The side of the square work-group (the paper's *block*), in work-items.
     pub block: u32,
-    /// The run time in milliseconds.
+    /// The published run time in milliseconds.
     pub ms: f64,
 }
 
 const CSV: &str = include_str!("assets/published_runtimes.csv");
 
-/// Returns every published point, in the order of published_runtimes.csv.
+/// Returns every point that the paper published, in the order of published_runtimes.csv.
 pub fn published() -> Vec<Published> {
     let parse = |line: &str| {
         let mut cells = line.split(',');
@@ -53,8 +54,8 @@ pub fn published() -> Vec<Published> {
     CSV.lines().skip(1).filter_map(parse).collect()
 }
 
-/// The paper's curves. Each entry has the number of the figure, the name of the series in the figure, and the scene and
-/// the preset with which raycl repeats the series.
+/// The curves in the paper's plots. Each element has the number of the paper's figure, the curve's name in
+/// the figure, and the scene and the preset with which raycl repeats the curve.
 pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (6, "Teapot (1026)", "teapot", "naive"),
     (6, "Gourd (650)", "gourd", "naive"),

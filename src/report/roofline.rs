@@ -1,6 +1,6 @@
-//! Plots the roofline of a device: the rates of operations that its arithmetic and its memories
-//! allow, and the rate that each point reaches (S. Williams, A. Waterman, D. Patterson: "Roofline",
-//! Communications of the ACM 52(4), 2009).
+//! Plots the roofline of a device: the rates of operations that the device's arithmetic and memories allow,
+//! and the rate that each point reaches (S. Williams, A. Waterman, D. Patterson: "Roofline", Communications
+//! of the ACM 52(4), 2009).
 
 use super::merged::labels;
 use super::overview::{devices, numbered};
@@ -20,9 +20,9 @@ use std::collections::HashMap;
 const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device that has points with a known number of ray-triangle tests. If the
-/// operations of a test are unknown for all of these points, the plot shows only the roofs; if the peak rates
-/// are unknown too, there is no plot. `drivers` maps a device's common name to the name that the driver
-/// reports.
+/// operations of a test are unknown for all of these points, the plot shows only the roofs; if the device's
+/// peak rates are unknown too, the device gets no plot. `drivers` maps a device's common name to the name
+/// that the driver reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -57,22 +57,22 @@ pub fn rooflines(
     devices(groups).into_iter().enumerate().filter_map(of_device).collect()
 }
 
-/// Returns true if the peak rates are those of the device that the page calls `shown`. This name is the
+/// Returns true if the peak rates belong to the device that the page calls `shown`. The name `shown` is the
 /// common name or, if several devices have the same common name, the driver's name. The folder's label in
 /// brackets may follow.
 fn is_of(peak: &Peak, label: &str, shown: &str, drivers: &HashMap<String, String>) -> bool {
     let without_label = shown.strip_suffix(format!(" ({label})").as_str());
     [Some(shown), without_label].into_iter().flatten().any(|name| match drivers.get(name) {
-        // Compares the drivers' names, not the common names: a second driver may list a device with the same
-        // common name, and that device's peak rates differ.
+        // This line compares the drivers' names, not the common names: a second driver may list a device with
+        // the same common name but with other peak rates.
         Some(driver) => *driver == peak.device,
         None => name == peak.device || name == common_name(&peak.device),
     })
 }
 
-/// Returns the plot of a device, with roofs if `peak` is known. `unreadable` has a message for each file of
-/// peak rates that cannot be read. Returns `None` if no record has a mark, and either there are no roofs or
-/// no record has a number of tests.
+/// Returns the plot of a device, with roofs if `peak` is known. `unreadable` contains a message for each file
+/// of peak rates that cannot be read. Returns `None` if no record has a mark, and either the peak rates are
+/// unknown or no record has a number of tests.
 fn roofline(
     records: &[(&Group<'_>, &Record)],
     looks: &Looks,
@@ -91,8 +91,8 @@ fn roofline(
     let ends = ends(&series, peak);
     let roofs: Vec<Series> = peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)).collect();
     let has_roofs = !roofs.is_empty();
-    // If tests are counted, but the operations of a test are unknown for all records, the plot has only the
-    // measured roofs. The caption then says why there are no marks.
+    // If tests are counted, but the operations of a test are unknown for all records, the plot shows only the
+    // measured roofs, and the caption says why the plot has no marks.
     let are_counted = left_out.iter().any(|record| record.tests_per_s.is_some());
     if series.is_empty() && !(has_roofs && are_counted) {
         return None;
@@ -136,17 +136,18 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
 }
 
 /// Returns the number of operations of a record's ray-triangle test, as the record states it. Records of
-/// earlier versions state no bytes, and state the operations only if the device's peak rate was known. For
-/// these records, the number comes from the headers of the kernel files that this process has read. Returns
-/// `None` for other records without a number: the header of their ray-triangle test has no `operations`.
+/// earlier versions of raycl state no bytes, and state the operations only if the device's peak rate was
+/// known. For such records, the number comes from the headers of the kernel files that this process has read.
+/// A newer record lacks the number only if the header of its ray-triangle test has no `operations`; this
+/// function then returns `None`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
     record.operations_per_test.or_else(by_header)
 }
 
-/// Returns the range of x from half the least to twice the greatest x of all marks and of the corners of all
-/// roofs.
+/// Returns the range of the plot's x axis: from half the least to twice the greatest x of all marks and of
+/// the corners of all roofs.
 fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     let corners = peak.into_iter().flat_map(|peak| {
         let fma = peak.fma_per_s.median;
@@ -206,8 +207,9 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     )
 }
 
-/// Says how many points have no mark, for each of two reasons: the number of ray-triangle tests is unknown,
-/// or the operations of a test are unknown. Returns an empty text if all points have marks.
+/// Returns a text that says how many points have no mark in the plot, for each of two reasons: the number of
+/// ray-triangle tests is unknown, or the operations of a test are unknown. Returns an empty text if all
+/// points have marks.
 fn not_shown(left_out: &[&Record]) -> String {
     let uncounted = left_out.iter().filter(|record| record.tests_per_s.is_none()).count();
     let reasons = [
@@ -245,7 +247,7 @@ mod tests {
         }
     }
 
-    /// Returns a folder of results with peak rates and without records.
+    /// Returns a folder of results that contains peak rates, but no records.
     fn with_rates(path: &Path) -> Folder {
         Peak::write(&[peak()], &path.join(crate::peak::FILE)).unwrap();
         Folder { path: path.to_owned(), ..Folder::default() }
@@ -279,7 +281,7 @@ mod tests {
         let are_of = |shown: &str| peaks.each_ref().map(|peak| is_of(peak, "mine", shown, &drivers));
         assert_eq!(are_of("Intel Xeon, PoCL (mine)"), [true, false]);
         assert_eq!(are_of("Intel Xeon, PoCL (another)"), [false, false]);
-        // Where no driver's name is known for a common name, the common name alone decides.
+        // If no driver's name is known for a common name, the common name alone decides.
         assert!(is_of(&peaks[0], "mine", "Intel Xeon, PoCL", &HashMap::new()));
     }
 
@@ -358,8 +360,8 @@ mod tests {
         assert_eq!((actual.x, actual.y), (15.0 / 60.0, 15.0));
     }
 
-    /// The process that writes a report may lack the kernel files that implement the strategy's values, so the record
-    /// must state the numbers.
+    /// The process that writes a report may lack the kernel files that implement the strategy's values, so
+    /// the record must state the numbers of operations and bytes.
     #[test]
     fn a_record_states_the_operations_and_bytes_of_its_test() {
         let private = record("private", Some(1e9));
@@ -381,8 +383,8 @@ mod tests {
         assert!(actual.tip.ends_with(expected), "{}", actual.tip);
     }
 
-    /// The record was measured with the user's own file of a ray-triangle test, whose header has no
-    /// `operations`. The built-in file of the same name states `operations`.
+    /// The record was measured with a user's kernel file of a ray-triangle test, whose header has no
+    /// `operations`. The built-in kernel file of the same name states `operations`.
     #[test]
     fn a_test_whose_header_states_no_operations_has_no_mark() {
         let own = Record {
@@ -420,8 +422,8 @@ mod tests {
         let roofs = roofs(&peak(), [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];
         let corners = |index: usize| roofs[index].marks.iter().map(corner).collect::<Vec<_>>();
-        // All numbers are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes allow 250
-        // operations. The rate of multiply-adds is 4000.
+        // All numbers are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes
+        // allow 250 operations. The peak rate of multiply-adds is 4000.
         assert_eq!(corners(0), [[0.25, 250.0], [4.0, 4000.0], [16.0, 4000.0]]);
         assert_eq!(corners(1), [[0.25, 2000.0], [0.5, 4000.0], [16.0, 4000.0]]);
     }

@@ -1,4 +1,4 @@
-//! Compares devices: how fast each strategy is on each device, and how much time a device loses with the
+//! Compares devices: how fast each strategy is on each device, and how much longer a device takes with the
 //! point (strategy and local size) that is the fastest on another device.
 
 use super::overview::devices;
@@ -9,15 +9,15 @@ use super::words::title;
 use crate::numbers::significant;
 use crate::record::{Group, HOST, Record, ratio};
 
-/// Number of characters of a device's name that fit into a column.
+/// Number of characters of a device's name that fit into a column of a heat map.
 const ROOM: usize = 12;
 
-/// A group, and its records that have a rank, fastest first.
+/// A group, and those of its records that have a rank, the fastest first.
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
 
-/// Returns two heat maps. The first shows how fast each strategy is on each device. The second shows how much
-/// time each device loses with another device's fastest point. Returns no heat map if there are fewer than
-/// two devices.
+/// Returns two heat maps. The first heat map shows how fast each strategy is on each device. The second heat
+/// map shows how much longer each device takes with another device's fastest point. Returns no heat map if
+/// `groups` have fewer than two devices.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -30,7 +30,7 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
 
 /// Returns a heat map with a row per strategy and a column per device. A cell shows the strategy's best time
 /// divided by the best time of all strategies on the same device, for the same scene and image size. The
-/// value is a geometric mean over scenes and image sizes.
+/// cell's value is the geometric mean of this ratio over scenes and image sizes.
 fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let mut names: Vec<&str> = Vec::new();
     let kernels = groups.iter().filter(|(group, _)| group.device != HOST);
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
     use crate::record::{fixtures::few, fixtures::judged, fixtures::measured, groups};
 
-    /// On each device, the point that seems to be the fastest has too few samples.
+    /// On each device, the point with the smallest median has too few samples.
     #[test]
     fn a_point_with_too_few_samples_has_no_ratio_and_is_no_devices_best() {
         let of = |device: &str| {
@@ -202,7 +202,7 @@ mod tests {
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
     }
 
-    /// Each device is fastest at another local size of the same strategy.
+    /// The two devices are fastest with the same strategy, but at different local sizes.
     #[test]
     fn a_loss_is_that_of_the_best_local_size_of_the_other_device() {
         let records = judged([

@@ -1,4 +1,4 @@
-//! Draws the plots of one group of points: a scene at an image size on a device.
+//! Draws the plots of one group of points, which is one scene at one image size on one device.
 
 use super::paper;
 use super::plot::Plot;
@@ -13,16 +13,16 @@ use crate::numbers::{duration, ms};
 use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, word};
 
 /// The image size in the paper's figures, in pixels across and down. Only plots for this image size show the
-/// paper's times.
+/// times that the paper published.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// In a heat map, the cell of an infeasible point shows a word for the reason. If the word has more than this
-/// number of characters, the cell shows "unfit" instead.
+/// The largest number of characters of the word with which a heat map's cell shows the reason why a point is
+/// infeasible. For a longer word, the cell shows "unfit".
 const LONGEST_CODE: usize = 8;
-/// The largest number of rows in the plot of samples.
+/// The largest number of points (rows) in the plot of samples.
 const STRIPS: usize = 14;
 
-/// Returns the different local sizes of the records, ordered by their number of work-items and then by their
-/// width.
+/// Returns the different local sizes of the records, sorted by the number of work-items and then by the
+/// number of work-items across.
 pub fn sizes<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<[u32; 2]> {
     let mut sizes: Vec<_> = records.filter_map(|record| record.local_size).collect();
     sizes.sort_by_key(|[across, down]| (across * down, *across));
@@ -46,9 +46,9 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Plots time over local size, with a line per strategy. Returns `None` if no point with a local size has a
-/// time. If `paper` is true, the plot of a group with the paper's image size also shows the times that the
-/// paper published.
+/// Plots the time of a group's points over their local size, with a line per strategy. Returns `None` if no
+/// point with a local size has a time. If `paper` is true, the plot of a group with the paper's image size
+/// also shows the times that the paper published.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let x_of = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|index| index as f64);
@@ -95,8 +95,8 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
     Some(Plot::of(name, caption, &chart))
 }
 
-/// Returns the paper's curves for a group's scene and strategies. Returns no curves if the group's image size
-/// is not the paper's.
+/// Returns the curves that the paper published for a group's scene and strategies. Returns no curves if the
+/// group's image size is not the paper's.
 fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
     if group.image_size != PAPER_SIZE {
         return Vec::new();
@@ -113,9 +113,9 @@ fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Draws a heat map with a row per strategy and a column per local size. A cell's colour shows the ratio of
-/// the point's time to the fastest point's time. The cell of a point without a time shows the reason. The
-/// cell of a point with too few samples, or with times of 0, has no colour.
+/// Draws a heat map of a group's times, with a row per strategy and a column per local size. A cell's colour
+/// shows the ratio of the point's time to the fastest point's time. The cell of a point without a time shows
+/// a word for the reason. The cell of a point with too few samples, or with times of 0, has no colour.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let Ranking { winners, ranked, .. } = group.ranking();
@@ -152,8 +152,8 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
 
-/// Returns a record's cell. `slower` is the ratio of the record's time to the fastest point's time; `None` if
-/// the record has too few samples, or times of 0.
+/// Returns a record's cell in the heat map. `slower` is the ratio of the record's time to the fastest point's
+/// time; `None` if the record has too few samples, or times of 0.
 fn cell(record: &Record, slower: Option<f64>, wins: bool) -> Cell {
     let tip = tip(record);
     match (median(record), slower) {
@@ -163,14 +163,14 @@ fn cell(record: &Record, slower: Option<f64>, wins: bool) -> Cell {
     }
 }
 
-/// Returns a word for the reason why a time is missing. The word is short enough for a cell.
+/// Returns a word for the reason why a record has no time. The word is short enough for a cell of a heat map.
 fn code(record: &Record) -> String {
     match record.outcome {
         Outcome::Measured => "?".into(),
         Outcome::Infeasible => {
             let word = word(record);
-            // In "work-group" and "largest buffer", the last part says more than the first part, so the last
-            // part is used.
+            // In "work-group" and "largest buffer", the last part says more than the first part, so the cell
+            // shows the last part.
             let last = word.rsplit([' ', '-']).next().unwrap_or_default();
             if (1..=LONGEST_CODE).contains(&last.chars().count()) {
                 last.to_owned()
@@ -187,8 +187,8 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// Returns a line that explains the word ([`code`]) in a cell without a time. The line names the point of
-/// `record` as an example.
+/// Returns a line that explains the word ([`code`]) which the heat map shows in a cell without a time. The
+/// line names the point of `record` as an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
@@ -202,9 +202,9 @@ fn meaning(record: &Record) -> String {
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
 
-/// Plots the samples of a group's points, to show the noise of the times. Points with a rank come first,
-/// fastest first. At most `STRIPS` points are shown. Returns `None` if none of these points has a median
-/// above 0.
+/// Plots the samples of a group's points, to show the noise of the times. Points with a rank come first, the
+/// fastest point at the top. The plot shows at most `STRIPS` points. Returns `None` if none of these points
+/// has a median above 0.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let all = group.ranking().all();
     let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();
@@ -255,8 +255,9 @@ mod tests {
             let plot = lines(&groups[0], &Looks::of(&groups), Kind::Log, "lines", true).unwrap();
             let is_dashed = plot.svg.contains("stroke-dasharray=\"5 4\"") && plot.svg.contains("dot hollow");
             assert_eq!(plot.caption.contains("the paper's published points"), is_dashed, "{}", plot.svg);
-            // The paper has times at more local sizes than the two that were measured. Only the times at these two
-            // sizes are drawn, each with a hollow marker; the third hollow marker is in the legend.
+            // The paper has times at more local sizes than the two that were measured. The plot shows only
+            // the times at these two sizes, each with a hollow marker; the third hollow marker is in the
+            // legend.
             assert_eq!(plot.svg.matches("dot hollow").count(), if is_dashed { 3 } else { 0 });
             is_dashed
         };

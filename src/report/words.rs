@@ -1,4 +1,4 @@
-//! Formats texts about records, and assigns colours to strategies, for several parts of the report.
+//! Formats texts about records, and assigns colours to strategies, for several pages and plots.
 
 use super::plot::look::Look;
 use super::view::PAPER_SIZE;
@@ -11,7 +11,7 @@ use crate::record::{Group, HOST, Record, interval, median, not_enough, percent, 
 pub struct Looks(Vec<String>);
 
 impl Looks {
-    /// Assigns looks to the strategies in the order of the groups, and last to the baselines.
+    /// Assigns colours and markers to the strategies in the order of the groups, and last to the baselines.
     pub fn of(groups: &[Group<'_>]) -> Self {
         let mut names: Vec<String> = Vec::new();
         let (baselines, kernels): (Vec<_>, Vec<_>) = groups.iter().partition(|group| group.device == HOST);
@@ -24,23 +24,25 @@ impl Looks {
         Self(names)
     }
 
-    /// Returns the colour and marker of the series with this name. All unknown names get the same look.
+    /// Returns the colour and marker of the series with the given name. All unknown names get the same colour
+    /// and marker.
     pub fn look(&self, name: &str) -> Look {
         Look::of(self.0.iter().position(|known| known == name).unwrap_or(self.0.len()))
     }
 }
 
-/// Returns a record's name in a legend: the strategy's name. For a baseline, " (host)" follows.
+/// Returns a record's name in a legend: the strategy's name, followed by " (host)" for a baseline.
 pub fn series_name(record: &Record) -> String {
     if record.is_baseline() { format!("{} (host)", record.strategy) } else { record.name.clone() }
 }
 
-/// Returns a record's local size, such as "16x16", or "-" if the record has none.
+/// Returns a record's local size, such as "16x16", or "-" if the record has no local size.
 pub fn size_name(record: &Record) -> String {
     record.local_size.map_or("-".to_owned(), |[across, down]| format!("{across}x{down}"))
 }
 
-/// Returns a record's title, such as "naive at 16 x 16". Without a local size, the title is [`series_name`].
+/// Returns a record's title, such as "naive at 16 x 16". For a record without a local size, the title is
+/// [`series_name`].
 pub fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", record.name, by(size)),
@@ -48,14 +50,14 @@ pub fn title(record: &Record) -> String {
     }
 }
 
-/// Returns an image size as text, such as "200 x 125", or `None` if it is [`PAPER_SIZE`]. Pages about the
-/// paper do not mention the paper's size.
+/// Returns an image size as text, such as "200 x 125", or `None` if the size is [`PAPER_SIZE`]. Pages about
+/// the paper do not mention the image size of the paper's figures.
 pub fn other_size(image_size: [u32; 2]) -> Option<String> {
     (image_size != PAPER_SIZE).then(|| by(image_size))
 }
 
 /// Appends the image size to a text that ends with a scene's name, such as "on teapot at 200 x 125". Returns
-/// the text unchanged if the size is the paper's.
+/// the text unchanged if the image size is the size of the paper's figures.
 pub fn at_size(text: &str, image_size: [u32; 2]) -> String {
     other_size(image_size).map_or(text.to_owned(), |size| format!("{text} at {size}"))
 }
@@ -65,10 +67,10 @@ pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// Returns the tooltip of a record. The tooltip states the strategy and the local size. The median with its
-/// interval and the number of samples follow, or the reason for a missing time. Further lines state the host,
-/// the properties of the compiled kernel, the fraction of the peak rate, and warnings, as far as the record
-/// has them.
+/// Returns the tooltip of a record. The tooltip states the strategy and the local size. Next come the median
+/// with its interval and the number of samples, or the reason why the record has no time. Further lines state
+/// the host, the properties of the compiled kernel, the fraction of the peak rate, and warnings, as far as
+/// the record has them.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {
@@ -109,7 +111,7 @@ fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }
 
-/// Returns a text such as "95% interval 1.2 to 1.4 ms". If there is no interval, returns a note on the
+/// Returns a text such as "95% interval 1.2 to 1.4 ms". If the record has no interval, returns a note on the
 /// reason: too few samples, or times of 0. Returns `None` if the record has no time.
 fn sureness(record: &Record) -> Option<String> {
     let known = || Some(format!("95% interval {}", duration_range(interval(record)?, median(record)?)));

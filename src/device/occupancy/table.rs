@@ -1,5 +1,5 @@
-//! The limits of a multiprocessor of each compute capability. The figures are from NVIDIA's CUDA C++
-//! Programming Guide, "Compute Capabilities", and from its occupancy calculator.
+//! The hardware limits of a multiprocessor of each CUDA compute capability. The numbers are from NVIDIA's
+//! CUDA C++ Programming Guide, "Compute Capabilities", and from its occupancy calculator.
 
 use crate::error::{Error, Result};
 
@@ -8,15 +8,15 @@ use crate::error::{Error, Result};
 pub struct Multiprocessor {
     /// Compute capability, such as "8.6".
     pub compute_capability: &'static str,
-    /// Largest number of resident warps.
+    /// Largest number of resident warps on the multiprocessor.
     pub warps: u64,
-    /// Largest number of resident work-groups.
+    /// Largest number of resident work-groups on the multiprocessor.
     pub groups: u64,
-    /// Number of 32-bit registers.
+    /// Number of 32-bit registers of the multiprocessor.
     pub registers: u64,
     /// Largest number of registers of a thread.
     pub registers_per_thread: u32,
-    /// Bytes of `__local` memory.
+    /// Bytes of `__local` memory of the multiprocessor.
     pub local_bytes: u64,
     /// `__local` memory is allocated in multiples of this many bytes.
     pub local_unit_bytes: u64,
@@ -71,10 +71,10 @@ pub fn capabilities() -> String {
     names.join(", ")
 }
 
-/// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If this compute capability is
-/// not supported, the error suggests a supported one: the one that differs only by its dot (8.6 for "86") or,
-/// if there is none, the one with the nearest number. If the text is not a number, the error only says how to
-/// write a compute capability.
+/// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If raycl does not support
+/// this compute capability, the error suggests a supported capability: the one that differs only by its dot
+/// (8.6 for "86") or, if none does, the one with the nearest number. If the text is not a number, the error
+/// only says how to write a compute capability.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let wanted = compute_capability.trim();
     if let Some(sm) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
@@ -91,8 +91,8 @@ pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocesso
     }))
 }
 
-/// Returns the supported compute capability from which `wished` differs only by a missing dot; `None` if
-/// there is none.
+/// Returns the supported compute capability from which `wished` differs only by a missing dot; `None` if no
+/// supported capability matches.
 fn with_dot(wished: &str) -> Option<&'static str> {
     let mut names = MULTIPROCESSORS.iter().map(|sm| sm.compute_capability);
     names.find(|name| name.replace('.', "") == wished)

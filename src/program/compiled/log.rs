@@ -1,4 +1,5 @@
-//! Reads a kernel's resources from a build log that was printed with `-cl-nv-verbose`:
+//! Reads a kernel's registers, spills and memory from a build log that NVIDIA's compiler printed with
+//! `-cl-nv-verbose`:
 //!
 //! ```text
 //! ptxas info    : Compiling entry function 'cast_frame' for 'sm_90'
@@ -39,7 +40,8 @@ pub fn resources(log: &str, kernel: &str) -> Resources {
         } else if let Some(name) = after(line, "Function properties for ") {
             function = Some(name);
         } else if entry == Some(kernel) {
-            // The log states stacks for each function that a kernel calls, but registers only for the kernel.
+            // The log states the stack of each function that a kernel calls, but registers only for the
+            // kernel itself.
             let own = function.is_none_or(|name| name.trim_matches('\'') == kernel);
             if own {
                 resources.read_stack(line);
@@ -73,8 +75,8 @@ fn between<'a>(line: &'a str, words: &str, end: char) -> Option<&'a str> {
     after(line, words)?.split(end).next()
 }
 
-/// Returns the number before these words; `None` if the line lacks the words or the number. "24+16 bytes
-/// smem", the form of older compilers, counts as the sum, 40.
+/// Returns the number before the given words in a line of the log; `None` if the line lacks the words or the
+/// number. "24+16 bytes smem", the form of older compilers, counts as the sum, 40.
 fn number_before(line: &str, words: &str) -> Option<u64> {
     let (before, _) = line.split_once(words)?;
     let number = before.rsplit(|c: char| !c.is_ascii_digit() && c != '+').next()?;

@@ -1,5 +1,5 @@
 //! Counts memory instructions in PTX text, kernel by kernel: how many instructions load, store or change
-//! memory of each address space. Counts are static: the body of a loop counts once.
+//! memory of each address space. Each instruction in the text counts once, even in the body of a loop.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ impl InstructionCounts {
 }
 
 impl std::fmt::Display for InstructionCounts {
-    /// Formats as "ld.global 12, st.global 4, calls 1".
+    /// Formats the counts as "ld.global 12, st.global 4, calls 1".
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut parts: Vec<String> =
             self.instructions.iter().map(|(name, n)| format!("{name} {n}")).collect();
@@ -123,8 +123,9 @@ fn after_head<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     (tail.starts_with(['(', '{', '.']) && !before.contains(';')).then_some(body)
 }
 
-/// Returns the part of `text` after the brackets at its start, which contain the results of a function.
-/// Returns the whole text if it does not begin with a bracket, and `None` if the bracket is not closed.
+/// Returns the part of `text` after the brackets at the start of `text`, which contain the results of a
+/// function. Returns the whole text if the text does not begin with a bracket, and `None` if the bracket is
+/// not closed.
 pub(crate) fn after_results(text: &str) -> Option<&str> {
     match text.trim_start().strip_prefix('(') {
         Some(results) => results.split_once(')').map(|(_, after)| after),

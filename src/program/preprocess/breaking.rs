@@ -3,15 +3,16 @@
 use super::token::{Kind, Token, words_of_pragma};
 use std::collections::VecDeque;
 
-/// Lines with more characters than this are broken if possible.
+/// Lines with more characters than this number are broken if possible.
 const WIDEST: usize = 120;
 /// If a bracket opens at this column or further left, the next lines of its contents are aligned with the
-/// bracket. Inside any other bracket, the next lines are indented by four columns more than the statement.
+/// bracket. If a bracket opens further right, the next lines of its contents are indented by four columns
+/// more than the statement.
 const FURTHEST: usize = 80;
 
 /// Joins a line with the following lines until all round brackets are closed. Macros in the line have shifted
-/// these brackets, so the following lines are no longer aligned with the brackets. The line stays as it is if
-/// one of the joined lines ends in a comment, or if the brackets are never closed.
+/// these brackets, so the following lines are no longer aligned with the brackets. The line stays unchanged
+/// if one of the joined lines ends in a comment, or if the brackets are never closed.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -36,7 +37,7 @@ fn open_brackets(line: &[Token]) -> i32 {
     line.iter().map(|token| i32::from(token.is("(")) - i32::from(token.is(")"))).sum()
 }
 
-/// Returns the lines that replace a line that macros changed.
+/// Formats a line that macro expansion changed, and returns the lines that replace it.
 pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
     let indent = match line.iter().find(|token| token.kind != Kind::Nothing) {
         Some(first) if first.kind == Kind::Space => first.text.clone(),
@@ -65,7 +66,8 @@ fn tidied(tokens: &[Token]) -> Vec<Token> {
     tidied
 }
 
-/// Splits the tokens into statements, at semicolons outside brackets; a pragma gets its own line.
+/// Splits the tokens into statements, at semicolons outside brackets. A pragma becomes a statement of its
+/// own.
 fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
     let mut statements = vec![Vec::new()];
     let mut depth = 0;
@@ -119,7 +121,7 @@ fn length(tokens: &[Token]) -> usize {
     tokens.iter().map(|token| token.text.chars().count()).sum()
 }
 
-/// Returns a statement in as many lines as it needs so that no line is too long.
+/// Breaks a statement into as many lines as necessary, so that no line is too long.
 fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let is_long = indent.chars().count() + length(&statement) > WIDEST;
     let brace = statement.iter().position(|token| token.is("{"));
@@ -144,7 +146,7 @@ fn body_apart(indent: &str, mut head: Vec<Token>, brace: usize) -> Vec<String> {
     lines
 }
 
-/// Returns a statement in lines, broken where a line would be too long.
+/// Returns the lines of a statement, broken where a line would be too long.
 fn continued(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let (mut lines, mut margin, mut open) = (Vec::new(), indent.chars().count(), Vec::new());
     let mut rest = statement;
@@ -173,10 +175,10 @@ struct LineBreak {
     depth: usize,
 }
 
-/// Returns where to break a line; `None` if the whole line fits or cannot be broken. Considers the positions
-/// up to which the line fits. Returns the last of the positions that are inside the fewest brackets. `open`
-/// has the columns of brackets that were opened on earlier lines. `further` is the column at which the next
-/// line starts if no open bracket is near enough to the left margin.
+/// Returns where to break a line; `None` if the whole line fits or cannot be broken. Considers all positions
+/// up to which the line fits. Of the positions inside the fewest brackets, returns the last one. `open`
+/// contains the columns of brackets that were opened on earlier lines and are still open. `further` is the
+/// column at which the next line starts if no open bracket is near enough to the left margin.
 fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;
@@ -201,8 +203,8 @@ fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: us
     best
 }
 
-/// Returns true if a line may be broken at the token `at`. This token must be a blank after a comma, before
-/// an operator, or between a closing round bracket and a name, as before the body of a loop.
+/// Returns true if a line may be broken at the token `at`. The token must be a blank that follows a comma,
+/// precedes an operator, or lies between a closing round bracket and a name, as before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -1,4 +1,5 @@
-//! Converts texts to a canonical form: texts that mean the same to a compiler become equal.
+//! Converts preprocessed source texts to a canonical form, in which texts that mean the same to a compiler
+//! are equal.
 
 use super::token::{Kind, Token, code, lex, words_of_pragma};
 

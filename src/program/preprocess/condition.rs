@@ -1,4 +1,4 @@
-//! Evaluates the condition of an `#if`: an integer expression.
+//! Evaluates the condition of an `#if`, which is an integer expression.
 
 use super::expand::expand;
 use super::macros::Macros;
@@ -8,11 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The compiler's macros that raycl knows, and the unknown macros that conditions use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key is a macro's name, or a whole text such
-    /// as `__has_builtin(f)`.
+    /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key of the map is a macro's name,
+    /// or a whole text such as `__has_builtin(f)`.
     pub given: BTreeMap<String, i64>,
-    /// Names that conditions use, but that neither the text nor `given` defines. These names count as
-    /// undefined.
+    /// Names that conditions use, but that neither the text nor `given` defines. The preprocessor treats
+    /// these names as undefined.
     pub asked: BTreeSet<String>,
 }
 
@@ -31,8 +31,8 @@ impl Compiler {
     }
 }
 
-/// Returns true if the value of the condition `line` is not 0; a message if the condition is not a valid
-/// expression.
+/// Returns true if the value of the condition `line` is not 0. Returns a message if the condition is not a
+/// valid expression.
 pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) -> Result<bool, String> {
     let asked = answer_questions(line, macros, compiler)?;
     let expanded = expand(macros, asked, true).map_err(|(_, message)| message)?;
@@ -87,18 +87,19 @@ const LEVELS: &[&[&str]] = &[
     &["*", "/", "%"],
 ];
 
-/// Parses a condition from left to right. The methods' parameter `live` is false for an operand whose value does not
-/// matter, such as the right operand of `0 &&`. A division by zero in such an operand is not an error.
+/// Parses a condition from left to right. The methods' parameter `live` is false for an operand whose value
+/// does not matter, such as the right operand of `0 &&`. In an operand that is not live, a division by zero
+/// is not an error.
 struct Parser<'a> {
     tokens: Vec<Token>,
     at: usize,
-    /// The number of `?:` operators, unary operators and brackets around the current token.
+    /// The number of nested `?:` operators, unary operators and brackets around the current token.
     depth: usize,
     compiler: &'a mut Compiler,
 }
 
-/// The largest number of `?:` operators, unary operators and brackets within each other. Each level needs a
-/// part of the thread's stack.
+/// The largest depth to which `?:` operators, unary operators and brackets may be nested. The parser is
+/// recursive, so each level takes space on the thread's stack.
 const MOST_NESTED: usize = 100;
 
 impl Parser<'_> {

@@ -1,6 +1,6 @@
 //! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no
-//! macro is expanded within its own expansion. Each token has a list of the macros from which the token came
-//! (Prosser's algorithm).
+//! macro is expanded within its own expansion. For this purpose, each token has a list of the macros from
+//! which the token came (Prosser's algorithm).
 
 use super::macros::{Macro, Macros};
 use super::substitute::substitute;
@@ -9,10 +9,11 @@ use std::collections::VecDeque;
 
 /// A mistake in a macro call: the number of the call's line in the whole text, and a message.
 pub(super) type Misuse = (u32, String);
-/// The arguments of a call, and its closing bracket.
+/// The arguments of a macro call, and the call's closing bracket.
 type Arguments = (Vec<Vec<Token>>, Token);
 
-/// Expands every call in a piece of text. If `inline` is true, the lines of a macro's body become one line.
+/// Expands every macro call in a piece of text. If `inline` is true, the lines of a macro's body become one
+/// line.
 pub(super) fn expand(macros: &Macros, text: Vec<Token>, inline: bool) -> Result<Vec<Token>, Misuse> {
     let depth = usize::from(inline);
     let line = text.first().map_or(0, |token| token.line);
@@ -26,12 +27,12 @@ struct Expander<'a> {
     input: VecDeque<Token>,
     output: Vec<Token>,
     /// Number of open round brackets in the output. Line breaks within brackets become blanks. If the whole
-    /// expansion is to be in one line, the number is therefore one larger.
+    /// expansion is to be in one line, `depth` starts at 1 instead of 0.
     depth: usize,
 }
 
 impl Expander<'_> {
-    /// Moves all tokens of the input to the output, and expands the macro calls among them.
+    /// Moves all tokens of the input to the output, and expands the macro calls among these tokens.
     fn run(&mut self) -> Result<(), Misuse> {
         while let Some(token) = self.input.pop_front() {
             self.take(token)?;
@@ -56,15 +57,15 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // The name and the closing bracket of a call may come from different macros. If the name and the bracket come
-        // from the same macro, the expansion must not call this macro again.
+        // The name and the closing bracket of a call may come from different macros. Only if both come from
+        // the same macro must the expansion not call this macro again.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
     }
 
-    /// Puts the expansion of a call at the front of the input. There are two exceptions. A constant is added
-    /// to the output, followed by the macro's name in a comment. For an empty expansion, only a mark is added
-    /// to the output.
+    /// Puts the expansion of a call at the front of the input, except in two cases. If the macro is a
+    /// constant, the constant is added to the output, followed by the macro's name in a comment. If the
+    /// expansion is empty, only a mark is added to the output.
     fn replace(
         &mut self,
         call: Token,
@@ -97,7 +98,7 @@ impl Expander<'_> {
     }
 
     /// Returns the expanded body of a macro without parameters if it consists of numbers and operators only;
-    /// otherwise `None`. Remembers macros for which the result is `None`.
+    /// otherwise `None`. Remembers each macro for which the result is `None`.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let name =
             hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
@@ -108,7 +109,7 @@ impl Expander<'_> {
         constant
     }
 
-    /// Returns what `constant` returns for a macro without parameters, but does not remember the result.
+    /// Does the same as `constant` for a macro without parameters, but does not remember the result.
     fn expanded_constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());
@@ -121,9 +122,9 @@ impl Expander<'_> {
         (code.all(fits) && plain.iter().any(is_number)).then_some(plain)
     }
 
-    /// Returns a function that replaces a line break of a macro's body and keeps any other token. Within
-    /// brackets, a line break becomes a blank. Elsewhere, it becomes a line end, and the indentation of the
-    /// output's last line is put before the new line's own indentation.
+    /// Returns a function that replaces a line break of a macro's body, and returns any other token
+    /// unchanged. Within brackets, a line break becomes a blank. Outside brackets, a line break becomes a
+    /// line end, and the indentation of the output's last line is put before the new line's own indentation.
     fn placed(&self) -> impl Fn(Token) -> Vec<Token> {
         let indentation = (self.depth == 0).then(|| self.indentation());
         move |token| match &indentation {
@@ -148,7 +149,8 @@ impl Expander<'_> {
         }
     }
 
-    /// Adds a token to the output, after a blank if an expansion would otherwise merge the token with the previous one.
+    /// Adds a token to the output. If a compiler would read the token and the previous token as one token,
+    /// adds a blank between them.
     fn push(&mut self, token: Token) {
         if token.is("(") {
             self.depth += 1;
@@ -170,7 +172,8 @@ impl Expander<'_> {
         first.filter(|token| token.kind == Kind::Space).map_or_else(String::new, |space| space.text.clone())
     }
 
-    /// Takes a call's arguments from the input; `None` if no opening bracket follows.
+    /// Takes the arguments of a macro call from the input; `None` if no opening bracket follows the macro's
+    /// name.
     fn arguments(&mut self, call: &Token) -> Result<Option<Arguments>, Misuse> {
         let Some(open) = self.input.iter().position(Token::is_code) else { return Ok(None) };
         if !self.input[open].is("(") {
@@ -197,7 +200,7 @@ impl Expander<'_> {
     }
 }
 
-/// Returns true if two adjacent tokens would be read differently without a space between them.
+/// Returns true if a compiler would read two adjacent tokens differently without a space between them.
 fn glued(before: &Token, after: &Token) -> bool {
     if !before.is_code() || !after.is_code() {
         return false;

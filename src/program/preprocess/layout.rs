@@ -10,15 +10,16 @@ use std::rc::Rc;
 pub struct Line {
     /// The name of the line's file, as given by `#line`; empty if no `#line` named a file.
     pub file: Rc<str>,
-    /// The line's number in that file. All lines of a macro's expansion have the line number of the macro call.
+    /// The line's number in the file. All lines of a macro's expansion have the line number of the macro
+    /// call.
     pub number: u32,
-    /// The text.
+    /// The text of the line.
     pub text: String,
-    /// True if the line contains code; false if it is empty or contains only a comment.
+    /// True if the line contains code; false if the line is empty or contains only a comment.
     pub is_code: bool,
 }
 
-/// Lines in order, with marks where directives were removed.
+/// The lines of the preprocessed text in order, with marks where directives were removed.
 #[derive(Debug, Default)]
 pub(super) struct Layout(Vec<Row>);
 
@@ -33,7 +34,7 @@ enum What {
     Blank,
     Comment,
     Code,
-    /// A removed directive.
+    /// A mark for a removed directive.
     Cut,
 }
 
@@ -69,12 +70,12 @@ impl Layout {
                 let text: String = line.iter().map(|token| token.text.as_str()).collect();
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
-            // A line that macros changed and that has no code was a macro call that expanded to nothing. This
-            // line is left out.
+            // A line that macro expansion changed and that has no code was a macro call that expanded to
+            // nothing. The output leaves out such a line.
         }
     }
 
-    /// Marks a removed directive.
+    /// Adds a mark for a removed directive.
     pub fn cut(&mut self, file: &Rc<str>) {
         self.push(file, 0, What::Cut, String::new());
     }
@@ -101,12 +102,12 @@ impl Layout {
     }
 }
 
-/// Removes a comment if only directives follow it before the next empty line, since the comment then describes removed
-/// definitions.
+/// Removes a comment if only directives follow it before the next empty line, since such a comment describes
+/// removed definitions.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut remaining = Vec::new();
-    // True if only directives, and comments on them, lie between the current row and the next empty line. The loop goes
-    // from the last row to the first.
+    // True if only directives, and comments on directives, lie between the current row and the next empty
+    // line. The loop goes from the last row to the first.
     let (mut orphaned, mut after) = (false, What::Blank);
     let mut file: Rc<str> = "".into();
     for row in rows.into_iter().rev() {

@@ -7,28 +7,30 @@ use std::collections::{HashMap, HashSet};
 
 #[derive(Clone, Debug)]
 pub(super) struct Macro {
-    /// The macro's parameters; `None` if the macro is used without brackets.
+    /// The macro's parameters; `None` if the macro is object-like, that is, used without brackets.
     pub parameters: Option<Vec<String>>,
-    /// The macro's body, without comments, with single blanks between tokens, and with a [`Kind::Break`] at the
-    /// beginning of every line but the first.
+    /// The macro's body, without comments, with single blanks between tokens, and with a [`Kind::Break`] at
+    /// the beginning of every line except the first.
     pub body: Vec<Token>,
 }
 
-/// The largest number of tokens that all expansions of a program may make. The program with the most expansions in
-/// `cl/` makes some thousands of tokens. The names of the macros from which a token came count as tokens too, since
-/// each token contains a list of these names.
+/// The largest number of tokens that all macro expansions of a program together may make. The program with
+/// the most expansions in `cl/` makes some thousands of tokens. Each token contains a list of the macros from
+/// which it came, and each name in this list counts as a further token.
 const MOST_TOKENS: usize = 500_000;
-/// The largest number of expansions within each other. Each expansion needs a part of the thread's stack.
+/// The largest depth to which macro expansions may be nested. Each nested expansion takes space on the
+/// thread's stack.
 const MOST_NESTED: usize = 100;
 
 /// The macros that are defined at the current position in the text.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Macros {
     defined: HashMap<String, Macro>,
-    /// The names of macros without parameters that are known to expand to more than numbers and operators. Without this
-    /// set, the time for a chain of macros, in which each macro uses the next, would double with every macro.
+    /// The names of macros without parameters that are known to expand to more than numbers and operators.
+    /// Without this set, the time to expand a chain of macros, in which each macro uses the next, would
+    /// double with every macro of the chain.
     not_constant: RefCell<HashSet<String>>,
-    /// The number of tokens that expansions have made so far.
+    /// The number of tokens that macro expansions have made so far.
     made: Cell<usize>,
     /// The number of expansions that have begun and not ended.
     nested: Cell<usize>,
@@ -44,21 +46,21 @@ impl Macros {
         !self.not_constant.borrow().contains(name)
     }
 
-    /// Stores that the macro of this name expands to more than numbers and operators.
+    /// Remembers that the macro of this name expands to more than numbers and operators.
     pub fn is_not_constant(&self, name: &str) {
         self.not_constant.borrow_mut().insert(name.to_owned());
     }
 
-    /// Counts tokens that an expansion makes. Returns an error if expansions make too many tokens. Such an error is
-    /// possible even in a short text: a few lines can define macros that double a text any number of times.
+    /// Counts tokens that an expansion makes. Returns an error if expansions make too many tokens. Even a
+    /// short text can exceed the limit: a few lines can define macros that double a text any number of times.
     pub fn count(&self, tokens: usize) -> Result<(), String> {
         self.made.set(self.made.get() + tokens);
         let fits = self.made.get() <= MOST_TOKENS;
         fits.then_some(()).ok_or_else(|| format!("macros expand to more than {MOST_TOKENS} tokens"))
     }
 
-    /// Calls `expand`, which expands the macros of a text and may call this function again. Returns an error
-    /// with the line number `line` if the calls of this function are nested too deeply.
+    /// Calls `expand`, which expands the macros of a text and may call `nested` again. Returns an error with
+    /// the line number `line` if the calls of `nested` are nested too deeply.
     pub fn nested(&self, line: u32, expand: impl FnOnce() -> Result<(), Misuse>) -> Result<(), Misuse> {
         let depth = self.nested.get();
         if depth == MOST_NESTED {
@@ -76,8 +78,8 @@ impl Macros {
         self.define(&lex(&format!("{name} {value}")))
     }
 
-    /// Defines a macro, or redefines it, from the text after `#define`. Returns a message if the text is not
-    /// a definition.
+    /// Defines or redefines a macro from the text after `#define`. Returns a message if the text is not a
+    /// macro definition.
     pub fn define(&mut self, line: &[Token]) -> Result<(), String> {
         let start = line.iter().position(Token::is_code).unwrap_or(line.len());
         let Some((name, rest)) = line[start..].split_first().filter(|(name, _)| name.kind == Kind::Name)
@@ -104,9 +106,9 @@ impl Macros {
     }
 }
 
-/// Returns the parameters up to the closing bracket, and the tokens after the bracket. Returns `None` if the
-/// bracket is not closed or contains anything but names with commas, such as the `...` of a variable number
-/// of arguments.
+/// Returns a macro's parameters up to the closing bracket, and the tokens after the bracket. Returns `None`
+/// if the bracket is not closed, or if it contains anything except names and commas, such as the `...` of a
+/// variable number of arguments.
 fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     let end = tokens.iter().position(|token| token.is(")"))?;
     let inside: Vec<_> = tokens[..end].iter().filter(|token| token.is_code()).collect();
@@ -118,8 +120,8 @@ fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     Some((names, &tokens[end + 1..]))
 }
 
-/// Returns a body in lines. Before each line but the first is a [`Kind::Break`], whose text is the line's
-/// indentation, minus the smallest indentation of these lines.
+/// Returns a macro's body in lines. Before each line except the first is a [`Kind::Break`], whose text is the
+/// line's indentation, minus the smallest indentation of all lines after the first.
 fn laid_out(body: &[Token]) -> Vec<Token> {
     let lines: Vec<(usize, Vec<Token>)> = body.split(|token| token.kind == Kind::Break).map(line).collect();
     let first = lines.first().map_or(0, |_| 1);
@@ -135,8 +137,8 @@ fn laid_out(body: &[Token]) -> Vec<Token> {
     laid_out
 }
 
-/// Returns a line's indentation and its contents, without comments and without blanks at either end. Other runs of
-/// blanks become single blanks.
+/// Returns a line's indentation and its contents, without comments and without blanks at either end. Each run
+/// of blanks within the line becomes a single blank.
 fn line(tokens: &[Token]) -> (usize, Vec<Token>) {
     let indent = tokens.first().filter(|token| token.kind == Kind::Space).map_or(0, |space| space.text.len());
     let mut line: Vec<Token> = Vec::new();

@@ -1,5 +1,5 @@
-//! Preprocesses a kernel's source as its compiler would: decides the conditions, expands the macros, and removes all
-//! directives except `#pragma`. Code without macro calls stays as written.
+//! Preprocesses a kernel's source as its compiler would: decides the conditions, expands the macros, and
+//! removes all directives except `#pragma`. Code without macro calls stays unchanged.
 //!
 //! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps what helps a reader: comments on
 //! the remaining code, indentation, each line's file and number, and the lines of a multi-line macro. If a
@@ -35,13 +35,14 @@ use token::{Kind, Token, lex};
 /// A preprocessed text.
 #[derive(Clone, Debug)]
 pub struct Preprocessed {
-    /// The remaining lines.
+    /// The lines that remain after preprocessing.
     pub lines: Vec<Line>,
     /// Names, and texts such as `__has_builtin(NAME)`, that conditions use but that neither the text nor the
-    /// caller defines. These names were treated as undefined. A caller can find out the compiler's values for
-    /// these names, and preprocess the text again.
+    /// caller defines. The preprocessor has treated these names as undefined. A caller can find out the
+    /// values that the compiler gives to these names, and preprocess the text again.
     pub asked: Vec<String>,
-    /// The files named by `#line`, in order, except those in branches that are not compiled.
+    /// The files named by `#line`, in order, except files that are named only in branches that are not
+    /// compiled.
     pub files: Vec<String>,
 }
 
@@ -88,7 +89,7 @@ fn defines(options: &str) -> Vec<&str> {
 struct Branch {
     /// True if the current branch is compiled.
     live: bool,
-    /// True if one branch of the `#if` was compiled, so that no further branch is compiled.
+    /// True if a branch of the `#if` is or was compiled, so that no further branch is compiled.
     decided: bool,
     /// True if the text around the `#if` is compiled.
     around: bool,
@@ -96,20 +97,20 @@ struct Branch {
     position: Position,
 }
 
-/// A position in a file.
+/// A line of a source file.
 #[derive(Clone, Debug)]
 struct Position {
     file: Rc<str>,
-    /// The line's number in the file.
+    /// The number of the line in the file.
     line: i64,
 }
 
-/// The help in an error about an `#error` or a condition: the line may require another value of a macro.
+/// The advice in an error about an `#error` or a condition. The line may require another value of a macro.
 const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or with an axis, such as \
     width=4; otherwise correct the line in the folder of --cl-dir";
-/// The help in an error about any other line.
+/// The advice in an error about a line other than an `#error` or a condition.
 const CORRECT: &str = "correct the line in the folder of --cl-dir";
-/// The help in an error about an `#if` without `#endif`.
+/// The advice in an error about an `#if` without `#endif`.
 const CLOSE: &str = "close the #if with #endif in the same file, in the folder of --cl-dir";
 
 impl Position {
@@ -125,9 +126,9 @@ struct Preprocessor {
     branches: Vec<Branch>,
     file: Rc<str>,
     files: Vec<String>,
-    /// A line's number in the file, minus its number in the whole text.
+    /// The difference between a line's number in its file and the line's number in the whole text.
     offset: i64,
-    /// The text since the last directive; empty if this text is not compiled.
+    /// The tokens since the last directive; empty if they are in a branch that is not compiled.
     text: Vec<Token>,
     layout: Layout,
 }
@@ -150,8 +151,8 @@ impl Preprocessor {
         self.branches.last().is_none_or(|branch| branch.live)
     }
 
-    /// Returns the position, in the current file, of a line with this number in the whole text. The line must belong to
-    /// the current file.
+    /// Returns the position in the current file of the line that has the number `line` in the whole text. The
+    /// line must belong to the current file.
     fn position_of(&self, line: u32) -> Position {
         Position { file: Rc::clone(&self.file), line: i64::from(line) + self.offset }
     }
@@ -175,8 +176,8 @@ impl Preprocessor {
         }
     }
 
-    /// Expands and lays out the text before a directive, with the macros that are defined at that
-    /// position.
+    /// Expands and lays out the text up to a directive, with the macros that are defined before the
+    /// directive.
     fn flush(&mut self) -> Result<()> {
         let text = std::mem::take(&mut self.text);
         let expanded =
@@ -213,8 +214,8 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Processes the directive `#line NUMBER "FILE"`, even in branches that are not compiled. The directive states the
-    /// number and the file of the next line.
+    /// Processes the directive `#line NUMBER "FILE"`, even in branches that are not compiled. `#line` states
+    /// the number and the file of the next line.
     fn set_position(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
         let next = next.ok_or_else(|| self.mistake(line, "#line needs a number"))?;
@@ -229,7 +230,8 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Returns true if the condition of the directive `name` is true. An invalid condition is a user error.
+    /// Returns true if the condition of the directive `name` is true. An invalid condition is reported as a
+    /// mistake of the user.
     fn decide(&mut self, name: &str, code: &[Token], line: u32) -> Result<bool> {
         let named = code.first().map(|token| token.text.clone());
         let decided = match (name, named) {

@@ -1,8 +1,8 @@
-//! Lays out a preprocessed program for reading from top to bottom. Functions, types and variables that are used by none
-//! of the chosen kernels are left out, and their lines are counted. The remaining lines form parts: all lines of one
-//! file up to the first line of another file. A part begins with a comment that has the file's name and the number of
-//! the part's first line. Lines of the file may be missing within a part. Parts that contain only comments are left out
-//! too, but not counted.
+//! Lays out a preprocessed program for reading from top to bottom. Functions, types and variables that no
+//! chosen kernel uses are left out, and their lines are counted. The remaining lines are divided into parts:
+//! a part has all lines up to the first line from another file. A part begins with a comment that has the
+//! file's name and the number of the part's first line. Lines of the file may be missing within a part. Parts
+//! that contain only comments are left out too, but their lines are not counted.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
@@ -12,14 +12,14 @@ use std::rc::Rc;
 /// A program laid out for reading.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// The program's parts, each under a comment that names its file and line.
+    /// The program's parts, each under a comment that names the part's file and first line.
     pub text: String,
     /// Number of lines of unused functions, types and variables, which were left out.
     pub left_out: usize,
 }
 
-/// Lays out the functions, types and variables of a program that `kernels` use, or all of them if `kernels` is `None`.
-/// Parts that contain only comments are left out in both cases.
+/// Lays out the functions, types and variables of a program that `kernels` use, or the whole program if
+/// `kernels` is `None`. In either case, parts of the program that contain only comments are left out.
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));
@@ -50,8 +50,8 @@ fn part(items: &[&Item]) -> String {
     text
 }
 
-/// A function, a type, a variable or a pragma, with the comment before it. A separate comment is an item,
-/// too.
+/// A top-level item of a program: a function, a type, a variable or a pragma, with the comment before it. A
+/// comment that belongs to none of these is an item, too.
 struct Item<'a> {
     lines: Vec<&'a Line>,
     /// True if an empty line precedes the item.
@@ -117,9 +117,9 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     Item { name: declared(&code), uses: names.collect(), lines, apart }
 }
 
-/// Returns the name that an item declares. A type's name is the last name, a function's name stands before
-/// the bracket, and a variable's name stands before its size, its value or the semicolon. Returns `None` for
-/// an item without a name, such as a pragma.
+/// Returns the name that an item declares. A type's name is the last name in the item, a function's name
+/// precedes the opening bracket, and a variable's name precedes its array size, its value or the semicolon.
+/// Returns `None` for an item without a name, such as a pragma.
 fn declared(code: &[Token]) -> Option<String> {
     let mut depth = 0;
     let mut outer: Vec<&Token> = Vec::new();
@@ -140,7 +140,7 @@ fn declared(code: &[Token]) -> Option<String> {
     outer.windows(2).find_map(named)
 }
 
-/// Returns the names that the kernels use, directly or indirectly.
+/// Returns the names of all items that the kernels use, directly or indirectly.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
     // Items without a name are always included.

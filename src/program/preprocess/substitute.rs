@@ -5,8 +5,8 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the body of the macro `name` for a call with these arguments. The line in an error is a line of
-/// the macro's definition, the line of an argument, or 0. The caller replaces this line by the line of the
+/// Returns the body of the macro `name` for a call with these arguments. The line number in an error refers
+/// to the macro's definition or to an argument, or is 0. The caller replaces it by the line number of the
 /// call.
 pub(super) fn substitute(
     macros: &Macros,
@@ -44,9 +44,9 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// Returns an argument as spelled, without comments and without blanks at either end. A removed comment leaves no blank;
-/// tokens that would merge are separated later. For an empty argument,
-/// returns a placeholder token, which the operator `##` replaces by its other operand.
+/// Returns an argument as spelled, without comments and without blanks at either end. No blank replaces a
+/// removed comment; tokens that would merge are separated later. For an empty argument, returns a placeholder
+/// token, which the operator `##` replaces by its other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
     let mut spelled: Vec<Token> = argument
         .iter()
@@ -60,8 +60,8 @@ fn as_spelled(argument: &[Token]) -> Vec<Token> {
     if spelled.is_empty() { vec![Token::new(Kind::Nothing, "", 0)] } else { spelled }
 }
 
-/// Joins the last token of `made` with the first token of `right`. Returns an error if the two do not form
-/// one token.
+/// Joins the last token of `made` with the first token of `right`. Returns an error if the joined text is not
+/// a single token.
 fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     while made.last().is_some_and(|last| last.kind == Kind::Space) {
         made.pop();

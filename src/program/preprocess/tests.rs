@@ -19,7 +19,7 @@ fn mistake(source: &str) -> String {
     run(source, "").map(|output| panic!("{}", output.text())).unwrap_or_else(|error| error.to_string())
 }
 
-/// Returns true if a condition is true, with `ONE` defined as 1.
+/// Returns true if an `#if` condition is true when `ONE` is defined as 1.
 #[track_caller]
 fn holds(condition: &str) -> bool {
     text(&format!("#define ONE 1\n#define SUM(a, b) ((a) + (b))\n#if {condition}\nyes\n#endif\n")) == "yes\n"
@@ -362,7 +362,7 @@ proptest::proptest! {
     }
 }
 
-/// The contents of braces get lines of their own if the whole statement would be wider than 120 columns.
+/// If a statement with braces would be wider than 120 columns, the contents of the braces get separate lines.
 #[test]
 fn a_long_body_is_set_apart_from_its_head_and_a_short_one_is_not() {
     let of = |name: &str| {
@@ -422,7 +422,7 @@ fn conditions_nested_too_deeply_are_refused_with_their_line() {
     }
 }
 
-/// The bracket of a call ends at column 80 if the name has 79 characters.
+/// If the name of a called function has 79 characters, the call's opening bracket ends at column 80.
 #[test]
 fn a_long_call_is_aligned_with_its_bracket_up_to_column_80() {
     let arguments = (0..8).map(|i| format!("argument_{i}")).collect::<Vec<_>>().join(", ");

@@ -1,4 +1,5 @@
-//! Splits text into tokens. Blanks, line ends and comments are tokens too, so that the layout is not lost.
+//! Splits source text into tokens. Blanks, line ends and comments are tokens too, so that the text's layout
+//! is not lost.
 
 /// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,17 +8,17 @@ pub(super) enum Kind {
     Name,
     /// A number in the sense of C's preprocessor, for example `0x1p-3f`.
     Number,
-    /// A string or a character.
+    /// A string literal or a character literal.
     Literal,
     /// An operator, a bracket, or any other character.
     Symbol,
-    /// Blanks within a line.
+    /// A run of blanks within a line.
     Space,
-    /// A comment, of either kind.
+    /// A comment, in `/* */` or after `//`.
     Comment,
     /// The end of a line.
     NewLine,
-    /// A line end after a backslash. In a macro's body, the token's text is the indentation of the
+    /// A backslash with the line end after it. In a macro's body, the token's text is the indentation of the
     /// next line.
     Break,
     /// A mark in place of an empty expansion or an empty argument of a macro. After an empty expansion, the mark shows
@@ -25,16 +26,17 @@ pub(super) enum Kind {
     Nothing,
 }
 
-/// A piece of text.
+/// A piece of source text: a word, number, literal, operator, blank, comment or line end.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Token {
     pub kind: Kind,
     pub text: String,
     /// The number of the line on which the token begins, counted from 1 in the whole text.
     pub line: u32,
-    /// True if the token comes from a macro.
+    /// True if the token comes from a macro's expansion.
     pub made: bool,
-    /// The macros from which the token came. The token cannot call these macros again.
+    /// The names of the macros from which the token came. The preprocessor does not expand the token as a
+    /// call of one of these macros.
     pub hidden: Vec<String>,
 }
 
@@ -48,7 +50,7 @@ impl Token {
         self.kind == Kind::Symbol && self.text == symbol
     }
 
-    /// Returns true if the token matters to the compiler.
+    /// Returns true if the compiler does not ignore the token: the token is not a blank, line end or comment.
     pub fn is_code(&self) -> bool {
         matches!(self.kind, Kind::Name | Kind::Number | Kind::Literal | Kind::Symbol)
     }
@@ -59,7 +61,7 @@ impl Token {
     }
 }
 
-/// Splits a text into tokens. If the tokens are joined again, the result is the same text.
+/// Splits a text into tokens. The tokens joined together are again the same text.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     let (mut rest, mut line) = (text, 1);
@@ -78,8 +80,8 @@ pub(super) fn code(text: &str) -> Vec<Token> {
     lex(text).into_iter().filter(Token::is_code).collect()
 }
 
-/// Returns the words of the pragma that `_Pragma` states in the string `string`. The string has a backslash before each
-/// quote and each backslash of the pragma.
+/// Returns the words of the pragma that `_Pragma` states in the string `string`. In the string, a backslash
+/// precedes each quote and each backslash of the pragma.
 pub(super) fn words_of_pragma(string: &str) -> String {
     let inner = string.strip_prefix('"').unwrap_or(string);
     let inner = inner.strip_suffix('"').unwrap_or(inner);
@@ -115,13 +117,14 @@ fn is_of_name(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// Returns the length up to the first line end that does not follow a backslash.
+/// Returns the length of the text up to the first line end that does not follow a backslash.
 fn line_length(text: &str) -> usize {
     let ends = |&(at, _): &(usize, &str)| !text[..at].trim_end_matches('\r').ends_with('\\');
     text.match_indices('\n').find(ends).map_or(text.len(), |(at, _)| at)
 }
 
-/// Returns the length up to the closing quote, or to the end of the line if the quote is not closed.
+/// Returns the length of a literal up to its closing quote, or up to the end of the line if the quote is not
+/// closed.
 fn literal_length(text: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in text.char_indices().skip(1) {
@@ -136,7 +139,8 @@ fn literal_length(text: &str, quote: char) -> usize {
     text.len()
 }
 
-/// Returns the length of a number: digits, letters, points, and signs after an exponent's letter.
+/// Returns the length of a number, which consists of digits, letters, points, and signs after an exponent's
+/// letter.
 fn number_length(text: &str) -> usize {
     let mut before = ' ';
     for (at, c) in text.char_indices() {

@@ -1,4 +1,4 @@
-//! The notes that are shown with the results of a folder.
+//! Writes the notes that raycl shows with the results of a folder.
 
 use super::MERGE;
 use crate::reader;
@@ -12,9 +12,9 @@ use serde_json::Value;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// The note on an incomplete last record.
+/// The note on an incomplete last line of a folder's journal of records.
 pub(super) const TORN: &str = "The last record is incomplete, for example because raycl was killed while it wrote the record. The record is left out; `raycl run --resume` measures the record's point again.";
-/// The note on a missing `environment.json`.
+/// The note on a folder without a readable `environment.json`.
 pub(super) const NO_ENVIRONMENT: &str =
     "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown.";
 
@@ -27,14 +27,14 @@ pub(super) fn certainty(records: &[Record], controls: &[Record], rounds: &[Round
     notes.extend(hardly_verified_images(records));
     notes.extend(preempted(records));
     if hosts(records) <= 1 {
-        // The core-to-core latencies of different machines are not compared: these latencies differ even
-        // if no virtual machine's processors were moved to other cores.
+        // The core-to-core latencies of different machines are not compared: between machines, these
+        // latencies differ even if no virtual machine's processors were moved to other cores.
         notes.extend(moved_processors(rounds, records));
     }
     notes
 }
 
-/// Returns the number of machines on which the records were measured; 0 if the records name none.
+/// Returns the number of machines on which the records were measured; 0 if the records name no machine.
 fn hosts(records: &[Record]) -> usize {
     records.iter().flat_map(Record::hosts).collect::<HashSet<_>>().len()
 }
@@ -49,8 +49,8 @@ pub(super) fn of_merge(folder: &Path) -> Vec<String> {
 }
 
 /// Returns a note on the records that come from a raycl program built from uncommitted sources. Nobody can
-/// build this program again. If a record has no revision, the revision in `environment` (the contents of
-/// `environment.json`) is used. Returns `None` if there are no such records.
+/// build such a program again. For a record without a revision, the revision in `environment` (the contents
+/// of `environment.json`) decides. Returns `None` if no record comes from such a program.
 pub(super) fn dirty(records: &[Record], environment: Option<&Value>) -> Option<String> {
     let revision = environment.and_then(|environment| environment["git_revision"].as_str());
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);

@@ -1,4 +1,5 @@
-//! The section "One change at a time" of `summary.md`.
+//! Writes the section "One change at a time" of `summary.md`, which compares strategies that differ in a
+//! single axis.
 
 use super::lay_out;
 use crate::numbers::by;
@@ -10,8 +11,9 @@ use crate::record::summary::Group;
 use crate::record::types::Record;
 use std::collections::HashMap;
 
-/// Returns the section, with a table for each device; empty if no two strategies differ in a single axis. `groups` are
-/// the groups of `records`, and `names` has the name to show for each device.
+/// Returns the text of the section, with a table for each device. The text is empty if no two strategies
+/// differ in a single axis. `groups` are the groups of `records`, and `names` contains the name to show for
+/// each device.
 pub(super) fn section(records: &[Record], groups: &[Group<'_>], names: &HashMap<&str, String>) -> String {
     let changes = changes(records, groups);
     if changes.is_empty() {

@@ -1,4 +1,4 @@
-//! Compares two strategies in a group of points: a scene at an image size on a device.
+//! Compares two strategies in a group of points, which is one scene at one image size on one device.
 
 use super::pairs::{Identity, Pair};
 use super::{Compared, Effect};
@@ -8,7 +8,7 @@ use crate::record::summary::{Group, first_line, not_enough};
 use crate::record::types::Record;
 use std::collections::HashMap;
 
-/// A group of points: a scene at an image size on a device.
+/// The points of a group (one scene at one image size on one device), by strategy.
 pub(super) struct Column<'a> {
     /// The scene's name.
     pub(super) scene: &'a str,
@@ -16,7 +16,8 @@ pub(super) struct Column<'a> {
     pub(super) image_size: [u32; 2],
     /// The fastest point of each strategy that has a point with a rank.
     ranked: HashMap<Identity<'a>, &'a Record>,
-    /// A point without a rank of each strategy that has one; if possible, a point with a time.
+    /// For each strategy that has points without a rank, one of these points; if possible, a point with a
+    /// time.
     others: HashMap<Identity<'a>, &'a Record>,
 }
 
@@ -59,7 +60,7 @@ impl<'a> Column<'a> {
         }
     }
 
-    /// Returns the reason why two strategies have no ratio.
+    /// Returns the reason why the ratio of two strategies' times cannot be computed.
     fn why_nothing(&self, pair: &Pair<'a>) -> String {
         match pair.strategies.iter().find(|strategy| !self.ranked.contains_key(*strategy)) {
             Some(strategy) => match self.others.get(strategy) {

@@ -1,15 +1,16 @@
-//! Finds the strategies that differ in a single axis.
+//! Finds pairs of strategies that differ in a single axis.
 
 use crate::record::axes::axes;
 use crate::record::types::Record;
 use std::collections::HashSet;
 
-/// What distinguishes the strategies of records.
+/// The properties that distinguish one strategy of a run's records from another.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Identity<'a> {
     /// The strategy's name.
     pub(super) name: &'a str,
-    /// The strategy's axes with their values, sorted. A record that is older than an axis has this axis too.
+    /// The strategy's axes with their values, sorted. If an axis is newer than the record, `axes` contains
+    /// the axis with the value that describes what raycl did before the axis existed.
     axes: Vec<(&'a str, &'a str)>,
     /// The folder of the strategy's kernels, if two folders of kernels are compared.
     kernels_of: Option<&'a str>,
@@ -26,17 +27,17 @@ impl<'a> Identity<'a> {
 
 /// Two strategies that differ in a single axis.
 pub(super) struct Pair<'a> {
-    /// The axis.
+    /// The axis in which the two strategies differ.
     pub(super) axis: &'a str,
     /// The axis's value in each strategy.
     pub(super) values: [&'a str; 2],
-    /// The strategies.
+    /// The two strategies.
     pub(super) strategies: [Identity<'a>; 2],
 }
 
-/// Returns each pair of strategies that differ in a single axis. In a run with two folders of kernels, both strategies
-/// of a pair have the kernels of the same folder. In a pair, and among the pairs, the strategies have the order of
-/// their first records.
+/// Returns each pair of strategies that differ in a single axis. In a run with two folders of kernels, both
+/// strategies of a pair have the kernels of the same folder. The two strategies of a pair, and the pairs
+/// themselves, are in the order of the strategies' first records.
 pub(super) fn pairs(records: &[Record]) -> Vec<Pair<'_>> {
     let mut seen = HashSet::new();
     let mut strategies: Vec<Identity<'_>> = Vec::new();
@@ -54,7 +55,8 @@ pub(super) fn pairs(records: &[Record]) -> Vec<Pair<'_>> {
 }
 
 impl<'a> Pair<'a> {
-    /// Returns `None` if the strategies do not differ in exactly one axis, or if their kernels' folders differ.
+    /// Makes a pair of two strategies. Returns `None` if the strategies do not differ in exactly one axis, or
+    /// if their kernels are in different folders.
     fn of(first: &Identity<'a>, second: &Identity<'a>) -> Option<Self> {
         if first.kernels_of != second.kernels_of || first.axes.len() != second.axes.len() {
             return None;

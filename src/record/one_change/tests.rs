@@ -2,7 +2,7 @@ use super::super::summary::groups;
 use super::super::summary::tests::{few, infeasible, judged, measured};
 use super::*;
 
-/// Returns a measured record of a strategy with these two axes.
+/// Returns a measured record of a strategy with the given values of the axes `vectors` and `triangles`.
 fn point(name: &str, vectors: &str, triangles: &str, side: u32, ms: f64) -> Record {
     with_axes(measured("gpu", name, side, ms), vectors, triangles)
 }
@@ -41,7 +41,7 @@ fn shown(records: impl Into<Vec<Record>>) -> Vec<(String, Vec<String>)> {
     changes(&records, &groups(&records)).iter().flat_map(|one| one.rows.iter().map(change)).collect()
 }
 
-/// Returns the results of the only change.
+/// Returns the results of the only change of an axis that `records` contain.
 fn results(records: impl Into<Vec<Record>>) -> Vec<String> {
     let all = shown(records);
     let [(_, results)] = &all[..] else { panic!("{all:?}") };
@@ -53,7 +53,7 @@ fn a_change_of_one_axis_has_the_ratio_of_its_times() {
     let records = [
         naive(8, 10.0),
         local(8, 5.0),
-        // This strategy differs from naive in two axes, and from local-vectors in one.
+        // The strategy `compounded` differs from `naive` in two axes, and from `local-vectors` in one axis.
         point("compounded", "local", "local", 8, 9.0),
     ];
     // All samples of a point are equal, so only the assumed differences between runs make the intervals wide.
@@ -74,8 +74,8 @@ fn the_first_strategy_is_the_one_that_comes_first_in_the_plan() {
     assert_eq!(results, ["0.500 (0.494 to 0.506) slower at 8 x 8"]);
 }
 
-/// In the first case, the samples show that the first strategy takes at least 0.2% longer. They do not show that it
-/// takes at least 1% longer.
+/// In the first case, the samples show that the first strategy takes at least 0.2% longer than the second,
+/// but not that it takes at least 1% longer.
 #[test]
 fn a_hundredth_is_a_tie_as_among_winners() {
     assert_eq!(results([naive(8, 10.14), local(8, 10.0)]), ["1.01 (1.00 to 1.03) tie at 8 x 8"]);
@@ -84,7 +84,7 @@ fn a_hundredth_is_a_tie_as_among_winners() {
     assert_eq!(results([naive(8, 10.0), local(8, 10.3)]), ["0.971 (0.960 to 0.982) slower at 8 x 8"]);
 }
 
-/// The second strategy has no rank at 2 x 2.
+/// At 2 x 2, the second strategy has too few samples for a rank.
 #[test]
 fn each_strategy_has_the_local_size_at_which_it_is_fastest() {
     let few = with_axes(few("gpu", "local-vectors", 2, 0.1, 3), "local", "global");
@@ -150,7 +150,8 @@ fn an_axis_that_is_newer_than_a_record_has_its_earlier_value() {
     let all = shown([with("old", "", 10.0), with("new", " records=once", 5.0)]);
     assert_eq!(all[0].0, "records: each-test → once (old → new)");
     assert!(shown([with("old", "", 10.0), with("new", " records=each-test", 5.0)]).is_empty());
-    // A report of an older folder and a newer one has the same strategies in both.
+    // A report that compares an older folder with a newer folder must find the same strategies in both
+    // folders.
     let newer = [with("one", " records=each-test", 10.0), with("two", " records=once", 5.0)];
     let newer = newer.map(|record| in_scene("room", record));
     let all = shown([&[with("one", "", 10.0), with("two", " records=once", 5.0)][..], &newer].concat());
@@ -179,7 +180,7 @@ fn each_device_has_its_own_scenes_and_changes() {
     assert_eq!(all.iter().map(|one| one.rows[0].results.len()).collect::<Vec<_>>(), [1, 2]);
 }
 
-/// Returns a record of a strategy with a width.
+/// Returns a record of a strategy with the given value of the axis `width`.
 fn wide(width: u32, ms: f64) -> Record {
     Record {
         strategy: format!("traversal=exhaustive width={width}"),
@@ -192,7 +193,7 @@ fn the_largest_effects_come_first_and_ties_last() {
     let all = shown([wide(1, 10.0), wide(2, 10.05), wide(4, 5.0), wide(8, 40.0)]);
     let named: Vec<&str> = all.iter().map(|(change, _)| change.split(' ').next_back().unwrap()).collect();
     assert_eq!(named, ["w8)", "w8)", "w8)", "w4)", "w4)", "w2)"], "{all:?}");
-    // Four to eight is a factor of 8, and one to eight a factor of 4.
+    // From width 4 to 8, the time changes by a factor of 8; from width 1 to 8, it changes by a factor of 4.
     assert!(all[0].0.starts_with("width: 4 → 8") && all[1].0.starts_with("width: 1 → 8"), "{all:?}");
     assert!(all[5].1[0].contains("tie"), "{all:?}");
 }

@@ -8,15 +8,15 @@ use super::super::summary::tests::{judged, measured, sampled};
 use super::*;
 use crate::measure::Relative;
 
-/// Returns a record with five samples in each of two launches. A sample of the first launch takes `ms`. A sample of the
-/// second launch takes longer by the fraction `slower`.
+/// Returns a record with five samples in each of two launches. A sample of the first launch takes `ms`, and a
+/// sample of the second launch takes longer by the fraction `slower`.
 pub fn in_two_launches(name: &str, ms: f64, slower: f64) -> Record {
     let at = |index: u32| if index < 5 { ms } else { ms * (1.0 + slower) };
     sampled(name, (0..10).map(|index| (index / 5, at(index))))
 }
 
-/// A group's launches narrow the intervals of another group only if both were measured on the same machine
-/// and devices.
+/// The launches of one group narrow the intervals of another group only if the two groups were measured on
+/// the same machine and devices.
 #[test]
 fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
     let of = |host: Option<&str>, device: &str| Record {
@@ -95,8 +95,8 @@ fn each_device_is_compared_with_its_own_anchor() {
         };
         (0..5).flat_map(each)
     };
-    // The last anchor was timed only in launch 9, in which no record was measured. The record of the device `tpu`
-    // therefore has no anchor.
+    // The anchor of the device `tpu` was timed only in launch 9, in which no record was measured. The record
+    // of `tpu` therefore has no anchor.
     let anchors: Vec<AnchorSample> = both(0).chain(both(1)).chain([anchor("third", "tpu", 9, 1.0)]).collect();
     let mut records = vec![on("gpu", 10.0), on("cpu", 10.0), on("tpu", 10.0)];
     judge_with_anchors(&mut records, &anchors);
@@ -120,7 +120,8 @@ fn anchors_do_not_change_the_interval_of_a_median_that_was_shown_without_them() 
     assert_eq!(interval(&records[0]), Some([7.0, 12.0]));
 }
 
-/// In the second launch, four points take 1.1, 2, 0.5 and 1 times as long as in the first.
+/// In the second launch, the four points of this test take 1.1, 2, 0.5 and 1 times as long as in the first
+/// launch.
 #[test]
 fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread_of_points() {
     let degrees = |threads: Option<u32>, slower: f64| {
@@ -165,12 +166,13 @@ fn a_noisy_baseline_does_not_hide_differences_between_kernels() {
     // The interval of a ratio to the baseline follows from the baseline's own times.
     let to_baseline = ratio(&with[2], &with[0]).expect("enough samples");
     assert!(to_baseline.high / to_baseline.low > 1.5, "{to_baseline:?}");
-    // A single kernel is compared with the baseline as before.
+    // A kernel without another kernel beside it is still compared with the baseline.
     let one = judged([with[0].clone(), with[2].clone()]);
     assert!(how_sure(&one).len() == 1 && how_sure(&one) != how_sure(&alone), "{:?}", how_sure(&one));
 }
 
-/// In each launch, one sample of the point or of the anchor is 0. The other nine samples would be enough.
+/// In each launch, one sample of the point or of the anchor is 0. The other nine samples of the launch would
+/// be enough.
 #[test]
 fn a_sample_of_zero_is_no_time_of_a_point_or_an_anchor() {
     let zero = |index: u32| index.is_multiple_of(10);

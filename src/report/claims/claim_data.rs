@@ -1,4 +1,5 @@
-//! The data of one device in one run. The tests of a claim look up the claim's points in this data.
+//! The records of one device in one run. The tests of a claim of the paper look up the claim's points in
+//! these records.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
@@ -14,8 +15,8 @@ use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// The part of a folder of results that has one image size. A test of a claim compares only points that come from the
-/// same run.
+/// The records of one image size in a folder of results. A test of a claim compares only points that come
+/// from the same run.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// The run's folder.
@@ -40,15 +41,15 @@ impl<'a> Run<'a> {
         self.groups[0].image_size
     }
 
-    /// Returns the folder's path.
+    /// Returns the path of the run's folder.
     pub fn path(&self) -> &Path {
         &self.folder.path
     }
 
-    /// Returns the command that measures the points that the page of `raycl reproduce` lacks. The page is in
-    /// the folder that contains the run's folder. The command has the run's options `--device` and `--set`.
-    /// Without these options, the command would make another plan, and the page would hide the run's records
-    /// that are not in this plan. `more` is appended to the command.
+    /// Returns the command that measures the points that are still missing on the page of `raycl reproduce`.
+    /// The page is in the folder that contains the run's folder. The command has the run's options `--device`
+    /// and `--set`. Without these options, the command would make another plan, and the page would hide those
+    /// records of the run that are not in the new plan. `more` is appended to the command.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
@@ -59,7 +60,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Returns the options `--device` with which a run was started, from the run's environment.
+/// Returns the options `--device` with which a run was started, from the run's `environment.json`.
 fn devices(environment: &Value) -> Vec<String> {
     let words = texts(environment, "command_line");
     let given = words.iter().enumerate().filter_map(|(index, word)| match *word {
@@ -69,36 +70,37 @@ fn devices(environment: &Value) -> Vec<String> {
     given.flat_map(|name| option("--device", name)).collect()
 }
 
-/// Returns an option `--set` for each value of the config that a run changed. The environment has these
-/// values as lines of TOML.
+/// Returns an option `--set` for each value of the config that a run changed. The run's `environment.json`
+/// has the changed values as lines of TOML.
 fn changes(environment: &Value) -> Vec<String> {
     let lines = texts(environment, "overrides");
     lines.iter().flat_map(|line| option("--set", line.replacen(" = ", "=", 1))).collect()
 }
 
-/// Returns the texts of the list `key` in a run's environment. Returns no texts if the list does not exist.
+/// Returns the texts of the list `key` in a run's `environment.json`. Returns no texts if the list does not
+/// exist.
 fn texts<'a>(environment: &'a Value, key: &str) -> Vec<&'a str> {
     environment[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
 
-/// Returns the command that measures what the page of `raycl reproduce` lacks about a device; `None` if there
-/// are no runs. If the measurement of some of the device's points was not completed, the command measures
-/// these points again.
+/// Returns the command that measures the points of a device that are still missing on the page of `raycl
+/// reproduce`; `None` if `runs` is empty. If the measurement of some of the device's points was not
+/// completed, the command measures these points again.
 pub fn completion(runs: &[Run<'_>], device: &str) -> Option<String> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let is_retried = groups.flat_map(|group| &group.records).any(|record| is_incomplete(record));
     Some(runs.first()?.completion(if is_retried { " --retry-failed" } else { "" }))
 }
 
-/// The part of a run that belongs to one device.
+/// A run and a device. The tests of a claim use only the device's records in this run.
 pub(super) struct ClaimData<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) device: &'a str,
 }
 
 /// Returns true if the measurement of a record's point was not completed: the process crashed or took too
-/// long, the image was wrong, or memory was lacking only at that moment. Such a record does not show whether
-/// the point runs, or how fast the point is.
+/// long, the image was wrong, or too little memory was free at that moment. The record of an incomplete
+/// measurement does not show whether the point runs, or how fast the point is.
 pub(super) fn is_incomplete(record: &Record) -> bool {
     let lacked_for_a_moment = record.outcome == Outcome::Infeasible && !record.is_final();
     lacked_for_a_moment
@@ -106,14 +108,14 @@ pub(super) fn is_incomplete(record: &Record) -> bool {
 }
 
 impl<'a> ClaimData<'a> {
-    /// Returns the records that match a point.
+    /// Returns the run's records that match a point.
     pub(super) fn records(&self, point: &Point) -> Vec<&'a Record> {
         let all = self.run.groups.iter().flat_map(|group| group.records.iter().copied());
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// Returns the fastest measured record that matches a point. The error is a result line that says why
-    /// there is no measured record.
+    /// Returns the fastest measured record that matches a point. The error is a result line that says why no
+    /// measured record matches.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -144,7 +146,8 @@ impl<'a> ClaimData<'a> {
         Line { data: Data::Incomplete, ..Line::unclear(text, self.complete("a complete run of this point")) }
     }
 
-    /// Adds to `what` the command that repeats the measurements that were not completed.
+    /// Adds to the text `what` the command that repeats those measurements of the run that were not
+    /// completed.
     pub(super) fn complete(&self, what: &str) -> String {
         format!("{what}: `{}`", self.run.completion(" --retry-failed"))
     }
@@ -183,15 +186,16 @@ impl<'a> ClaimData<'a> {
         }
     }
 
-    /// Returns the samples of a record, from the run's file samples.jsonl; none if the file cannot be read.
+    /// Returns the samples of a record from the run's file samples.jsonl, or no samples if the file cannot be
+    /// read.
     pub(super) fn samples(&self, record: &Record) -> Vec<Sample> {
         let read = read_lines::<Sample>(&self.run.path().join(SAMPLES));
         let all = read.map(|lines| lines.lines).unwrap_or_default();
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// Returns the device's peak rates, which the run stored. The error is a result line that says why there
-    /// are no peak rates; `what` names the missing rate or latency in this line.
+    /// Returns the device's peak rates, which the run stored. The error is a result line that says why the
+    /// peak rates are missing; `what` names the missing rate or latency in this line.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
         let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
             let decides = format!(
@@ -206,7 +210,7 @@ impl<'a> ClaimData<'a> {
             .ok_or_else(|| self.missing(what))
     }
 
-    /// Returns true if the run's environment describes the device as a CPU.
+    /// Returns true if the run's `environment.json` describes the device as a CPU.
     pub(super) fn is_cpu(&self) -> bool {
         let devices = self.run.folder.environment["devices"].as_array();
         let is_own = |one: &&Value| one["device"].as_str().is_some_and(|name| is_shown_as(name, self.device));
@@ -215,7 +219,8 @@ impl<'a> ClaimData<'a> {
 }
 
 /// Formats a point with its time, as one side of a comparison: "naive at 8 x 8 on teapot (its best, 1.2 ms)".
-/// The words "its best" appear for [`Size::Best`], where `record` is the fastest of several records.
+/// The text contains "its best" if the point's size is [`Size::Best`], so that `record` is the fastest of
+/// several records.
 pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

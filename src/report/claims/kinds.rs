@@ -1,4 +1,4 @@
-//! Evaluates each kind of test with the data of one device.
+//! Evaluates the tests of the paper's claims, kind by kind, with the records of one device.
 
 use super::claim_data::{ClaimData, is_incomplete, side};
 use super::point::Point;
@@ -13,7 +13,7 @@ use crate::record::{Record, Sample};
 use crate::report::words::{at_size, title};
 use crate::strategy::{Requirements, Workload};
 
-/// Returns the result of a test, one line per comparison.
+/// Returns the result of a test, with one line per comparison.
 pub(super) fn lines(test: &Test, data: &ClaimData<'_>) -> Vec<Line> {
     match test {
         Test::Ratio { of, to, at_least, at_most } => {
@@ -39,9 +39,9 @@ pub(super) fn lines(test: &Test, data: &ClaimData<'_>) -> Vec<Line> {
 }
 
 /// Tests the claim that `test.is` is the fastest point: every other point takes at least `test.by` times as
-/// long. For each other point, the ratio of the two times has its own verdict. The result line shows the
-/// smallest ratio whose verdict equals the verdict of the whole test. If all ratios are large enough, but the
-/// measurement of another point was not completed, the test is unclear, since that point may be the fastest.
+/// long. The ratio of each other point's time to the time of `test.is` has a verdict. The result line shows
+/// the smallest ratio whose verdict equals the verdict of the whole test. If all ratios are large enough, but
+/// the measurement of some point was not completed, the test is unclear, since that point may be the fastest.
 fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match data.measured(&test.is) {
         Ok(best) => best,
@@ -87,15 +87,16 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
 }
 
 /// Names the points with records that a test leaves out: " (left out: naive at 8 x 8 on teapot)". Returns an
-/// empty text if there are no such points.
+/// empty text if the test leaves out no such points.
 fn exceptions(data: &ClaimData<'_>, test: &FastestTest) -> String {
     let recorded = test.except.iter().filter(|point| !data.records(point).is_empty());
     let names: Vec<String> = recorded.map(ToString::to_string).collect();
     if names.is_empty() { String::new() } else { format!(" (left out: {})", names.join(", ")) }
 }
 
-/// Returns the name of the first record whose measurement was not completed, and the number of further such records:
-/// "naive at 6 x 6 (crashed) and 5 more". `None` if there is no such record.
+/// Returns the name of the first record whose measurement was not completed, and the number of further
+/// records whose measurement was not completed: "naive at 6 x 6 (crashed) and 5 more". Returns `None` if all
+/// measurements were completed.
 fn without_time(records: &[&Record]) -> Option<String> {
     let mut untimed = records.iter().filter(|record| is_incomplete(record));
     let first = untimed.next()?;
@@ -128,8 +129,8 @@ fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least:
 
 /// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the
 /// record leaves out, such as samples of an incomplete launch and samples that another program delayed. A
-/// record of an earlier version may not state the launches or the moments of its samples. In this case, the
-/// launches or the moments are not compared.
+/// record of an earlier version of raycl may not state the launches of its samples, or when the samples were
+/// measured. What the record does not state is not compared.
 fn has(record: &Record, sample: &Sample) -> bool {
     let is_same = |(index, ms): (usize, &f64)| {
         let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));

@@ -1,9 +1,10 @@
-//! Quotes the paper's claims and tests each of them on the records of one device.
+//! Quotes the paper's claims, and tests each claim on the records of one device.
 //!
-//! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must hold. Absolute
-//! times are not tested, since the paper does not name the device on which they were measured. The tests find
-//! out, for example, which of two points is faster and by how much, which block size is best, and whether a
-//! scene fits into `__local` memory. The same rule decides all claims: see [`Verdict::of_all`].
+//! The claims are in `claims.toml`, each with its sentence in the paper, the figure to which it refers, and
+//! the tests that must hold. Absolute times are not tested, since the paper does not name the device on which
+//! they were measured. The tests find out, for example, which of two points is faster and by how much, which
+//! block size is best, and whether a scene fits into `__local` memory. The same rule decides all claims: see
+//! [`Verdict::of_all`].
 
 mod claim_data;
 mod kinds;
@@ -20,20 +21,20 @@ pub use verdict::{Line, Verdict};
 use claim_data::ClaimData;
 use verdict::Data;
 
-/// A claim and its test results.
+/// A claim of the paper and the results of its tests.
 #[derive(Clone, Debug)]
 pub struct Claim {
     /// The paper's claim.
     pub row: Row,
-    /// The comparisons that the tests make.
+    /// The results of the comparisons that the claim's tests make.
     pub lines: Vec<Line>,
-    /// The verdict.
+    /// The verdict on the claim.
     pub verdict: Verdict,
 }
 
 impl Claim {
     /// Returns what raycl would need to decide the claim, such as a missing record or another device, without
-    /// repetitions. Returns nothing if the claim is decided.
+    /// repetitions. Returns an empty list if the claim is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);
@@ -73,7 +74,7 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
     most_complete.unwrap_or_default().into_iter().map(|(_, line)| line).collect()
 }
 
-/// Contradictions within the paper that can be shown without a measurement.
+/// Contradictions within the paper that need no measurement.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The paper's text lists five scenes, but the legend of Figure 6 has four.",
     "Figures 6 to 8 have no point at 14 x 14, although the text names this block size.",
@@ -89,7 +90,7 @@ mod tests {
     use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::{Folder, Outcome, Record, groups};
 
-    /// Returns a claim with the test `test`. Each element of `records` has the records of one run.
+    /// Returns a claim with the test `test`. Each element of `records` contains the records of one run.
     fn claim(test: &str, records: &[&[Record]]) -> Claim {
         claim_in(&Folder::default(), test, records)
     }
@@ -125,8 +126,7 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // In one launch, the ratio is below the bound of 5; in the other launch, the ratio is above
-        // this bound.
+        // In one launch, the ratio is below the bound of 5; in the other launch, the ratio is above 5.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
         let at_most = FALLS.replace("at_least", "at_most");
@@ -358,7 +358,8 @@ mod tests {
                 "kind = 'fits', strategy = 'local-triangles', local_size = '8x8', triangles = {triangles}, local_bytes = {local_bytes}, fits = true"
             )
         };
-        // A triangle takes 104 bytes of `__local` memory, and triangles that fill this memory completely still fit.
+        // A triangle takes 104 bytes of `__local` memory. Triangles that fill the `__local` memory completely
+        // still fit.
         assert_eq!(
             [(472, 49152), (473, 49152), (472, 472 * 104)].map(|case| verdict(&fits(case), &records)),
             [Verdict::Held, Verdict::NotHeld, Verdict::Held]
@@ -480,7 +481,7 @@ mod tests {
             still_life("Furthermore, having to read in data", &points)
         };
         assert_eq!([slowed(2.0), slowed(0.9)], [Held, NotHeld]);
-        // No measurement decides whether a rasteriser starts fewer threads.
+        // No measurement can decide the claim that a rasteriser starts fewer threads.
         let on_teapot = [of("teapot", "naive", 8, 3.0), of("teapot", "raster", 8, 1.0)];
         assert_eq!(built_in("This largely reduces the number", &on_teapot), Unclear);
     }
@@ -532,8 +533,8 @@ mod tests {
         assert_eq!(verdict_of(0.0, 0), Verdict::Unclear, "below the timer's resolution");
     }
 
-    /// Each launch has samples that the record leaves out. The shadow passes of these samples took much longer than
-    /// those of the record's own samples.
+    /// Each launch has samples that the record leaves out. The shadow passes of the left-out samples took
+    /// much longer than the shadow passes of the record's own samples.
     #[test]
     fn samples_that_the_record_leaves_out_decide_nothing() {
         let point =
@@ -553,8 +554,8 @@ mod tests {
                 ..Default::default()
             };
             journal.append(&own).unwrap();
-            // A left-out sample may have the same time as a sample of the record, or the same moment, but
-            // never both.
+            // A left-out sample may have the same time as a sample of the record, or may have been measured
+            // at the same moment, but never both.
             for (at_ms, ms) in [(Some(100.0), 10.0), (own.at_ms, 11.0)] {
                 let left_out = crate::record::Sample { at_ms, ms, shadow_ms: Some(60.0), ..own.clone() };
                 (0..3).for_each(|_| journal.append(&left_out).unwrap());
@@ -569,8 +570,8 @@ mod tests {
         );
     }
 
-    /// Returns the claim that a memory's latency differs from `cycles` by a factor of at most 1.1, evaluated on a run
-    /// whose folder is `folder`.
+    /// Returns the claim that a memory's latency differs from `cycles` by a factor of at most 1.1, tested on
+    /// a run in `folder`.
     fn of_latency(folder: &Folder, memory: &str, cycles: u32) -> Claim {
         let test = format!("kind = 'latency', memory = '{memory}', cycles = {cycles}, within = 1.1");
         claim_in(folder, &test, &[&[measured("gpu", "naive", 8, 10.0)]])

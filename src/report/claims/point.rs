@@ -1,4 +1,4 @@
-//! The points to which claims refer, such as "naive 8x8 on teapot".
+//! Defines the points to which the paper's claims refer, such as "naive 8x8 on teapot".
 
 use crate::error::meant;
 use crate::numbers::by;
@@ -7,19 +7,19 @@ use crate::report::paper;
 use crate::strategy::preset_names;
 use serde::Deserialize;
 
-/// The baselines that claims may name.
+/// The names of the baselines that claims may refer to.
 const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
 
-/// Selects which of a strategy's records on a scene match a point.
+/// Selects, by local size, which of a strategy's records on a scene match a point of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// The record with this local size.
+    /// Only the record with this local size matches.
     At([u32; 2]),
-    /// The fastest record.
+    /// The fastest record of all local sizes matches.
     Best,
-    /// All records with square local sizes.
+    /// All records with square local sizes match.
     Square,
-    /// The record of a baseline, which has no local size.
+    /// The record of a baseline, which has no local size, matches.
     Host,
 }
 
@@ -27,11 +27,11 @@ pub enum Size {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Point {
-    /// A preset or a baseline.
+    /// The name of a preset or a baseline.
     pub strategy: String,
     /// The local size, or a rule that selects local sizes.
     pub size: Size,
-    /// The scene.
+    /// The scene's name.
     pub scene: String,
 }
 
@@ -53,7 +53,7 @@ impl TryFrom<String> for Point {
     }
 }
 
-/// Parses "8x8", "best", "square" or "host".
+/// Parses the word of a point that selects local sizes: "8x8", "best", "square" or "host".
 fn size_of(word: &str) -> Result<Size, String> {
     match word {
         "best" => Ok(Size::Best),
@@ -158,7 +158,8 @@ mod tests {
         let square = self::point("naive square on teapot").expect("it is one");
         let oblong = Record { local_size: Some([32, 2]), ..record("naive", Some("naive")) };
         assert!(square.is(&record("naive", Some("naive")), "gpu") && !square.is(&oblong, "gpu"));
-        // The strategy of this record has the preset's name, but the config changed one of the preset's axes.
+        // The strategy of this record has the preset's name, but the record has no preset, because the config
+        // changed one of the preset's axes.
         assert!(!point.is(&record("naive", None), "gpu"));
     }
 }

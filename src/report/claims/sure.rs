@@ -6,13 +6,14 @@ use crate::numbers::significant;
 use crate::record::{Record, fewest, median, not_enough, ratio, ratio_of_passes};
 use std::ops::RangeInclusive;
 
-/// The ratio of two times.
+/// The ratio of the times of two records, or of two passes of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ratio {
-    /// The ratio with its 95% interval, or the reason why there is none, such as "not enough samples (n = 3)".
+    /// The ratio with its 95% interval, or the reason why the ratio is unknown, such as "not enough samples
+    /// (n = 3)".
     sure: Result<(f64, [f64; 2]), String>,
-    /// The smaller of the numbers of samples of the two records. For two passes of a record: the number of
-    /// samples in which both passes have a time above 0.
+    /// The number of samples: for two records, the number of the record with fewer samples; for two passes of
+    /// a record, the number of samples in which both passes have a time above 0.
     n: usize,
 }
 
@@ -30,8 +31,8 @@ impl Ratio {
     }
 
     /// Returns the ratio of the times of two passes of a record's frames. `times` contains each sample's
-    /// launch number and the times of the two passes. If one of these times is 0, the result has a reason
-    /// instead of a ratio. Returns `None` if `times` is empty.
+    /// launch number and the times of the two passes. If one of these times is 0, the result contains a
+    /// reason instead of a ratio. Returns `None` if `times` is empty.
     pub(super) fn of_passes(record: &Record, times: &[(u32, [f64; 2])]) -> Option<Self> {
         let timed = times.iter().filter(|(_, both)| is_timed(both));
         let ratios: Vec<(u32, f64)> = timed.map(|(launch, [of, to])| (*launch, of / to)).collect();
@@ -43,14 +44,14 @@ impl Ratio {
         (!times.is_empty()).then_some(Self { sure, n: ratios.len() })
     }
 
-    /// Returns the ratio; infinite if it is not known.
+    /// Returns the ratio, or infinity if the ratio is unknown.
     pub(super) fn middle(&self) -> f64 {
         self.sure.as_ref().map_or(f64::INFINITY, |(middle, _)| *middle)
     }
 
-    /// Returns `Held` if the ratio's 95% interval lies completely inside the range `held`, and `NotHeld` if the
-    /// interval lies completely outside. Returns `Unclear` if the interval contains a bound of the range, or if there
-    /// is no interval.
+    /// Returns `Held` if the ratio's 95% interval lies completely inside the range `held`, and `NotHeld` if
+    /// the interval lies completely outside. Returns `Unclear` if the interval contains a bound of the range,
+    /// or if the ratio is unknown.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
@@ -60,8 +61,8 @@ impl Ratio {
         }
     }
 
-    /// Formats the ratio as "3.07 times (3.02 to 3.11, n = 12)". Without a ratio, returns the reason, such as "not
-    /// enough samples (n = 3)".
+    /// Formats the ratio as "3.07 times (3.02 to 3.11, n = 12)". If the ratio is unknown, returns the reason,
+    /// such as "not enough samples (n = 3)".
     pub fn text(&self) -> String {
         match &self.sure {
             Ok((middle, [low, high])) => {
@@ -72,8 +73,8 @@ impl Ratio {
         }
     }
 
-    /// Formats the ratio as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or "a against b: not
-    /// enough samples (n = 3)".
+    /// Formats the ratio as a sentence, such as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or
+    /// "a against b: not enough samples (n = 3)".
     pub fn between(&self, of: &str, to: &str) -> String {
         match self.sure {
             Ok(_) => format!("{of} takes {} as long as {to}", self.text()),
@@ -105,25 +106,26 @@ impl Ratio {
     }
 }
 
-/// Says what a verdict needs if times are below the timer's resolution. More samples do not help.
+/// The text that says what a verdict needs if times are below the timer's resolution: longer frames, since
+/// more samples do not help.
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
-/// Returns why a ratio has no interval. If both records lack an interval, the record with fewer samples in a launch
-/// gives the reason.
+/// Returns why the ratio of two records' times is unknown. If both records lack an interval, returns the
+/// reason of the record with fewer samples in a launch.
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
 }
 
-/// Returns true if both passes of a sample have a time above 0. The time is 0 if a pass is shorter than a
-/// step of the device's timer.
+/// Returns true if both passes of a sample have a time above 0. The measured time is 0 if a pass is shorter
+/// than a step of the device's timer.
 fn is_timed(both: &[f64; 2]) -> bool {
     both.iter().all(|ms| *ms > 0.0)
 }
 
-/// Returns why the ratio of two passes has no interval. The reason may state n, which is the number of samples in the
-/// launch with the fewest samples. Samples with a time of 0 do not count.
+/// Returns why the ratio of two passes is unknown. The reason may state n, which is the number of samples in
+/// the launch with the fewest samples, without samples with a time of 0.
 fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     let fewest = |counts: &dyn Fn(&[f64; 2]) -> bool| {
         let of =
@@ -136,15 +138,15 @@ fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     }
 }
 
-/// Says how many samples a verdict needs. A launch takes fewer samples only if `timing.max_samples` in the
-/// config is too small.
+/// Returns a text that says how many samples a verdict needs. A launch takes fewer samples only if
+/// `timing.max_samples` in the config is too small.
 fn more_samples() -> String {
     format!(
         "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"
     )
 }
 
-/// Formats bounds as "at least 2", "at most 2" or "0.95 to 1.05".
+/// Formats the required range of a ratio as "at least 2", "at most 2" or "0.95 to 1.05".
 fn asked(held: &RangeInclusive<f64>) -> String {
     match (*held.start(), *held.end()) {
         (least, f64::INFINITY) => format!("at least {least}"),
@@ -158,16 +160,16 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{few, judged, measured, sampled};
 
-    /// Returns the ratio of two records with three launches of `n` samples each. `slow` and `fast` are the
-    /// least and the greatest time of each record. A record's time changes in equal steps from launch to
+    /// Returns the ratio of two records with three launches of `n` samples each. `slow` and `fast` contain
+    /// the least and the greatest time of each record, whose time changes in equal steps from launch to
     /// launch.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
             sampled(name, (0..3).flat_map(move |launch| (0..n).map(move |_| (launch, at(launch)))))
         };
-        // In each launch in which one record is slow, the other record is fast. If both were slow in the same launch,
-        // the slowdowns would cancel out in the ratio.
+        // When one record is slow in a launch, the other record is fast. If both records were slow in the
+        // same launch, the slowdowns would cancel out in the ratio.
         let records = judged([record("naive", slow), record("wide", [fast[1], fast[0]])]);
         Ratio::of(&records[0], &records[1]).expect("both are measured")
     }
@@ -225,7 +227,8 @@ mod tests {
         assert!(of(&[]).is_none());
     }
 
-    /// There are four launches. Each of them has too few samples, or one of the passes has some times of 0.
+    /// The record has four launches. Either each launch has too few samples, or one of the passes has some
+    /// times of 0.
     #[test]
     fn a_ratio_of_passes_that_is_not_known_has_a_reason() {
         let record = measured("gpu", "deferred", 8, 10.0);

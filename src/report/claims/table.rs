@@ -1,5 +1,5 @@
-//! Reads the table of claims in TOML: the paper's sentences, and the tests that must hold for each
-//! sentence.
+//! Reads the table of the paper's claims in TOML: the paper's sentences, and the tests that must hold for
+//! each sentence.
 
 use super::point::{Point, known, local_size};
 use crate::device::occupancy::multiprocessor;
@@ -18,14 +18,14 @@ pub struct Row {
     pub sentence: String,
     /// The section of the paper that contains the sentence, and the figure to which the sentence refers.
     pub place: String,
-    /// The values that the paper published on the claim, or a note that there are none.
+    /// The values that the paper published on the claim, or a note that the paper published no values.
     pub published: String,
     /// The sentence as the authors of raycl interpret it.
     pub reading: String,
     /// A contradiction within the paper, or between the paper and arithmetic.
     #[serde(default)]
     pub contradiction: String,
-    /// The configs whose records are needed.
+    /// The names of the configs that measure the claim's points.
     pub configs: Vec<String>,
     /// The tests, all of which must hold.
     pub test: Vec<Test>,
@@ -53,34 +53,34 @@ pub enum Test {
 pub struct FastestTest {
     /// The point that is claimed to be the fastest.
     pub is: Point,
-    /// The points with which `is` is compared.
+    /// The points with which the point `is` is compared.
     pub of: Vec<Point>,
-    /// The smallest ratio that the test accepts: every other point's time, divided by the time of `is`.
+    /// The smallest accepted ratio of another point's time to the time of `is`.
     pub by: f64,
     /// Points that are left out of the comparison although they match `of`.
     #[serde(default)]
     pub except: Vec<Point>,
 }
 
-/// A pass of a frame whose passes are separate.
+/// A pass of a frame whose passes are timed separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pass {
-    /// Rays from the eye.
+    /// The primary pass, which casts rays from the eye.
     Primary,
-    /// Rays to the lights.
+    /// The shadow pass, which casts rays to the lights.
     Shadow,
 }
 
-/// A memory whose latency is measured by `raycl peak`.
+/// A kind of memory whose latency `raycl peak` measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Memory {
-    /// Registers.
+    /// Private memory, in registers.
     Private,
     /// `__local` memory.
     Local,
-    /// Global memory that is in no cache.
+    /// Global memory, for data that are in no cache.
     Global,
 }
 
@@ -99,14 +99,14 @@ impl TryFrom<String> for Preset {
 }
 
 impl Preset {
-    /// Returns the preset's strategy, or `None` if no preset has this name. The table of claims has no such name,
-    /// because raycl refuses unknown names when it reads the table.
+    /// Returns the preset's strategy, or `None` if no preset has this name. A preset that comes from the
+    /// table of claims always has a strategy, because raycl refuses unknown names when it reads the table.
     pub fn strategy(&self) -> Option<Strategy> {
         PRESETS.iter().find(|preset| preset.name == self.0).map(|preset| preset.strategy)
     }
 }
 
-/// A local size, written like "8x8": the numbers of work-items across and down.
+/// A local size (the numbers of work-items across and down), which the table of claims states like "8x8".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct LocalSize(pub [u32; 2]);
@@ -139,12 +139,12 @@ struct File {
     claim: Vec<Row>,
 }
 
-/// Returns the built-in table.
+/// Returns the table of claims that the program contains.
 pub fn table() -> Result<Vec<Row>> {
     read("claims.toml", TABLE)
 }
 
-/// Reads a table of claims from TOML. `name` is the table's name in errors. The error states the place of the
+/// Reads a table of claims from TOML. `name` is the table's name in errors. The error states the line of the
 /// mistake and, for a misspelt name, the most similar valid name.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text).map_err(|error| {
@@ -159,8 +159,8 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 }
 
 impl Row {
-    /// Returns the row's first mistake: an empty text, no test, or an unknown config. The crate serde does
-    /// not detect these mistakes. Returns `None` if there are none.
+    /// Returns the first mistake in the row that the crate serde does not detect: an empty text, no test, or
+    /// an unknown config. Returns `None` if the row has no such mistake.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(kinds.len(), 9, "a kind of test that no claim uses");
     }
 
-    /// Returns every point that a test uses.
+    /// Returns every point to which a test of a claim refers.
     fn points(test: &Test) -> Vec<&Point> {
         match test {
             Test::Ratio { of, to, .. } => of.iter().chain([to]).collect(),
@@ -235,7 +235,7 @@ mod tests {
         }
     }
 
-    /// Returns a table of one claim with the test `test`.
+    /// Returns the TOML text of a table with one claim, whose test is `test`.
     fn one(test: &str) -> String {
         let rest = "place = \"p\"\npublished = \"v\"\nreading = \"r\"\nconfigs = [\"figure-8\"]\n";
         format!("[[claim]]\nsentence = \"It is so.\"\n{rest}test = [{{ {test} }}]\n")

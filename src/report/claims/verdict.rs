@@ -1,4 +1,4 @@
-//! The verdict on a claim, and the comparisons that lead to it.
+//! Defines the verdict on a claim of the paper, and the comparisons that lead to the verdict.
 
 /// The verdict on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,12 +11,12 @@ pub enum Verdict {
     /// the 95% interval of a ratio, or between the quartiles of a latency. Other reasons are too few samples,
     /// a measurement that was not completed, or comparisons that could not be made.
     Unclear,
-    /// The claim cannot be tested with this data.
+    /// The claim cannot be tested with the records of this device.
     Cannot,
 }
 
 impl Verdict {
-    /// Every verdict with its name, its CSS class in the page and its sign.
+    /// Every verdict with its name in words, its CSS class in the page and its sign.
     pub const ALL: [(Self, &'static str, &'static str, &'static str); 4] = [
         (Self::Held, "held", "held", "✓"),
         (Self::NotHeld, "did not hold", "failed", "✗"),
@@ -44,8 +44,8 @@ impl Verdict {
     }
 
     /// Returns the verdict of a claim from the verdicts of its comparisons (`parts`). The claim holds if all
-    /// comparisons hold. The claim does not hold if one comparison does not hold. The claim cannot be tested if no
-    /// comparison can be tested. Otherwise the claim is unclear.
+    /// comparisons hold. The claim does not hold if one comparison does not hold. The claim cannot be tested
+    /// if no comparison can be tested. In all other cases, the claim is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {
@@ -57,29 +57,30 @@ impl Verdict {
     }
 }
 
-/// Says whether a run has the data of a comparison. If every run lacks data, the page prefers a result line
-/// with `Incomplete` to a result line with `NoRecord`.
+/// Whether a run has all data that a comparison needs. If every run lacks data, the page prefers a result
+/// line with `Incomplete` to a result line with `NoRecord`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Data {
-    /// The run has the data.
+    /// The run has all data that the comparison needs.
     Complete,
-    /// The run has records of the points, but something else is missing, such as a time.
+    /// The run has records of the compared points, but not all data that the comparison needs, such as a
+    /// time.
     Incomplete,
-    /// The run has no record of a point.
+    /// The run has no record of a compared point.
     NoRecord,
 }
 
-/// One comparison of a test.
+/// The result of one comparison that a test makes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// The measurement in words.
+    /// The measured values in words.
     pub text: String,
     /// The comparison's verdict.
     pub verdict: Verdict,
-    /// What raycl would need to decide the comparison, such as a missing record or another device; empty if the
-    /// comparison is decided.
+    /// The data that raycl would need to decide the comparison, such as a missing record or another device;
+    /// empty if the comparison is decided.
     pub decides: String,
-    /// Says whether the run has the data of the comparison.
+    /// Whether the run has all data that the comparison needs.
     pub(super) data: Data,
 }
 
@@ -102,7 +103,7 @@ impl Line {
 mod tests {
     use super::Verdict;
 
-    /// The classes are those of templates/page.css.
+    /// The expected CSS classes are the classes in templates/page.css.
     #[test]
     fn each_verdict_has_its_own_words_class_and_sign() {
         let all = [Verdict::Held, Verdict::NotHeld, Verdict::Unclear, Verdict::Cannot];

@@ -1,4 +1,4 @@
-//! Computes the change of a point's time from one run to another. A machine's speed differs between days.
+//! Computes the change of a point's time from one run to another. A machine's speed differs from run to run.
 //! Each time is therefore first divided by a reference time from the same rounds: the time of the anchor (a
 //! fixed kernel), or the mean time of baselines or of other points.
 
@@ -10,9 +10,9 @@ use crate::record::{
 use std::collections::HashMap;
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which
-/// both times are divided. The reference is the time of the device's anchor. Without an anchor, the reference
-/// is the mean time of the point's `references`. Returns `None` if there is no reference, or if there are too
-/// few samples.
+/// both times are divided. The reference is the time of the device's anchor. If the device has no anchor, the
+/// reference is the mean time of the point's `references`. Returns `None` if the point has no reference, or
+/// if a record has too few samples.
 pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
@@ -23,15 +23,15 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
     Some((ratio_of_means(&[after], &second)?.over(ratio_of_means(&[before], &first)?), against))
 }
 
-/// The references and their kind. References are points by whose mean time the times of other points are
-/// divided. A point's references depend only on the rounds in which the two runs measured the point, so the
-/// key of the map identifies these rounds (see [`rounds`]).
+/// The references of all compared points, and the kind of these references. References are points by whose
+/// mean time the times of other points are divided. A point's references depend only on the rounds in which
+/// the two runs measured the point, so the key of the map identifies these rounds (see [`rounds`]).
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
 
 impl<'a> References<'a> {
-    /// Finds the references among `all`: the compared points, and the control points that blocks borrowed. A
-    /// block borrows a control point if the block measures the control point although the point belongs to
-    /// another block.
+    /// Finds the references among `all`, which contains the compared points, and the control points that
+    /// blocks borrowed. A block borrows a control point if the block measures the control point although the
+    /// point belongs to another block.
     pub fn among(all: &[Both<'a>]) -> Self {
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {
@@ -44,7 +44,7 @@ impl<'a> References<'a> {
     }
 
     /// Returns the references of `points`, which were measured in the same rounds, and the kind of reference.
-    /// The points themselves are left out. Returns `None` if no reference is left.
+    /// The references do not include `points` themselves. Returns `None` if no reference is left.
     pub fn of(&self, points: &[Both<'_>]) -> Option<(Vec<Both<'a>>, Against)> {
         let (references, against) = self.0.get(&rounds(*points.first()?)?)?;
         let is_own = |one: &Record| points.iter().any(|(own, _)| std::ptr::eq(one, *own));
@@ -53,16 +53,17 @@ impl<'a> References<'a> {
     }
 }
 
-/// Returns two hashes that identify the rounds in which the two runs measured a point; `None` if either record has no
-/// relative times.
+/// Returns two hashes, which identify the rounds in which the first and the second run measured a point;
+/// `None` if either record has no relative times.
 fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns the references of the points `beside`, which were measured in the same rounds. The references are the
-/// baselines that both runs measured in these rounds with the same program. Without such baselines, the references are
-/// the kernels of the same rounds whose times changed by similar factors. Fewer than three kernels are no references,
-/// since it cannot be known which of two kernels changed.
+/// Returns the references of the points `beside`, which were measured in the same rounds. The references are
+/// the baselines that both runs measured in the same rounds as the points and with the same program. If the
+/// runs have no such baselines, the references are the kernels of the same rounds whose times changed by
+/// similar factors. With fewer than three kernels, there are no references, since nobody could know which of
+/// two kernels changed.
 fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
     let baselines: Vec<Both<'a>> = beside.iter().filter(untouched).copied().collect();
@@ -74,7 +75,7 @@ fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     }
 }
 
-/// Compares the two times of the point, each divided by the anchor's time in the same run. If other programs
+/// Compares the two times of a point, each divided by the anchor's time in the same run. If other programs
 /// may have delayed the point and the anchor by different factors, the interval of the change is wider.
 /// Returns `None` if the two runs do not have the same anchor.
 fn against_anchor(pair: Both<'_>) -> Option<Interval> {
@@ -97,16 +98,16 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// Returns the ratio of the measured times themselves, even if the runs have a control point in common. The
-/// ratio includes every difference between the runs, such as the machine's speed. Returns `None` if there are
-/// too few samples.
+/// Returns the ratio of the measured times without a reference, even if the runs have a control point in
+/// common. The ratio includes every difference between the runs, such as the machine's speed. Returns `None`
+/// if a record has too few samples.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
 /// Compares the times of a point with the kernels of two folders. `raycl run --resume` may have measured the
-/// point with one folder in an earlier session. In this case, the samples of the two records are not close in
-/// time, and the times are compared like times of two runs.
+/// point with one folder in an earlier session. The samples of the two records are then not close in time,
+/// and the times are compared like times of two runs.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));
@@ -134,7 +135,7 @@ mod tests {
     }
 
     /// Returns the records of two groups with different launches. Each group has a kernel and a baseline.
-    /// `kernels` and `baselines` have the time in each group.
+    /// `kernels` and `baselines` contain the time of the kernel and of the baseline in each group.
     fn two_groups([kernels, baselines]: [[f64; 2]; 2]) -> Vec<Record> {
         let of = |group: u32, record: Record| {
             let sample_launches = record.sample_launches.iter().map(|launch| launch + 2 * group).collect();
@@ -155,8 +156,8 @@ mod tests {
     #[test]
     fn a_kernel_is_compared_with_the_baselines_of_its_own_group() {
         let before = two_groups([[1.0, 10.0], [100.0, 300.0]]);
-        // In the second run, the machine was half as fast for the first group. For the second group, only the kernel
-        // was half as fast.
+        // In the second run, the machine was half as fast for the first group. For the second group, the
+        // machine's speed was the same, but the kernel was half as fast.
         let after = two_groups([[2.0, 20.0], [200.0, 300.0]]);
         let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
         let references = References::among(&all);
@@ -194,12 +195,12 @@ mod tests {
         };
         let [naive, wide, bvh] = ["naive", "wide", "bvh"].map(|name| ("gpu", name, 1.0));
         let slow = ("gpu", "naive", 1.5);
-        // If there are only two points, it cannot be known which one changed.
+        // With only two points, raycl cannot know which of the two points changed.
         assert_eq!(changes(&[naive, wide], &[slow, wide]), [None, None]);
         let in_common = |factor| Some((factor, Against::PointsInCommon));
         let of_three = changes(&[naive, wide, bvh], &[slow, wide, bvh]);
         assert_eq!(of_three, [in_common(1.5), in_common(1.0), in_common(1.0)]);
-        // The references of a baseline are the other baselines.
+        // A baseline's references are all other baselines.
         let [serial, parallel] = ["serial", "parallel"].map(|name| ("host", name, 10.0));
         let later = [slow, wide, ("host", "serial", 20.0)];
         let against = |factor| Some((factor, Against::Baselines));

@@ -1,4 +1,4 @@
-//! Judges each point of a comparison: how its time changed, relative to work that is the same in both folders.
+//! Decides how the time of each compared point changed, relative to work that is the same in both folders.
 
 use super::Comparison;
 use super::change::{self, References};
@@ -32,14 +32,14 @@ impl Comparison {
     }
 }
 
-/// Returns copies of the folders. In the copies, each record has its times relative to the records and
-/// anchors that were measured together with the record. These records include the control points that blocks
-/// borrowed. The intervals of the times themselves are the same as in reports and tables.
+/// Returns copies of the folders. In the copies, each record has relative times: its times relative to the
+/// records, the borrowed control points and the anchors that were measured in the same rounds. The intervals
+/// of the times themselves are the same as in reports and tables.
 ///
 /// Preempted samples of an anchor (samples that other programs delayed) are found by processor times, and
 /// left out. If such samples were left out in only one folder, the anchor would seem to be slower in the
-/// other folder. If an anchor has a sample without a processor time in either folder, all samples of this
-/// anchor therefore remain in both folders.
+/// other folder. Therefore, if a sample of an anchor lacks the processor time in either folder, all samples
+/// of this anchor remain in both folders.
 pub fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     let samples = folders.iter().flat_map(|folder| &folder.anchors);
     let unknown = samples.filter(|sample| sample.processor_ms.is_none());

@@ -1,11 +1,11 @@
-//! The pairs of a comparison as objects for JSON.
+//! Converts the compared pairs of records to objects for JSON.
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent};
 use crate::record::median;
 use serde::Serialize;
 
-/// A pair of records in the form that `--json` prints.
+/// A compared pair of records in the form that `raycl compare --json` prints.
 #[derive(Debug, Serialize)]
 pub struct PairLine<'a> {
     /// The point's name, as in the tables.
@@ -23,7 +23,7 @@ pub struct PairLine<'a> {
 }
 
 impl Comparison {
-    /// Returns the pairs as objects for JSON.
+    /// Returns the compared pairs of records as objects for JSON.
     pub fn lines(&self) -> Vec<PairLine<'_>> {
         self.pairs.iter().map(|pair| line(pair, self.several_devices)).collect()
     }

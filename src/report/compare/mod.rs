@@ -1,4 +1,5 @@
-//! Compares two folders of results, and judges whether each point is faster, slower, the same or unclear.
+//! Compares two folders of results, and decides for each point whether its time became shorter or longer,
+//! stayed the same, or whether this is unclear.
 
 mod change;
 mod judging;
@@ -36,7 +37,8 @@ pub struct Comparison {
     /// The lines of `others` for points that were measured in the first folder and have another outcome in
     /// the second folder, such as `infeasible` or `wrong-image`.
     pub broken: Vec<String>,
-    /// The names of the points that were measured in the first folder and that the second folder lacks.
+    /// The names of the points that were measured in the first folder and have no record in the second
+    /// folder.
     lost: Vec<String>,
     /// True if the outcome of at least one point differs between the folders.
     pub has_changed_outcomes: bool,
@@ -46,14 +48,16 @@ pub struct Comparison {
     pub threshold: f64,
     /// Pairs of records of control points that were measured in the same rounds as compared points. In each
     /// pair, at least one record is from a block that borrowed the control point: the block measured the
-    /// control point although the point belongs to another block. These pairs are not in `pairs`.
+    /// control point although the point belongs to another block. The field `pairs` does not contain the
+    /// pairs of control points.
     controls: Vec<[Record; 2]>,
-    /// True if a folder has several devices, so that the name of a point must include its device.
+    /// True if one of the folders has several devices, so that the name of a point must include the device.
     several_devices: bool,
 }
 
 impl Comparison {
-    /// Returns true if a folder has several devices, so that the names of points include the device.
+    /// Returns true if one of the folders has several devices, so that the names of points include the
+    /// device.
     pub fn has_several_devices(&self) -> bool {
         self.several_devices
     }
@@ -75,7 +79,8 @@ impl Comparison {
         for record in merged(std::slice::from_ref(before)) {
             match unmatched.remove(&point(&record)) {
                 Some(other) => {
-                    // A device that only has another name in the second folder does not differ.
+                    // If the same device only has another name in the second folder, no note about different
+                    // devices is needed.
                     if !correspondence.is_renamed(&record, other) {
                         corresponding.insert([record.device.clone(), other.device.clone()]);
                     }
@@ -97,8 +102,8 @@ impl Comparison {
         comparison
     }
 
-    /// Compares two folders of kernels that one run measured. Points whose program has the same text with
-    /// both folders are not compared.
+    /// Compares two folders of kernels that one run measured. Points whose program has the same source text
+    /// with both folders of kernels are not compared.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
@@ -154,7 +159,8 @@ impl Comparison {
 
     fn add(&mut self, before: Record, after: &Record) {
         if let (Some(_), Some(_)) = (median(&before), median(after)) {
-            // This verdict is a placeholder: `judge` sets the verdict when all points are known.
+            // The verdict `NotEnough` is a placeholder here: `judge` sets the verdict when all points are
+            // known.
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
@@ -178,8 +184,8 @@ impl Comparison {
     }
 
     /// Returns one line for each regression of more than `limit_percent`, and for each point that was
-    /// measured in the first folder and failed in the second. At most one in 50 comparisons of a program with
-    /// itself reports a regression.
+    /// measured in the first folder and failed in the second folder. At most one in 50 comparisons of a
+    /// program with itself reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }
@@ -189,8 +195,9 @@ impl Comparison {
         regressions::left_out(self)
     }
 
-    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The counts of points without
-    /// a change ("cannot tell", "not enough samples", "below the timer's resolution") follow if they are not zero.
+    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The counts of
+    /// points whose change is unknown ("cannot tell", "not enough samples", "below the timer's resolution")
+    /// follow if they are not zero.
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
         let shown = counts.iter().filter(|(verdict, count)| {

@@ -1,4 +1,4 @@
-//! Lines about points and scenes that only one of the two folders has.
+//! Writes lines about the points and scenes that only one of two compared folders has.
 
 use super::Comparison;
 use super::pair::name;
@@ -6,9 +6,9 @@ use crate::record::Record;
 use std::collections::{HashMap, HashSet};
 
 impl Comparison {
-    /// Adds a line to `others` for each point that only one folder has. If scenes correspond by content, and
-    /// the other folder has a scene of the same name with different content, adds a single line about the
-    /// scene instead.
+    /// Adds a line to `others` for each point that only one of the two folders has. If scenes correspond by
+    /// content, and both folders have a scene of the same name but with different contents, adds a single
+    /// line about the scene instead of lines about its points.
     pub(super) fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2], by_content: bool) {
         let contents = only.each_ref().map(|records| contents(records));
         let changed = |record: &Record, others: &Contents<'_>| {

@@ -12,10 +12,10 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 
 /// Returns a note for each pair of corresponding devices that differ in their names, or in properties that
-/// affect times. `devices` has the names of corresponding devices in the two folders. A property that one of
-/// the folders has not stored is not compared. The note names the environment variables that the user has
-/// set. A variable that raycl has set is marked. If such a variable only determines the number of threads, it
-/// is left out, because the number of threads is a separate property.
+/// affect times. `devices` contains the names of corresponding devices in the two folders. A property that
+/// one of the folders does not contain is not compared. The note names the environment variables that the
+/// user has set. The note marks variables that raycl has set. The note leaves out variables of raycl that
+/// only determine the number of threads, because the number of threads is a separate property.
 pub(super) fn different_devices(
     folders: [&Folder; 2],
     labels: &[String; 2],
@@ -37,13 +37,14 @@ pub(super) fn different_devices(
     devices.iter().filter_map(note).collect()
 }
 
-/// Returns the parts of the property `own` that `other` lacks. `other` is the same property of another
-/// device.
+/// Returns the elements of the list `own`, a property of a device, that `other`, the same property of another
+/// device, lacks.
 fn not_in<'a>(other: &'a [String], own: &'a [String]) -> impl Iterator<Item = &'a String> {
     own.iter().filter(move |part| !other.contains(part))
 }
 
-/// Returns how a note names a part of a device's property; `None` if the note leaves this part out.
+/// Returns the text with which a note names one element of a device's property, such as a setting; `None` if
+/// the note leaves this element out.
 fn shown(part: &str, device: &Value) -> Option<String> {
     let mut by_raycl = device["set_by_raycl"].as_array().into_iter().flatten();
     match by_raycl.any(|setting| setting == part) {
@@ -53,15 +54,16 @@ fn shown(part: &str, device: &Value) -> Option<String> {
     }
 }
 
-/// Returns the description of a device in a folder's `environment.json`; null if there is none.
+/// Returns the description of a device in a folder's `environment.json`; null if the file does not describe
+/// the device.
 fn described(folder: &Folder, device: &str) -> Value {
     let mut all = folder.environment["devices"].as_array().into_iter().flatten();
     all.find(|one| one["device"] == device).cloned().unwrap_or_default()
 }
 
-/// Returns the properties of a device that affect its times, each as the parts that a note can name; `None` for a
-/// property that is not known. PoCL has as many compute units as threads, so a device with threads has no property for
-/// its compute units.
+/// Returns the properties of a device that affect its times. Each property is a list of texts that a note can
+/// name, or `None` if the property is unknown. PoCL has as many compute units as threads, so a device with
+/// threads has no property for its compute units.
 fn properties(device: &Value) -> [Option<Vec<String>>; 7] {
     let text = |key: &str| device[key].as_str().map(|text| vec![text.to_owned()]);
     let count = |key: &str, what: &str| {
@@ -158,8 +160,9 @@ impl Comparison {
         })
     }
 
-    /// Returns a note on the points whose changes are relative to points that changed by similar factors, if there are
-    /// such points. The note names these points, unless they are all points that have a change.
+    /// Returns a note on the points whose changes are relative to points that changed by similar factors, if
+    /// the comparison has such points. The note names these points, unless all points with a known change are
+    /// of this kind.
     fn without_baseline(&self) -> Option<String> {
         let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
         let names: Vec<String> =
@@ -177,8 +180,8 @@ impl Comparison {
         ))
     }
 
-    /// Returns a note on the kernels whose change cannot be told, if there are any. The note says why, and which option
-    /// compares them nevertheless.
+    /// Returns a note on the kernels with the verdict "cannot tell"; `None` if no kernel has this verdict.
+    /// The note says why raycl cannot tell the change, and which option compares these kernels nevertheless.
     fn cannot_tell(&self) -> Option<String> {
         let is_unknown = |pair: &&Pair| pair.verdict == Verdict::CannotTell && !pair.before.is_baseline();
         let unknown = self.pairs.iter().filter(is_unknown);
@@ -194,8 +197,8 @@ impl Comparison {
         })
     }
 
-    /// Returns a note on the points that [`Self::regressions`] does not test because the second folder lacks them, if
-    /// there are any.
+    /// Returns a note on the points that [`Self::regressions`] does not test because the second folder has no
+    /// record of them; `None` if the second folder has records of all points.
     pub fn lost_points(&self) -> Option<String> {
         (!self.lost.is_empty()).then(|| {
             format!(
@@ -208,8 +211,8 @@ impl Comparison {
     }
 }
 
-/// Returns a text with the points' names. For more than four points, the text has their number and the first
-/// four names.
+/// Returns a text with the names of points. For more than four points, the text has the number of points and
+/// the first four names.
 fn which(names: &[String]) -> String {
     match names.len() {
         count if count > 4 => format!("{count} of the points ({}, ...)", names[..4].join("; ")),

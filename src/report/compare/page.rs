@@ -59,11 +59,12 @@ impl Comparison {
         ((1e4 * self.threshold).round() / 100.0).to_string()
     }
 
-    /// Returns the table's rows, largest changes first.
+    /// Returns the rows of the comparison's table, with the largest changes first.
     fn rows(&self) -> Vec<Row> {
         let several = self.has_several_devices();
         let mut pairs: Vec<_> = self.pairs.iter().collect();
-        // Half the time is as large a change as twice the time. Points without a change come last.
+        // A change to half the time counts as large as a change to twice the time. Points whose change is
+        // unknown come last.
         let size = |pair: &Pair| pair.change.map_or(-1.0, |(change, _)| change.middle.ln().abs());
         pairs.sort_by(|a, b| size(b).total_cmp(&size(a)));
         let row = |pair: &&Pair| Row {
@@ -98,8 +99,8 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green means faster, vermilion slower, blue same, and grey unclear, as in the table. Each verdict on
-            // points whose change cannot be computed has another colour.
+            // As in the table, green means faster, vermilion slower, blue the same, and grey unclear. The
+            // verdicts on points whose change cannot be computed have further colours.
             let look = Look::of([2, 1, 0, 6, 4, 5, 3][index]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
@@ -154,7 +155,7 @@ struct Page<'a> {
     rule: String,
 }
 
-/// A row of the table.
+/// A row of the comparison's table.
 struct Row {
     point: String,
     before: String,

@@ -1,4 +1,4 @@
-//! A point that two folders measured, and the change of its time.
+//! Defines a point that two compared folders measured, and the change of the point's time.
 
 use crate::measure::{Interval, Verdict};
 use crate::numbers::{by, significant};
@@ -6,17 +6,17 @@ use crate::record::{Record, fewest, is_below_resolution};
 use crate::report::words::{size_name, title};
 use serde::Serialize;
 
-/// Two records of a point that both folders measured.
+/// The two records of a point that both compared folders measured.
 pub(super) type Both<'a> = (&'a Record, &'a Record);
 
-/// A point that both folders measured.
+/// A point that both compared folders measured, with the verdict on the change of its time.
 #[derive(Clone, Debug)]
 pub struct Pair {
     /// The point's record in the first folder.
     pub before: Record,
     /// The point's record in the second folder.
     pub after: Record,
-    /// The verdict on the second record, compared with the first.
+    /// The verdict on the second record's time, compared with the first record's time.
     pub verdict: Verdict,
     /// The ratio of the second time to the first time, and the measurements to which both times are
     /// relative; `None` if the ratio cannot be computed.
@@ -32,14 +32,14 @@ pub enum Against {
     /// Casters on the host that were timed in the same rounds and are the same program in both
     /// folders.
     Baselines,
-    /// Points of the same rounds that changed by similar factors. A change that all points share
-    /// cannot be detected.
+    /// Points of the same rounds that changed by similar factors. Relative to such points, a change that all
+    /// points share cannot be detected.
     PointsInCommon,
-    /// No other measurement. The measured times are compared directly, although they are from different runs
-    /// or sessions.
+    /// The times are relative to no other measurement. The two times are compared directly, although they are
+    /// from different runs or sessions.
     BareTimes,
-    /// No other measurement. Both times were measured in the same rounds of one run, so they are compared
-    /// directly.
+    /// The times are relative to no other measurement. Both times were measured in the same rounds of one
+    /// run, so they can be compared directly.
     SameRounds,
 }
 
@@ -51,9 +51,9 @@ impl Pair {
     }
 
     /// Formats the change as "+12.3% (+10.1 to +14.2)". For a factor of at least ten, the format is "496× as
-    /// long". For a factor of at most a tenth, the format is "20.0× as fast". With too few samples, the
-    /// format is "n = 10 and 3": the numbers of samples in the two folders. If the change is unknown for
-    /// another reason, the text is "?".
+    /// long". For a factor of at most a tenth, the format is "20.0× as fast". If a record has too few
+    /// samples, the format is "n = 10 and 3", with the numbers of samples in the two folders. If the change
+    /// is unknown for another reason, the text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -71,8 +71,8 @@ impl Pair {
         }
     }
 
-    /// Returns the point's name, such as "teapot 800 x 500, naive 8x8". If `device` is true and the point is no
-    /// baseline, the device follows.
+    /// Returns the point's name, such as "teapot 800 x 500, naive 8x8". If `device` is true and the point is
+    /// not a baseline, the device's name follows.
     pub fn point(&self, device: bool) -> String {
         name(&self.before, device)
     }
@@ -86,7 +86,8 @@ impl Pair {
         };
     }
 
-    /// Returns the verdict on a point whose change cannot be computed. This verdict states the reason.
+    /// Returns the verdict on a point whose change cannot be computed. The verdict says why the change cannot
+    /// be computed.
     fn without_change(&self) -> Verdict {
         let records = [&self.before, &self.after];
         if records.iter().all(|record| record.relative_times.is_some()) {
@@ -98,7 +99,7 @@ impl Pair {
         }
     }
 
-    /// Returns the two records.
+    /// Returns the point's two records.
     pub(super) fn both(&self) -> Both<'_> {
         (&self.before, &self.after)
     }

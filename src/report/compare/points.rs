@@ -1,19 +1,19 @@
-//! Finds out which records of two folders are of the same point.
+//! Finds out which records of two compared folders belong to the same point.
 
 use crate::record::{Folder, HOST, Record};
 use crate::report::merged::device_names;
 use std::collections::{HashMap, HashSet};
 
-/// How the points of two folders correspond.
+/// The rules by which the points of two compared folders correspond.
 ///
 /// Points correspond if their records have the same key. Points without a record of the same key in the other
-/// folder correspond if their scenes, image sizes, strategies' names and local sizes are equal, and their devices
-/// correspond. Devices correspond if their names are equal, or if records with equal keys show that they are the
-/// same. If each folder has a single device, the two devices also correspond, so that results of different machines
-/// can be compared. Scenes correspond if their contents are equal. If either folder did not record the contents,
-/// scenes correspond if their names are equal.
+/// folder correspond if their scenes, image sizes, strategies' names and local sizes are equal, and their
+/// devices correspond. Devices correspond if their names are equal, or if records with equal keys show that
+/// the devices are the same. If each folder has a single device, the two devices also correspond, so that
+/// results of different machines can be compared. Scenes correspond if their contents are equal. If either
+/// folder did not record the contents, scenes correspond if their names are equal.
 pub struct Correspondence<'a> {
-    /// The keys of which both folders have records.
+    /// The keys that have records in both folders.
     common_keys: HashSet<&'a str>,
     /// Maps the first folder's names of devices to the second folder's names.
     device_names: HashMap<String, String>,
@@ -23,17 +23,17 @@ pub struct Correspondence<'a> {
     pub by_content: bool,
 }
 
-/// What corresponding records of the two folders have in common.
+/// The values that are equal in two corresponding records of the two folders.
 #[derive(PartialEq, Eq, Hash)]
 pub enum Point {
-    /// The key, if both folders have a record with this key.
+    /// The records' key, if both folders have a record with this key.
     Key(String),
     /// The scene's content or name, the image size, the device, the strategy's name and the local size.
     Names(String, [u32; 2], String, String, Option<[u32; 2]>),
 }
 
 impl<'a> Correspondence<'a> {
-    /// Finds out how the points of two folders correspond.
+    /// Finds out by which keys, devices and scenes the points of two folders correspond.
     pub fn between(before: &'a Folder, after: &'a Folder) -> Self {
         Self {
             common_keys: keys(before).intersection(&keys(after)).copied().collect(),
@@ -43,7 +43,7 @@ impl<'a> Correspondence<'a> {
         }
     }
 
-    /// Returns what this record and the corresponding record of the other folder have in common.
+    /// Returns the values that `record` and the corresponding record of the other folder have in common.
     pub fn point(&self, record: &Record) -> Point {
         if self.common_keys.contains(record.key.as_str()) {
             return Point::Key(record.key.clone());
@@ -61,8 +61,9 @@ impl<'a> Correspondence<'a> {
         before.device != after.device && self.device_names.get(&before.device) == Some(&after.device)
     }
 
-    /// Returns a record of the second folder, with the first folder's name for the record's device. The name
-    /// stays unchanged unless exactly one device of the first folder has this name in the second folder.
+    /// Returns a record of the second folder, with the name that the first folder gives to the record's
+    /// device. The name stays unchanged unless exactly one device of the first folder corresponds to the
+    /// device.
     pub fn with_device_of_first(&self, record: &Record) -> Record {
         let of_device = |(_, second): &(&String, &String)| **second == record.device;
         let mut known = self.device_names.iter().filter(of_device).map(|(first, _)| first);
@@ -71,8 +72,8 @@ impl<'a> Correspondence<'a> {
     }
 }
 
-/// Returns the values that are equal in both records of a point that was measured with two folders of
-/// kernels.
+/// Returns those values of a record that are equal in the two records of a point that one run measured with
+/// two folders of kernels.
 pub fn twin(record: &Record) -> ([&str; 3], [u32; 2], Option<[u32; 2]>) {
     ([&record.scene, &record.device, &record.strategy], record.image_size, record.local_size)
 }

@@ -1,4 +1,4 @@
-//! Finds regressions: slowdowns that are statistically significant. There are tests of each single point, of
+//! Finds regressions: slowdowns that are statistically significant. The tests are of each single point, of
 //! the mean of each strategy's points, and of the mean of all points. A mean shows a small slowdown of many
 //! points even if no single slowdown is significant, for example after a change to a file that all strategies
 //! share.
@@ -13,15 +13,15 @@ use crate::record::{
     unshared_delay,
 };
 
-/// The largest probability that a comparison of two runs of the same program reports a regression.
+/// The largest probability with which a comparison of two runs of the same program may report a regression.
 const RISK: f64 = 0.02;
 
 /// Returns one line per slowdown that exceeds `limit_percent` with the certainty that `RISK` demands. A
 /// single point is listed only if its fastest samples also became slower by more than `limit_percent` (see
-/// [`change_of_fastest`]). One more line follows for each point that was measured in the first folder and has
-/// another outcome in the second, such as `infeasible` or `wrong-image`. The permitted probability of a false
-/// report (`RISK`) is divided into three equal parts: for the mean of all points, for the strategies' means,
-/// and for the single points.
+/// [`change_of_fastest`]). A further line follows for each point that was measured in the first folder and
+/// has another outcome in the second folder, such as `infeasible` or `wrong-image`. The permitted probability
+/// of a false report (`RISK`) is divided into three equal parts: for the mean of all points, for the
+/// strategies' means, and for the single points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {
@@ -65,16 +65,16 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
 }
 
 /// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median,
-/// this factor is relative to other measurements (see [`Against`]). If a program became slower, all samples
-/// take longer. If only the machine was slower for most of the run, the fastest samples take as long as
-/// before.
+/// this factor is relative to other measurements (see [`Against`]). If the program became slower, all samples
+/// take longer, including the fastest. If only the machine was slower for most of the run, the fastest
+/// samples take as long as before.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
     let [Some(before), Some(after)] = [before, after] else { return change.middle };
     change.middle * after / before
 }
 
-/// Returns the 10% quantile of a record's samples as a fraction of their median; `None` without
+/// Returns the 10% quantile of a record's samples as a fraction of their median; `None` if the record has no
 /// samples.
 fn spread(record: &Record) -> Option<f64> {
     let mut sorted = record.samples_ms.clone();
@@ -83,16 +83,16 @@ fn spread(record: &Record) -> Option<f64> {
     (!sorted.is_empty()).then(|| at(0.1) / at(0.5))
 }
 
-/// The mean change of some points.
+/// The mean change of all points, or of a strategy's points.
 struct Mean<'a> {
     /// The points' strategy; `None` for all points.
     strategy: Option<&'a str>,
-    /// Number of points.
+    /// Number of points, including those that the mean leaves out.
     points: usize,
     /// Number of points that the mean includes.
     tested: usize,
-    /// The mean; `None` if no point can be included or, for a strategy, only one. A single point has its own
-    /// test.
+    /// The mean change; `None` if the mean can include no point or, for a strategy, only one point. A single
+    /// point is tested separately.
     change: Option<Interval>,
 }
 
@@ -107,7 +107,7 @@ fn means(comparison: &Comparison) -> Vec<Mean<'_>> {
     std::iter::once(whole).chain(each).collect()
 }
 
-/// Groups the compared points by strategy; strategies with a single point are left out.
+/// Groups the compared points by strategy, and leaves out strategies with a single point.
 fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
     for &pair in kernels {
@@ -147,10 +147,10 @@ fn mean<'a>(
     Mean { strategy, points: pairs.len(), tested, change }
 }
 
-/// Returns the mean change of points that were measured together, on one device; `None` if there is no
+/// Returns the mean change of points that were measured together, on one device; `None` if the points have no
 /// reference. Without an anchor and without baselines, the references are points that are not part of the
-/// mean, so the mean of all points has none. `controls` are the borrowed control points of the mean's
-/// strategy. The control points and the group's own points are no references.
+/// mean, so the mean of all points has no references. `controls` are the borrowed control points of the
+/// mean's strategy. Neither the control points nor the group's own points are references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],
@@ -164,10 +164,10 @@ fn change_of_group<'a>(
         Against::BareTimes => mean_relative_to_earlier(&after, &before),
         Against::Anchor => {
             let change = anchored_mean(&after)?.over(anchored_mean(&before)?);
-            // A point's delay is the logarithm of the factor by which the point's change may be too large. The delay
-            // changes the logarithm of the mean by the delay divided by the number of points. Positive and negative
-            // delays both widen the interval, so they must not cancel in a sum. They are therefore applied one after
-            // the other.
+            // A point's delay is the logarithm of the factor by which other programs may have made the
+            // point's change too large. The delay of one point changes the logarithm of the mean by the delay
+            // divided by the number of points. Positive and negative delays both widen the interval, so they
+            // must not cancel in a sum. The delays are therefore applied one after another.
             let delay_of = |(before, after): &Both<'_>| unshared_delay(before, after) / points.len() as f64;
             Some(points.iter().map(delay_of).fold(change, Relative::over_up_to))
         }

@@ -34,7 +34,7 @@ fn another_machines_results_are_compared_point_by_point() {
     assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
     let markdown = comparison.markdown();
     assert!(markdown.contains("| slower |"), "{markdown}");
-    // The largest changes come first: 2 times as long, then 0.6 times as long, then no change.
+    // The rows with the largest changes come first: 2 times as long, then 0.6 times as long, then no change.
     let positions = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
     assert!(positions.is_sorted(), "{markdown}");
 }
@@ -89,8 +89,8 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     let regressions = in_common.regressions(25.0);
     assert!(regressions[0].starts_with("wide at its 2 points is 50.0% slower"), "{regressions:?}");
     assert_eq!(regressions.len(), 3, "{regressions:?}");
-    // Without a baseline, nothing shows whether all points became slower. The points of `wide` must not be compared
-    // with themselves.
+    // Without a baseline, nothing shows whether all points became slower. The mean of the points of `wide`
+    // must not be compared with the same points.
     let note = in_common.left_out_of_means().unwrap();
     assert!(note.contains("their points: all points together (without 6 of 6 points). A point"), "{note}");
 }
@@ -110,8 +110,9 @@ fn a_group_without_an_anchor_does_not_hide_the_others() {
     assert!(note.contains("all points together (without 4 of 8 points)"), "{note}");
 }
 
-/// The points of ten scenes were measured beside the same anchor. From run to run, the time of each point differs by
-/// 0.4%. These differences average out over many points, but the difference of the anchor does not.
+/// The points of ten scenes were measured with the same anchor. From run to run, the time of each point
+/// differs by 0.4%. The differences of the points average out in a mean, but the difference of the anchor
+/// does not.
 #[test]
 fn the_anchors_own_difference_between_runs_does_not_average_out() {
     let record = |number: u32, record: &Record| Record {
@@ -136,8 +137,8 @@ fn the_anchors_own_difference_between_runs_does_not_average_out() {
         }
     };
     let comparison = of(&run("old", 1.0), &run("new", 1.02));
-    // The difference of the two anchors has a standard deviation of 0.4% times the square root of 2. In one of 150
-    // comparisons, it is above 1.4%.
+    // The difference of the two anchors has a standard deviation of 0.4% times the square root of 2. In one
+    // of 150 comparisons, the difference is above 1.4%.
     assert_eq!(comparison.regressions(1.0), Vec::<String>::new());
     let regressions = comparison.regressions(0.3);
     assert!(regressions[0].starts_with("all points together are 2.0% slower"), "{regressions:?}");
@@ -182,8 +183,8 @@ fn one_kernel_that_is_slower_is_found_among_others() {
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let regressions = comparison.regressions(5.0);
     assert!(regressions[0].contains("bvh"), "{regressions:?}");
-    // The permitted probability of a false report is 2%. A third of this probability is for the tests of single points,
-    // and the test of each of the five points has a fifth of this third.
+    // The permitted probability of a false report is 2%. A third of the 2% is for the tests of single points,
+    // so the test of each of the five points may use a fifteenth of the 2%.
     let (change, _) = comparison.pairs.iter().find(|pair| pair.before.name == "bvh").unwrap().change.unwrap();
     let least = |risk: f64| format!("at least {:.1}%", super::pair::percent(change.surely_above(risk)));
     assert_ne!(least(0.02 / 3.0 / 5.0), least(0.02 / 5.0));
@@ -234,7 +235,8 @@ fn scenes_correspond_by_name_if_a_folder_has_not_recorded_their_content() {
     let before = folder("old", vec![timed("a", "naive", 10.0)]);
     let comparison = of(&before, &folder("new", vec![known("naive")]));
     assert_eq!((comparison.pairs.len(), comparison.others.len()), (1, 0), "{:?}", comparison.others);
-    // The first folder has no hashes of scenes, so nothing shows that the scenes of this name differ.
+    // The first folder has no hashes of scenes, so nothing shows that the two scenes with the same name
+    // differ.
     let before = folder("old", vec![timed("a", "naive", 10.0), timed("a", "wide", 10.0)]);
     let comparison = of(&before, &folder("new", vec![known("naive"), known("bvh")]));
     assert_eq!(comparison.pairs.len(), 1);
@@ -280,7 +282,7 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
-/// In the second run, the driver had one thread, because the user had set an environment variable.
+/// In the run `one`, the driver had one thread, because the user had set an environment variable.
 #[test]
 fn devices_whose_states_differ_are_named_with_what_differs() {
     let run = |label: &str, device: &str, more: serde_json::Value| {
@@ -301,7 +303,7 @@ fn devices_whose_states_differ_are_named_with_what_differs() {
     let expected = "The devices differ. In two: a, 2 threads. In one: a, 1 thread, POCL_MAX_PTHREAD_COUNT=1.";
     assert_eq!(note(&two, &one).as_deref(), Some(expected));
     assert!(of(&two, &one).markdown().contains(&format!("\nNote: {expected}\n")));
-    // raycl has set the number of threads and pinned them.
+    // In the run `own`, raycl has set the number of threads and pinned the threads.
     let set = ["POCL_AFFINITY=1", "POCL_MAX_PTHREAD_COUNT=2", "X=1"];
     let description = serde_json::json!({ "threads": 2, "settings": set, "set_by_raycl": set[..2] });
     let expected = "The devices differ. In own: a, 2 threads, POCL_AFFINITY=1 (set by raycl). In one: a, 1 thread, POCL_MAX_PTHREAD_COUNT=1.";
@@ -310,7 +312,7 @@ fn devices_whose_states_differ_are_named_with_what_differs() {
     let plain = run("plain", "a", serde_json::json!({}));
     let expected = "The devices differ. In plain: a, driver 3.1. In other: b, driver 5.0.";
     assert_eq!(note(&plain, &other).as_deref(), Some(expected));
-    // Folders of earlier versions do not contain the settings and the number of threads.
+    // Folders that earlier versions of raycl wrote contain neither the settings nor the number of threads.
     assert_eq!([note(&two, &two), note(&two, &plain)], [None, None]);
 }
 
@@ -347,7 +349,7 @@ fn points_that_the_second_folder_lacks_are_noted() {
     let note = of(&all, &few).lost_points().unwrap();
     let first = "`--fail-on-regression` does not test these points: teapot 800 x 500, bvh 8x8; teapot";
     assert!(note.starts_with(first) && note.ends_with("in all, and few has no records of them."), "{note}");
-    // The point that only the first folder has was not measured.
+    // In the first folder, the point that the second folder lacks has no time, so it does not count as lost.
     assert_eq!(of(&few, &all).lost_points(), None);
     let many = of(&all, &folder("none", vec![infeasible("a", "naive", 8, "no")])).lost_points().unwrap();
     assert!(
@@ -364,8 +366,8 @@ fn kernels_about_which_nothing_can_be_told_are_noted_with_the_reason() {
     let is_said = |notes: &[String]| notes.iter().any(|note| note.starts_with(expected));
     assert!(is_said(&notes), "{notes:?}");
     assert!(!is_said(&Comparison::of(&two, &two, 0.02, true).notes));
-    // The verdict on the baseline is "cannot tell", because there is no other baseline. The note is only
-    // about kernels.
+    // The verdict on the baseline is "cannot tell", because there is no other baseline. The note on this
+    // verdict is only about kernels.
     let with_host =
         |label: &str| folder(label, vec![timed("a", "naive", 10.0), timed("host", "serial", 10.0)]);
     let notes = of(&with_host("old"), &with_host("new")).notes;
@@ -377,9 +379,9 @@ fn five_points(slow: impl Fn(&str) -> f64) -> Vec<Record> {
     ["wide", "naive", "bvh", "tile", "raster"].map(|name| timed("a", name, slow(name))).to_vec()
 }
 
-/// Returns the points of [`five_points`] as a group of two blocks. The first block has the first three points, of which
-/// `wide` is the control point. The second block has the other two points, and also measures (borrows) the control
-/// point.
+/// Returns the points of [`five_points`] as a group of two blocks. The first block has the first three
+/// points, of which `wide` is the control point. The second block has the last two points, and also measures
+/// (borrows) the control point.
 fn two_blocks(label: &str, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = five_points(slow);
     records.push(Record { is_control: true, ..records[0].clone() });
@@ -402,19 +404,20 @@ fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds
     assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
     assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
-    // The mean of all points is not tested: the only reference of this mean is the control point, which is one of these
-    // points.
+    // The mean of all points is not tested: the only reference of this mean is the control point, which is
+    // one of the mean's points.
     let note = changed.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
-    // The folder `whole` has the same points, but they were not divided into blocks: all were measured in the same
-    // rounds. A comparison with this folder also includes all five points.
+    // The folder `whole` has the same points, but they were not divided into blocks: all points were measured
+    // in the same rounds. A comparison with `whole` also includes all five points.
     let whole = folder("whole", five_points(|_| 1.0));
     for comparison in [of(&blocks, &whole), of(&whole, &blocks)] {
         assert_eq!(comparison.summary(), "0 faster, 0 slower, 5 same, 0 unclear");
     }
 }
 
-/// The second block has a point of the control point's strategy, and another point that became slower.
+/// The second block has a point of the same strategy as the control point, and a point of another strategy
+/// that became slower.
 #[test]
 fn the_mean_of_a_strategy_is_not_relative_to_a_borrowed_control_point_of_the_same_strategy() {
     let run = |tile: f64| {
@@ -485,8 +488,8 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
-/// The drift that is subtracted from the logarithms of a point's times is computed from all samples of the same rounds.
-/// The drift affects the point's ratio to the anchor.
+/// The drift that is subtracted from the logarithms of a point's times is computed from all samples of the
+/// same rounds. This drift affects the point's ratio to the anchor.
 #[test]
 fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
     let run = |label: &str, unsteady: f64| {
@@ -509,7 +512,7 @@ fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_t
 }
 
 /// Returns a folder with the points and anchors of `one` and `other`. The points and anchors of `other` get
-/// the device `device`, and their launch numbers are increased by `launches`. The points of `other` also get
+/// the device `device` and launch numbers that are larger by `launches`. The points of `other` also get
 /// another scene.
 fn and(one: Folder, other: Folder, launches: u32, device: &str) -> Folder {
     let record = |record: &Record| Record {
@@ -558,8 +561,8 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
         and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| 1.0), launches, "gpu")
     };
     let together = run("together", 1.0, 0);
-    // If points were compared relative to the anchor of the other group, they would appear to be slower in the run
-    // `after`.
+    // If points were compared relative to the anchor of another group, the points would appear to be slower
+    // in the run `after`.
     let (fast, slow) = (run("fast", 0.5, 10), run("slow", 2.0, 10));
     for (before, after) in [(&together, &slow), (&fast, &together)] {
         let comparison = of(before, after);
@@ -568,8 +571,8 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
     }
 }
 
-/// Returns a folder in which each sample of the anchor took `delay` times as long because of other programs, which
-/// delayed no sample of a point.
+/// Returns a folder in which each sample of the anchor took `delay` times as long because of other programs,
+/// while these programs delayed no sample of a point.
 fn with_delayed_anchor(mut folder: Folder, delay: f64) -> Folder {
     folder.records.iter_mut().for_each(|record| record.utilization = Some(2.0));
     for anchor in &mut folder.anchors {
@@ -594,7 +597,7 @@ fn an_anchor_that_other_programs_delayed_makes_no_point_faster_or_slower() {
     assert!(!of(&quiet, &quiet).notes.iter().any(|note| note.contains("factors that differ")));
 }
 
-/// The points seem to take 3.2 times as long: they take twice as long, and the anchor was delayed by the
+/// The points take twice as long, but seem to take 3.2 times as long, because the anchor was delayed by the
 /// factor 1.6 in the first run. The delay can explain only the factor 1.6.
 #[test]
 fn a_slowdown_of_all_points_that_exceeds_the_anchors_delay_is_found_in_the_means() {
@@ -679,7 +682,7 @@ fn a_point_that_is_a_hundred_times_as_fast_changed_more_than_one_that_takes_twic
     let markdown = comparison.markdown();
     let positions = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
     assert!(positions.is_sorted(), "{markdown}");
-    // The page sorts its rows by these values, which are the changes in percent.
+    // The page sorts its rows by the values of `data-v`, which are the changes in percent.
     let html = comparison.html().expect("it renders");
     let values = html.split("data-v=\"").skip(1).map(|rest| rest.split('"').next()?.parse::<f64>().ok());
     let rounded = |value: Option<f64>| value.map(f64::round);
@@ -730,8 +733,9 @@ fn kernels_of_two_sessions_are_not_compared_as_if_they_were_measured_in_the_same
     );
 }
 
-/// If a run compares two folders of kernels, a point's name ends with the folder of its kernels. The message on a
-/// regression names a pair of points without this folder, because the two points have different folders.
+/// If a run compares two folders of kernels, a point's name ends with the folder of its kernels. The message
+/// on a regression names the pair of compared points without the folder, because the kernels of the two
+/// points are from different folders.
 #[test]
 fn a_regression_does_not_name_the_old_folder_of_kernels() {
     let with = |kernels: &str, ms| Record {
@@ -774,7 +778,8 @@ fn points_are_named_with_their_device_if_one_of_the_folders_has_several() {
     }
 }
 
-/// A point may fail, or be absent, on one of several devices, on each of them, or on one that has no other point.
+/// A point may fail, or be absent, on one of several devices, on each device, or on a device that has no
+/// other point.
 #[test]
 fn points_that_are_not_compared_are_named_with_their_device_too() {
     let fails = |device: &str| infeasible(device, "naive", 8, "no");
@@ -875,8 +880,8 @@ fn notes_tell_what_changes_are_relative_to() {
     assert_eq!(has_notes(&of(&anchor, &anchor)), [true, false, false]);
 }
 
-/// The seed, for example, is a setting that is part of a record's key. If the seeds of two runs differ, the keys of the
-/// only baseline differ too.
+/// The key of a record depends on settings such as the seed, so the only baseline has different keys in runs
+/// with different seeds.
 #[test]
 fn only_points_without_a_baseline_and_an_anchor_are_said_to_be_relative_to_others() {
     let run = |key: &str| {
@@ -966,7 +971,7 @@ fn the_plot_has_the_first_folder_across_and_a_colour_for_each_verdict() {
     assert_eq!(comparison.summary(), "1 faster, 2 slower, 1 same, 0 unclear");
     let svg = comparison.plot().svg;
     assert!(svg.contains("<desc>new: median ms against old: median ms</desc>"), "{svg}");
-    // Green means faster, vermilion means slower, and blue means the same.
+    // In the plot, green means faster, vermilion means slower, and blue means the same.
     for (class, name) in [("s2", "faster (1)"), ("s1", "slower (2)"), ("s0", "same (1)")] {
         let entry = svg.split(&format!("class=\"entry {class}\"")).nth(1).unwrap_or_default();
         assert!(entry.split("</g>").next().is_some_and(|entry| entry.contains(name)), "{name}: {svg}");

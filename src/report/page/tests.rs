@@ -45,7 +45,8 @@ fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
 
 #[test]
 fn a_row_has_millions_of_rays_and_billions_of_tests_per_second() {
-    // In 10 ms, a frame casts 400,000 primary rays and 200,000 shadow rays. The primary rays alone take 4 ms.
+    // The frame takes 10 ms for 400,000 primary rays and 200,000 shadow rays, of which the primary rays take
+    // 4 ms.
     let record = Record {
         shadow_rays: Some(200_000),
         primary_ms: Some(4.0),
@@ -99,8 +100,8 @@ fn every_note_on_a_scene_is_shown_once() {
     assert_eq!(scene_notes(&groups(&records)[0]), ["a", "b", "c"]);
 }
 
-/// Two scenes were measured on two devices at two image sizes. The scenes' names differ only in characters that are
-/// replaced in the names of files.
+/// Two scenes were measured on two devices at two image sizes. The scenes' names differ only in characters
+/// that raycl replaces in file names.
 #[test]
 fn every_plot_has_a_file_of_its_own_that_a_later_report_can_remove() {
     let of = |device: &str, (scene, triangles): (&str, u64), width: u32, side: u32| Record {
@@ -230,7 +231,8 @@ fn the_question_of_several_folders_is_shown_once() {
     assert_eq!(questions(&["a?", "b?", "a?"].map(of)), ["a?", "b?"].map(pair));
 }
 
-/// The records of several folders may have names of devices that select no device.
+/// In a report on several folders, a record's device name may end with the folder's label, and `--device`
+/// does not select a device by such a name.
 #[test]
 fn the_instructions_of_the_fastest_point_are_offered_only_for_a_single_folder() {
     let folder = |label: &str| {

@@ -10,38 +10,38 @@ use super::shorten::shorten_all;
 use super::svg::{Anchor, LINE, Svg};
 pub use series::{Mark, Series};
 
-/// The largest number of characters of a slanted name along x. Longer names are shortened.
+/// The largest number of characters of a slanted name at the x axis. Longer names are shortened.
 const LONGEST_SLANTED: usize = 20;
 
-/// The x axis.
+/// What the x axis of a chart shows: names or numbers.
 #[derive(Clone, Debug)]
 pub enum Across {
-    /// Names at equal distances; a mark's x is the index of a name.
+    /// Names at equal distances. The x value of a mark is the index of a name.
     Names(Vec<String>),
-    /// Numbers, on a scale of this kind.
+    /// Numbers, on a linear or logarithmic scale.
     Numbers(Kind),
 }
 
-/// A chart.
+/// A chart with two axes, in which each mark shows a pair of values.
 #[derive(Clone, Debug)]
 pub struct Chart {
     /// The chart's title.
     pub title: String,
-    /// The quantity along x, and its unit.
+    /// The label of the x axis: the quantity and its unit.
     pub x_label: String,
-    /// The quantity along y, and its unit.
+    /// The label of the y axis: the quantity and its unit.
     pub y_label: String,
-    /// The x axis.
+    /// What the x axis shows.
     pub across: Across,
-    /// The scale of the y axis.
+    /// Whether the scale of the y axis is linear or logarithmic.
     pub up: Kind,
-    /// True if the line y = x is drawn.
+    /// True if the chart shows the line y = x.
     pub diagonal: bool,
     /// The series of marks.
     pub series: Vec<Series>,
 }
 
-/// The axes of a chart in pixels.
+/// The positions of a chart's axes in pixels.
 struct Frame {
     layout: Layout,
     across: Scale,
@@ -52,12 +52,12 @@ struct Frame {
 }
 
 impl Chart {
-    /// Returns the chart as SVG.
+    /// Returns the chart as SVG for a screen.
     pub fn svg(&self) -> String {
         self.drawn(WIDE)
     }
 
-    /// Returns the chart as SVG for a phone: narrow, with the legend below.
+    /// Returns the chart as SVG for a phone: narrow, with the legend below the axes.
     pub fn narrow_svg(&self) -> String {
         self.drawn(NARROW)
     }
@@ -137,7 +137,7 @@ impl Chart {
         svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
     }
 
-    /// Returns the length of the longest name along x, in characters, but at most `LONGEST_SLANTED`.
+    /// Returns the number of characters of the longest name at the x axis, but at most `LONGEST_SLANTED`.
     fn longest_name(&self) -> usize {
         match &self.across {
             Across::Names(names) => {
@@ -148,19 +148,19 @@ impl Chart {
         }
     }
 
-    /// Returns true if the names along x are slanted, because horizontal names would overlap.
+    /// Returns true if the names at the x axis are slanted, because horizontal names would overlap.
     fn names_are_slanted(&self, layout: Layout) -> bool {
         let Across::Names(names) = &self.across else { return false };
         names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > layout.width
     }
 
-    /// Returns the additional height in pixels that the names along x need.
+    /// Returns the additional height in pixels that the names at the x axis need.
     fn names_height(&self, layout: Layout) -> f64 {
         if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
-    /// Returns the ticks along x with their labels. If even slanted names would overlap, only every second,
-    /// third, ... name has a tick.
+    /// Returns the positions and labels of the ticks of the x axis. If even slanted names would overlap, only
+    /// every second, third, ... name has a tick.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {
@@ -245,7 +245,7 @@ mod tests {
         assert!(chart.label_top(&frame) > lowest, "{} is above {lowest}", chart.label_top(&frame));
     }
 
-    /// A series without a name is a fitted line. Such a series has no entry in the legend, and belongs to the
+    /// A series without a name is a fitted line. A fitted line has no entry in the legend, and belongs to the
     /// series before it.
     #[test]
     fn series_have_the_numbers_of_their_entries_in_the_legend() {
@@ -261,7 +261,7 @@ mod tests {
         assert!(!one.svg().contains("class=\"line\""));
     }
 
-    /// Returns the positions of the markers, which are discs.
+    /// Returns the positions of a chart's markers, which must be discs.
     fn positions(svg: &str) -> Vec<[f64; 2]> {
         let marks = svg.split("class=\"mark\"").skip(1);
         let position = |mark: &str| {
@@ -277,7 +277,7 @@ mod tests {
     fn marks_stand_above_their_names_and_longer_times_are_further_up() {
         let chart = chart("naive");
         let [one, other] = positions(&chart.svg())[..] else { panic!("two marks") };
-        // The x axis is 640 pixels long and begins at 66; each of the two names has half of it.
+        // The x axis is 640 pixels long and begins at pixel 66. Each of the two names has half of the axis.
         assert_eq!([one[0], other[0]], [66.0 + 160.0, 66.0 + 480.0]);
         assert!(one[1] < other[1], "10 ms at {one:?}, 1 ms at {other:?}");
         let frame = chart.frame(WIDE);

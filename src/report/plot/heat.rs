@@ -1,4 +1,4 @@
-//! Draws heat maps with rows and columns. The cells of slow points are dark, and those of fast points are
+//! Draws heat maps with rows and columns. The cells of slow points are dark, and the cells of fast points are
 //! light. The cells of points whose time is missing or cannot be compared are hatched.
 
 use super::layout::LETTER;
@@ -7,22 +7,23 @@ use super::shorten::{shorten, shorten_all};
 use super::svg::{Anchor, Svg, number};
 use crate::image::viridis;
 
-/// A cell.
+/// A cell of a heat map.
 #[derive(Clone, Debug)]
 pub enum Cell {
-    /// A time.
+    /// The cell of a point whose time can be compared.
     Time {
-        /// The point's time divided by the time of the fastest point with which it is compared. The map
-        /// treats a ratio below 1 as 1.
+        /// The point's time divided by the time of the fastest point with which the point is compared. The
+        /// heat map treats a ratio below 1 as 1.
         slower: f64,
-        /// The time, or a ratio of times, as text.
+        /// The text in the cell: the point's time, or a ratio of times.
         text: String,
         /// True if the point is a winner: the fastest point, or a point that ties with the fastest.
         wins: bool,
         /// The cell's tooltip.
         tip: String,
     },
-    /// No time, or a time that cannot be compared because the point has too few samples or times of 0.
+    /// The cell of a point without a time, or with a time that cannot be compared because the point has too
+    /// few samples or times of 0.
     Nothing {
         /// The reason for the missing time, as a word that the legend explains; or the time that cannot be
         /// compared, as text.
@@ -37,18 +38,18 @@ pub enum Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page. The hatching pattern's name contains this name, so the pattern's name is
-    /// unique too.
+    /// A name that is unique on the page. The name of the heat map's hatching pattern contains this name, and
+    /// is therefore unique too.
     pub id: String,
-    /// The map's title.
+    /// The heat map's title.
     pub title: String,
-    /// The label of the columns.
+    /// The label of the heat map's x axis.
     pub x_label: String,
     /// The columns' names.
     pub columns: Vec<String>,
     /// The rows' names and cells. Each row has one cell per column.
     pub rows: Vec<(String, Vec<Cell>)>,
-    /// Each code for a missing time, and the meaning of the code.
+    /// Each word that cells show instead of a time, and its meaning for the legend.
     pub codes: Vec<(String, String)>,
 }
 
@@ -60,7 +61,7 @@ const ROW: f64 = 30.0;
 const SCALE_WIDTH: f64 = 220.0;
 
 impl HeatMap {
-    /// Returns the map as SVG.
+    /// Returns the heat map as SVG for a screen.
     pub fn svg(&self) -> String {
         let column = (600.0 / self.columns.len().max(1) as f64).clamp(52.0, 84.0);
         let worst = self.worst();
@@ -99,8 +100,8 @@ impl HeatMap {
         slower.fold(2.0, f64::max)
     }
 
-    /// Defines the hatching pattern for one form of the map ("wide" or "narrow"). Returns the value of `fill`
-    /// that refers to the pattern.
+    /// Defines the SVG pattern with which cells are hatched, for one form of the heat map ("wide" or
+    /// "narrow"). Returns the value of the SVG attribute `fill` that refers to this pattern.
     pub(super) fn hatch(&self, svg: &mut Svg, form: &str) -> String {
         let id = format!("hatch-{}-{form}", self.id);
         svg.open("defs", &[]);
@@ -124,8 +125,8 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Draws the colour scale and the meanings of the codes. Returns the y coordinate of the legend's lower
-    /// end.
+    /// Draws the legend: the colour scale, and the meanings of the words in cells without a time. Returns the
+    /// y coordinate of the legend's lower end.
     fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
@@ -145,7 +146,8 @@ impl HeatMap {
     }
 }
 
-/// Draws the colours from the fastest to the slowest, with labels.
+/// Draws the colour scale, from the colour of the fastest point to the colour of the slowest point, with
+/// labels.
 pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     const STEPS: usize = 44;
     let step = SCALE_WIDTH / STEPS as f64;
@@ -163,7 +165,7 @@ pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     svg.text_in("faint small", FAINT, [left + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
 }
 
-/// Draws a hatched cell with a code, for the legend. Returns the cell's width.
+/// Draws a hatched cell with a word (such as "local"), for the legend. Returns the cell's width in pixels.
 pub(super) fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
     let width = (LETTER * code.chars().count() as f64 + 6.0).max(20.0);
     svg.element(
@@ -198,7 +200,7 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
     }
 }
 
-/// Draws a cell's background.
+/// Draws the background of a cell of the heat map.
 pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], fill: &str) {
     svg.element(
         "rect",
@@ -214,7 +216,8 @@ pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], f
     );
 }
 
-/// Draws a dark and a light ring, so that one of them is visible on any background.
+/// Draws two rings that mark the cell of a winner. One ring is dark and one is light, so that one ring is
+/// visible on any background.
 pub(super) fn ring(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
     for (inset, colour, stroke) in [(1.5, INK, 3.0), (4.0, "#ffffff", 1.5)] {
         svg.element(
@@ -238,7 +241,8 @@ pub(super) fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// Returns black or white, whichever has more contrast to a colour (WCAG 2.2).
+/// Returns the colour of text on a background colour: black or white, whichever has more contrast (by WCAG
+/// 2.2).
 pub(super) fn ink_on(colour: [u8; 3]) -> &'static str {
     let white = 1.05 / (luminance(colour) + 0.05);
     let dark = (luminance(colour) + 0.05) / 0.05;
@@ -296,7 +300,8 @@ mod tests {
         assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
     }
 
-    /// A page contains both forms of a map, and each name must occur only once in a page.
+    /// A page contains the wide and the narrow form of a heat map, and each name of a pattern must occur only
+    /// once on a page.
     #[test]
     fn the_hatching_of_each_form_of_a_map_has_a_name_of_its_own() {
         let map = HeatMap {
@@ -329,7 +334,7 @@ mod tests {
         assert!(text.contains("=my-test…") && text.contains("=plucker…"), "{text}");
     }
 
-    /// Returns the numbers of an element's attributes.
+    /// Returns the attributes of an SVG element as numbers.
     fn numbers(node: &usvg::roxmltree::Node<'_, '_>, names: [&str; 4]) -> [f64; 4] {
         names.map(|name| node.attribute(name).and_then(|text| text.parse().ok()).expect("a number"))
     }
@@ -398,8 +403,8 @@ mod tests {
         };
         let colours: Vec<String> = cells(&map(&[1.0, 2.0, 4.0])).into_iter().map(|(fill, _)| fill).collect();
         assert_eq!(colours, [1.0, 0.5, 0.0].map(|position| hex(viridis(position))));
-        // If all times are similar, the colour scale still extends to twice the fastest time, so that noise does not
-        // look like a difference.
+        // Even if all times are similar, the colour scale extends to twice the fastest time, so that noise
+        // does not look like a difference.
         assert_eq!([map(&[1.0, 1.1]).worst(), map(&[1.0, 3.0]).worst()], [2.0, 3.0]);
         let width = |columns: usize| cells(&map(&vec![1.0; columns])).remove(0).1;
         assert_eq!([width(2), width(10), width(40)], ["82", "58", "50"]);

@@ -1,5 +1,5 @@
-//! Draws a heat map for phones. Each row's name is above its cells. Long rows continue on further lines, so each cell
-//! contains its column's name. The legend is at the bottom.
+//! Draws a heat map for phones. Each row's name is above the row's cells. Long rows continue on further
+//! lines, so each cell contains the name of its column. The legend is at the bottom.
 
 use super::heat::{Cell, HeatMap, draw_legend_cell, draw_scale, hex, ink_on, rect, ring};
 use super::layout::{LETTER, NARROW};
@@ -7,9 +7,9 @@ use super::palette::FAINT;
 use super::svg::{Anchor, LINE, Svg};
 use crate::image::viridis;
 
-/// Largest number of cells per line. A line has fewer cells if the columns have long names.
+/// The largest number of cells per line. A line has fewer cells if the names of the columns are long.
 const MOST_ACROSS: usize = 6;
-/// The free space beside a column's name in a cell, in pixels.
+/// The free horizontal space in a cell that a column's name must leave, in pixels.
 const BESIDE: f64 = 6.0;
 const LEFT: f64 = 8.0;
 const HEIGHT: f64 = 36.0;
@@ -17,7 +17,7 @@ const HEIGHT: f64 = 36.0;
 const GAP: f64 = 8.0;
 
 impl HeatMap {
-    /// Returns the map as SVG, as wide as a phone's screen.
+    /// Returns the heat map as SVG, as wide as a phone's screen.
     pub fn narrow_svg(&self) -> String {
         let width = NARROW.whole_width();
         let mut svg = Svg::default();
@@ -33,15 +33,15 @@ impl HeatMap {
         svg.finish([width, end], &self.title, "A heat map. Each cell shows its value as text, too.")
     }
 
-    /// Returns the number of cells per line.
+    /// Returns the number of cells per line of the heat map.
     fn across(&self) -> usize {
         let longest = self.columns.iter().map(|column| column.chars().count()).max().unwrap_or(0);
         let cell = longest as f64 * LETTER + BESIDE;
         (((NARROW.whole_width() - 2.0 * LEFT) / cell) as usize).clamp(1, MOST_ACROSS)
     }
 
-    /// Draws a row's name and cells from `y` downwards. Returns the y coordinate at which the next row
-    /// begins.
+    /// Draws the name and the cells of a row of the heat map from `y` downwards. Returns the y coordinate at
+    /// which the next row begins.
     fn narrow_row(&self, svg: &mut Svg, name: &str, cells: &[Cell], y: f64, worst: f64, hatch: &str) -> f64 {
         let names = NARROW.lines(name);
         svg.lines("label", [LEFT, y + 12.0], Anchor::Start, &names);
@@ -55,8 +55,8 @@ impl HeatMap {
         top + cells.len().div_ceil(across) as f64 * HEIGHT + GAP
     }
 
-    /// Draws the colour scale and the meanings of the codes. Returns the y coordinate of the legend's lower
-    /// end.
+    /// Draws the legend: the colour scale, and the meanings of the words in cells without a time. Returns the
+    /// y coordinate of the legend's lower end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         let mut y = top + 24.0 + LINE;
@@ -75,7 +75,8 @@ impl HeatMap {
     }
 }
 
-/// Splits a text into lines of at most `most` characters. A word that is longer gets a line of its own.
+/// Splits a text into lines of at most `most` characters. A word with more than `most` characters gets a
+/// separate line.
 fn lines_of(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -148,7 +149,7 @@ mod tests {
         }
     }
 
-    /// Returns the x coordinate of the right end of every element that has an x and a width.
+    /// Returns the x coordinate of the right end of every SVG element that has an x and a width.
     fn ends(svg: &str) -> Vec<f64> {
         let value = |part: &str, name: &str| -> Option<f64> {
             part.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next()?.parse().ok())

@@ -1,4 +1,5 @@
-//! The two layouts of a chart. On a screen, the legend is on the right of the chart; on a phone, it is below the chart.
+//! The two layouts of a chart. On a screen, the legend is on the right of the chart; on a phone, the legend
+//! is below the chart.
 
 /// Approximate width of a letter in pixels.
 pub const LETTER: f64 = 7.0;
@@ -14,30 +15,31 @@ pub struct Layout {
     pub width: f64,
     /// Length of the y axis.
     pub height: f64,
-    /// True if the legend is below the chart; otherwise it is on the right.
+    /// True if the legend is below the chart, and false if the legend is on the right.
     pub legend_below: bool,
 }
 
-/// The layout for screens.
+/// The layout of a chart for screens.
 pub const WIDE: Layout = Layout { left: 66.0, top: 34.0, width: 640.0, height: 330.0, legend_below: false };
-/// The layout for phones.
+/// The layout of a chart for phones.
 pub const NARROW: Layout = Layout { left: 60.0, top: 34.0, width: 286.0, height: 270.0, legend_below: true };
 
-/// Approximate width of a letter in a title.
+/// Approximate width of a letter in a title, in pixels.
 const BOLD_LETTER: f64 = 7.8;
-/// The margin on both sides of a title.
+/// The margin on both sides of a title, in pixels.
 const MARGIN: f64 = 12.0;
-/// Width of a legend on the right.
+/// Width of a legend on the right of a chart, in pixels.
 const LEGEND: f64 = 190.0;
 
 impl Layout {
-    /// Returns the total width.
+    /// Returns the width of the chart with its margins and legend, in pixels.
     pub fn whole_width(&self) -> f64 {
         self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
     }
 
-    /// Splits a title or an axis's label into lines that fit. On a screen, a line must end before the end of
-    /// the x axis, since not every plot has a legend on the right. One line is then usually enough.
+    /// Splits a title or an axis's label into lines that fit into the chart's width. On a screen, a line must
+    /// end before the end of the x axis, since not every plot has a legend on the right. Even so, one line is
+    /// usually enough.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
         let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;

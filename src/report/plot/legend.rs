@@ -1,17 +1,17 @@
-//! Draws the legend of a chart. In a page, the legend's entries are buttons.
+//! Draws the legend of a chart. On a page, the legend's entries are buttons.
 
 use super::look::Look;
 use super::shorten::shorten_all;
 use super::svg::{Anchor, Svg};
 
-/// The distance between two entries in pixels.
+/// The vertical distance between two entries of the legend, in pixels.
 const STEP: f64 = 19.0;
-/// The largest number of characters of a name. Longer names are shortened; in a page, a tooltip
+/// The largest number of characters of a name in the legend. Longer names are shortened; on a page, a tooltip
 /// shows the full name.
 const LONGEST: usize = 24;
 
-/// Draws the entries below each other, the first at the position `left`, `top`. Returns the y coordinate of
-/// the legend's lower end.
+/// Draws the legend's entries below each other, the first entry at the position `left`, `top`. Returns the y
+/// coordinate of the legend's lower end.
 pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
     let names: Vec<&str> = entries.iter().map(|(name, _)| *name).collect();
     let labels = shorten_all(&names, LONGEST);

@@ -1,5 +1,5 @@
-//! The appearance of series: colours and markers. With markers, a reader can tell more series apart than
-//! with colours alone.
+//! The appearance of the series of plots: colours and markers. With markers, a reader can tell more series
+//! apart than with colours alone.
 
 use super::palette::SERIES;
 use super::svg::{Svg, number};
@@ -7,28 +7,30 @@ use super::svg::{Svg, number};
 /// Number of different markers.
 const MARKERS: usize = 6;
 
-/// The colour and marker of a series. There are seven colours and six markers. Seven and six have no common divisor, so
-/// 42 series in a row have different combinations.
+/// The colour and marker of a series. Plots use seven colours and six markers. Since seven and six have no
+/// common divisor, 42 series in a row have different combinations of colour and marker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
-    /// The number of the series, which determines its colour and marker.
+    /// The number of the series, which determines the series' colour and marker.
     pub number: usize,
-    /// True if the series has a dashed line and empty markers, as for values that the paper published.
+    /// True if the series has a dashed line and empty markers. Values that the paper published are drawn in
+    /// this way.
     pub dashed: bool,
 }
 
 impl Look {
-    /// Returns the appearance of the series with this number.
+    /// Returns the appearance of the series with the given number.
     pub fn of(number: usize) -> Self {
         Self { number, dashed: false }
     }
 
-    /// Returns the colour in files of plots. In a page, the style sheet sets the colour instead.
+    /// Returns the colour of the series in SVG and PNG files. On a page, the style sheet sets the colour
+    /// instead.
     pub fn colour(self) -> &'static str {
         SERIES[self.number % SERIES.len()]
     }
 
-    /// Returns the CSS class that gives the series the theme's colour in a page.
+    /// Returns the CSS class by which the style sheet of a page sets the colour of the series.
     pub fn class(self) -> String {
         format!("s{}", self.number % SERIES.len())
     }
@@ -43,8 +45,8 @@ impl Look {
     }
 }
 
-/// Returns the path of a marker around a position: a disc, square, triangle up, diamond, triangle
-/// down or cross. All look similarly large.
+/// Returns the path of a marker around a position: a disc, square, triangle up, diamond, triangle down or
+/// cross. All markers look similarly large.
 fn shape(which: usize, [x, y]: [f64; 2]) -> String {
     let polygon = |corners: &[[f64; 2]]| {
         let points = corners.iter().map(|[dx, dy]| format!("{} {}", number(x + dx), number(y + dy)));

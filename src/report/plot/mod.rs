@@ -1,5 +1,5 @@
-//! Draws plots as SVG. A plot is a picture that can be read without a script. In a report, the page's script adds
-//! tooltips and switches.
+//! Draws plots as SVG. A plot can be read without JavaScript. In a report, the page's JavaScript adds
+//! tooltips and switches to the plots.
 
 pub mod chart;
 pub mod heat;
@@ -19,11 +19,11 @@ pub mod svg;
 pub struct Plot {
     /// The plot's file name without extension.
     pub name: String,
-    /// The plot's caption, a few sentences.
+    /// The plot's caption, which consists of a few sentences.
     pub caption: String,
-    /// The drawing for a screen, as SVG.
+    /// The plot as drawn for a screen, as SVG.
     pub svg: String,
-    /// The drawing for a phone, as SVG; empty if there is none.
+    /// The plot as drawn for a phone, as SVG; empty if the plot has no separate form for phones.
     pub narrow: String,
 }
 

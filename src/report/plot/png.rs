@@ -1,4 +1,5 @@
-//! Converts plots to PNG, with a built-in font so that they look the same on every machine.
+//! Converts plots from SVG to PNG, with a font that the program contains, so that the PNGs are the same on
+//! every machine.
 
 use crate::error::{Error, Result};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -6,13 +7,14 @@ use image::{ExtendedColorType, ImageEncoder as _};
 use resvg::{tiny_skia, usvg};
 use std::sync::Arc;
 
-/// DejaVu Sans (Bitstream Vera licence), Latin and Greek only.
+/// The font DejaVu Sans (Bitstream Vera licence), reduced to Latin and Greek letters.
 const FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 const FAMILY: &str = "DejaVu Sans";
-/// Pixels of the PNG per unit of the drawing.
+/// Number of pixels of the PNG per unit of length of the SVG.
 const SCALE: f32 = 2.0;
 
-/// Converts SVG to PNG, with two pixels per unit of the drawing across and down, so that the picture is sharp in print.
+/// Converts SVG to PNG, with two pixels per unit of length of the SVG across and down, so that the picture is
+/// sharp in print.
 pub fn png(svg: &str) -> Result<Vec<u8>> {
     let fail = |error: &dyn std::fmt::Display| Error::fault(format!("a plot could not be drawn: {error}"));
     let mut options = usvg::Options { font_family: FAMILY.to_owned(), ..usvg::Options::default() };
@@ -26,7 +28,7 @@ pub fn png(svg: &str) -> Result<Vec<u8>> {
     resvg::render(&tree, tiny_skia::Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
     let (width, height) = (size.width(), size.height());
     let mut bytes = Vec::new();
-    // These settings are chosen to make the encoder fast, since a report can have hundreds of plots.
+    // The PNG encoder gets its fastest settings, since a report can have hundreds of plots.
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
     encoder
         .write_image(&pixels.take_demultiplied(), width, height, ExtendedColorType::Rgba8)

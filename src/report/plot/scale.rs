@@ -1,16 +1,17 @@
-//! The scales of axes, which convert values to positions and choose ticks.
+//! The scales of a plot's axes, which convert values to positions in pixels and choose ticks.
 
-/// The kind of a scale.
+/// Whether the scale of an axis is linear or logarithmic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Equal distances on the axis mean equal differences between values. A scale from [`Scale::over`] begins at 0
-    /// unless there are negative values.
+    /// Equal distances on the axis mean equal differences between values. A linear scale from [`Scale::over`]
+    /// begins at 0 unless some values are negative.
     Linear,
     /// Equal distances on the axis mean equal ratios of values.
     Log,
 }
 
-/// An axis with its ends in values and in pixels.
+/// The scale of an axis, given by the values at the axis's two ends and by the positions of these ends in
+/// pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Scale {
     kind: Kind,
@@ -19,8 +20,8 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Creates a scale that contains all `values` with some margin. Values that a logarithmic scale
-    /// cannot show are left out.
+    /// Creates a scale that contains all `values` with some margin. Ignores values that the scale cannot
+    /// show, such as 0 on a logarithmic scale.
     pub fn over(kind: Kind, values: impl Iterator<Item = f64>, positions: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
         let (low, high) = shown
@@ -29,13 +30,14 @@ impl Scale {
             _ if low > high => [1.0, 10.0],
             Kind::Linear => {
                 let span = high - low.min(0.0);
-                // All values can be 0, for example if a timer is coarse. The axis then ends at 1, so that its ticks are
-                // readable numbers.
+                // All values can be 0, for example if a timer is coarse. An axis of zeros ends at 1, so that
+                // its ticks are readable numbers.
                 let room = if span > 0.0 { 0.05 * span } else { 1.0 };
                 [if low < 0.0 { low - room } else { 0.0 }, high + room]
             }
             Kind::Log => {
-                // The axis spans at least a factor of two, since noise would look like a difference on a shorter axis.
+                // The axis spans at least a factor of two, since on a shorter axis, noise would look like a
+                // difference.
                 let room = (high / low).powf(0.05).max((2.0 / (high / low)).sqrt());
                 [low / room, high * room]
             }
@@ -43,7 +45,7 @@ impl Scale {
         Self { kind, values, positions }
     }
 
-    /// Creates a scale from the values at its two ends, and the positions of these ends.
+    /// Creates a scale from the values at its two ends, and the positions of these ends in pixels.
     pub fn between(kind: Kind, values: [f64; 2], positions: [f64; 2]) -> Self {
         Self { kind, values, positions }
     }
@@ -59,12 +61,12 @@ impl Scale {
         position.is_finite().then_some(position)
     }
 
-    /// Returns the values at the ends.
+    /// Returns the values at the two ends of the axis.
     pub fn ends(&self) -> [f64; 2] {
         self.values
     }
 
-    /// Returns round values for labels, in order.
+    /// Returns the round values at which the axis has ticks, in order.
     pub fn ticks(&self) -> Vec<f64> {
         match self.kind {
             Kind::Linear => linear_ticks(self.values),
@@ -84,8 +86,9 @@ fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
 }
 
-/// Returns powers of ten. For short ranges, also returns multiples of these powers, such as 2 and 5 times a
-/// power. For long ranges, returns only every second, third, ... power.
+/// Returns the ticks of a logarithmic axis, which are powers of ten. For a short range, also returns
+/// multiples of powers of ten, such as 2 and 5 times a power. For a long range, returns only every second,
+/// third, ... power of ten.
 fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (high / low).log10();
@@ -102,7 +105,7 @@ fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
         .collect()
 }
 
-/// Returns a tick's label, with as few digits as possible.
+/// Returns the label of a tick, with as few digits as possible.
 pub fn label(value: f64) -> String {
     let rounded = format!("{value:.6}");
     let short =
@@ -147,10 +150,10 @@ mod tests {
         assert_eq!(scale.ticks(), [0.0, 50_000.0, 100_000.0, 150_000.0]);
         let scale = Scale::over(Kind::Log, [0.01, 5000.0].into_iter(), [0.0, 1.0]);
         assert_eq!(scale.ticks().len(), 6, "{:?}", scale.ticks());
-        // An axis within one power of ten has ticks too.
+        // A logarithmic axis that spans less than a power of ten has ticks too.
         assert_eq!(Scale::between(Kind::Log, [2.0, 9.0], [0.0, 1.0]).ticks(), [2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
         assert_eq!(Scale::between(Kind::Log, [30.0, 600.0], [0.0, 1.0]).ticks(), [50.0, 100.0, 200.0, 500.0]);
-        // On a long axis, only every second power of ten is a tick.
+        // On a long logarithmic axis, only every second power of ten is a tick.
         let long = Scale::between(Kind::Log, [1.0, 1e12], [0.0, 1.0]).ticks();
         assert_eq!(long, [1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12]);
         assert_eq!([0.01, 1500.0, 150_000.0].map(label), ["0.01", "1500", "150k"]);
@@ -166,7 +169,7 @@ mod tests {
     fn a_linear_scale_between_values_other_than_zero_places_them_evenly() {
         let scale = Scale::between(Kind::Linear, [10.0, 20.0], [100.0, 200.0]);
         assert_eq!([10.0, 15.0, 20.0].map(|value| scale.position(value)), [100.0, 150.0, 200.0].map(Some));
-        // The values of a vertical axis grow upwards, while the y coordinates of pixels grow downwards.
+        // On a vertical axis, values grow upwards, while the y coordinates of pixels grow downwards.
         let up = Scale::between(Kind::Linear, [10.0, 20.0], [200.0, 100.0]);
         assert_eq!(up.position(12.5), Some(175.0));
     }

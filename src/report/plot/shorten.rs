@@ -1,8 +1,8 @@
-//! Shortens names to the space that plots have for them.
+//! Shortens names so that they fit into the space that plots have for names.
 
-/// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning and the end of the
-/// name remain, since names differ there. A name begins with the preset, and may end with the value of an axis or with
-/// the exponent of a fitted power law.
+/// Shortens a name to at most `longest` characters; an ellipsis replaces the middle of a longer name. The
+/// beginning and the end of the name remain, since names usually differ at their ends. A name begins with the
+/// preset, and may end with the value of an axis or with the exponent of a fitted power law.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {
@@ -13,10 +13,10 @@ pub fn shorten(name: &str, longest: usize) -> String {
     name.chars().take(head).chain(['…']).chain(name.chars().skip(length - tail)).collect()
 }
 
-/// Shortens the names of a plot to at most `longest` characters. A name that is too long loses the words that all such
-/// names share, also their preset if a name that fits has another one. If this is not enough, it also loses the keys of
-/// its words, and at last its middle, as by [`shorten`]. Different names stay different: a label that would equal an
-/// earlier one ends with a number.
+/// Shortens the names of a plot to at most `longest` characters. A name that is too long loses the words,
+/// including the preset, that all names that are too long share. If the name is still too long, it also loses
+/// the keys of its words (`axis=`), and finally its middle, as by [`shorten`]. Different names get different
+/// labels: a label that would equal an earlier label ends with a number.
 pub fn shorten_all(names: &[&str], longest: usize) -> Vec<String> {
     let long: Vec<&str> = names.iter().copied().filter(|name| name.chars().count() > longest).collect();
     let mut labels: Vec<String> = Vec::new();
@@ -31,7 +31,8 @@ pub fn shorten_all(names: &[&str], longest: usize) -> Vec<String> {
     labels
 }
 
-/// Returns the label of a name, given all `long` names of the plot. The labels of some names may be equal.
+/// Returns the shortened name of a series or point, given all names of the plot that are too long (`long`).
+/// Different names may get equal labels.
 fn label(name: &str, long: &[&str], longest: usize) -> String {
     let fits = |text: &str| text.chars().count() <= longest;
     if fits(name) {
@@ -44,7 +45,7 @@ fn label(name: &str, long: &[&str], longest: usize) -> String {
     if fits(&with_keys) { with_keys } else { shorten(&text(values.join("+")), longest) }
 }
 
-/// Returns the value of a word of the form `axis=value`; of any other word, the whole word.
+/// Returns the value in a word of the form `axis=value`. Returns any other word unchanged.
 fn value(word: &str) -> &str {
     let is_axis =
         |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_');
@@ -54,8 +55,8 @@ fn value(word: &str) -> &str {
     }
 }
 
-/// Returns the words of a name. An ellipsis replaces adjacent words that all `long` names share, unless the name has no
-/// other words.
+/// Returns the words of a name. An ellipsis replaces adjacent words that all names in `long` share, unless
+/// all words of the name are shared.
 fn own_words<'a>(name: &'a str, long: &[&str]) -> Vec<&'a str> {
     let is_shared = |word: &str| long.iter().all(|other| other.split('+').any(|one| one == word));
     if name.split('+').all(is_shared) {
@@ -126,7 +127,7 @@ mod tests {
         assert!(short[1] == short[3] && short[1] != short[2], "{short:?}");
     }
 
-    /// The third name has no room for its keys.
+    /// The third name is too long to keep its keys (`axis=`).
     #[test]
     fn words_keep_their_keys_where_there_is_room() {
         let names = [
@@ -144,7 +145,7 @@ mod tests {
         assert_eq!(shorten_all(&names, 24), ["…a+a", "…b"]);
     }
 
-    /// A device's name may end with the label of its folder.
+    /// The name of a device may end with the label of a folder, which may contain `=`.
     #[test]
     fn only_an_axis_is_a_key() {
         let names = ["NVIDIA H200 (results/width=8)", "NVIDIA H200 results=16", "axis-without-a-value="];
@@ -165,7 +166,7 @@ mod tests {
         }
     }
 
-    /// Returns the names of all combinations of the words, one word of each list.
+    /// Returns the names of all combinations of words, with one word from each list.
     fn grid(lists: &[&[&str]]) -> Vec<String> {
         lists.iter().fold(vec![String::new()], |names, words| {
             let longer = |name: &String| words.iter().map(|word| format!("{name}{word}")).collect::<Vec<_>>();
@@ -177,7 +178,7 @@ mod tests {
         shorten_all(&names.iter().map(String::as_str).collect::<Vec<_>>(), longest)
     }
 
-    /// Returns the labels of a grid, and checks that they differ and are short enough.
+    /// Returns the labels of the names in [`grid`], and checks that the labels differ and are short enough.
     fn labels_of_grid(lists: &[&[&str]], longest: usize) -> Vec<String> {
         let names = grid(lists);
         let short = shortened(&names, longest);
@@ -224,7 +225,7 @@ mod tests {
         assert_eq!(labels_of_grid(&lists, 24), expected);
     }
 
-    /// A word may be empty: the name of a strategy leaves out the values of its preset.
+    /// Some words are empty, because the name of a strategy leaves out those values that its preset has.
     #[test]
     fn no_two_labels_of_a_grid_are_equal_and_none_is_too_long() {
         let axes: [&[&str]; 5] = [
@@ -245,7 +246,7 @@ mod tests {
         }
     }
 
-    /// There is no room for the middle of the names, in which two names each differ.
+    /// The labels are too short for the middle of the names, in which pairs of names differ.
     #[test]
     fn labels_that_would_still_be_equal_end_with_a_number() {
         let ends: &[&str] = &["aaaaaaaaaaaa", "bbbbbbbbbbbb"];

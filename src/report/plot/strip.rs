@@ -6,19 +6,19 @@ use super::scale::{self, Kind, Scale};
 use super::shorten::shorten_all;
 use super::svg::{Anchor, LINE, Svg, number};
 
-/// The samples of one point.
+/// A row of the strip plot: the samples of one point.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// The point's name.
     pub name: String,
-    /// The median as text.
+    /// The point's median as text.
     pub value: String,
-    /// Every sample in the order of measurement, as a percentage above or below the median.
+    /// The difference of each sample from the median, in percent of the median, in the order of measurement.
     pub deviations: Vec<f64>,
-    /// The 95% interval of the median, as percentages above or below the median; `None` for a point with too
+    /// The 95% interval of the median, as differences from the median in percent; `None` for a point with too
     /// few samples, or with times of 0.
     pub interval: Option<[f64; 2]>,
-    /// The first and third quartile, as percentages above or below the median; `None` for a point with too
+    /// The first and third quartile, as differences from the median in percent; `None` for a point with too
     /// few samples, or with times of 0.
     pub quartiles: Option<[f64; 2]>,
     /// The row's tooltip.
@@ -34,13 +34,13 @@ pub struct Strip {
     pub rows: Vec<Row>,
 }
 
-/// The layout of a strip plot.
+/// The layout of a strip plot, for screens or for phones.
 #[derive(Clone, Copy)]
 struct Form {
     layout: Layout,
-    /// Height of a row.
+    /// Height of a row in pixels.
     row: f64,
-    /// Height of the space for a row's name above the row's dots; 0 if names are beside the dots.
+    /// Height in pixels of the space for a row's name above the row's dots; 0 if names are beside the dots.
     head: f64,
     /// The largest number of characters of a row's name. Longer names are shortened.
     longest: usize,
@@ -56,23 +56,24 @@ const ABOVE: Form = Form {
     head: 18.0,
     longest: 32,
 };
-/// The margins on both sides of a plot on a phone. A tick at the end of the axis has room for half of a label such as
-/// "+400%".
+/// The margins on both sides of a plot on a phone, in pixels. The margins have room for half of the label of
+/// a tick at the end of the axis, such as "+400%".
 const ABOVE_MARGIN: f64 = 18.0;
-/// The margin on the right of a plot on a screen.
+/// The margin on the right of a plot on a screen, in pixels.
 const BESIDE_MARGIN: f64 = 24.0;
-/// The label of the x axis. The label is centred below the axis, and must not be much longer than the axis.
+/// The label of the x axis. The label is centred below the x axis, and must not be much longer than the axis.
 const LABEL: &str = "a sample's time minus the point's median, in % of the median";
-/// The largest number of dots in a row. If a row has more samples, only every second, third, ... sample is shown.
+/// The largest number of dots in a row. If a point has more samples, the row shows only every second, third,
+/// ... sample.
 const DOTS: usize = 120;
 
 impl Strip {
-    /// Returns the plot as SVG.
+    /// Returns the strip plot as SVG for a screen.
     pub fn svg(&self) -> String {
         self.drawn(BESIDE)
     }
 
-    /// Returns the plot as SVG for a phone.
+    /// Returns the strip plot as SVG for a phone.
     pub fn narrow_svg(&self) -> String {
         self.drawn(ABOVE)
     }
@@ -106,9 +107,9 @@ impl Strip {
         svg.finish([right + margin, end], &self.title, LABEL)
     }
 
-    /// Returns how far the x axis extends on both sides of 0, in percent of the median. Nearly all samples are within
-    /// this range. A few samples that are far from the median may lie outside this range, so that the other samples
-    /// have enough space.
+    /// Returns how far the x axis extends on both sides of 0, in percent of the median. Nearly all samples
+    /// are within this range. A few samples that are far from the median may lie outside this range, so that
+    /// all other samples have enough space.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();
@@ -118,7 +119,7 @@ impl Strip {
     }
 }
 
-/// Draws a row. `name` is the row's name, shortened.
+/// Draws a row of the strip plot. `name` is the row's shortened name.
 fn draw_row(svg: &mut Svg, (row, name): (&Row, &str), top: f64, (across, reach): (&Scale, f64), form: Form) {
     let Form { layout: Layout { left, width, .. }, head, .. } = form;
     let x = |deviation: f64| across.position(deviation.clamp(-reach, reach)).unwrap_or(left);
@@ -153,7 +154,7 @@ fn draw_row(svg: &mut Svg, (row, name): (&Row, &str), top: f64, (across, reach):
     let last = row.deviations.len().saturating_sub(1).max(1) as f64;
     let dots = row.deviations.iter().enumerate().step_by(every).map(|(index, deviation)| {
         let y = top + 7.0 + (height - 14.0) * index as f64 / last;
-        // A line of zero length with round ends is a dot. One path contains all dots of a row.
+        // A line of zero length with round ends appears as a dot. One SVG path contains all dots of a row.
         format!("M{} {}h0", number(x(*deviation)), number(y))
     });
     svg.element(
@@ -251,7 +252,7 @@ mod tests {
             path.expect("dots").split('M').filter_map(dot).collect()
         };
         let [middle, left, right] = dots(rows[0])[..] else { panic!("three dots") };
-        // The axis begins at 262 and is 510 pixels long.
+        // The x axis begins at pixel 262 and is 510 pixels long.
         assert_eq!(middle[0], 262.0 + 255.0);
         assert!((middle[0] - left[0] - (right[0] - middle[0])).abs() < 0.02 && left[0] < middle[0]);
         assert!(middle[1] < left[1] && left[1] < right[1]);

@@ -1,4 +1,4 @@
-//! Writes SVG element by element; all text is escaped.
+//! Writes SVG documents element by element, and escapes all text.
 
 use std::fmt::{Display, Write};
 
@@ -21,8 +21,8 @@ fn escape(text: &str) -> String {
     safe
 }
 
-/// Formats a number with at most two decimals. More decimals would not be visible: a hundredth of the drawing's unit is
-/// only a fiftieth of a pixel of the PNG.
+/// Formats a number with at most two decimals. More decimals would not be visible, since a hundredth of the
+/// SVG's unit of length is only a fiftieth of a pixel of the PNG.
 pub fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -31,21 +31,21 @@ pub fn number(value: f64) -> String {
 /// Height of a line of text in pixels.
 pub const LINE: f64 = 16.0;
 
-/// An unfinished drawing.
+/// An SVG document to which elements are being added.
 #[derive(Clone, Debug, Default)]
 pub struct Svg {
     body: String,
 }
 
-/// The text anchor, as SVG calls it: the part of a text that is placed at the given position. The anchor of
-/// an experiment is something else.
+/// The end of a text that is placed at a given position; SVG calls it the text anchor. (The anchor of an
+/// experiment is something else.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// The left end.
+    /// The left end of the text.
     Start,
-    /// The middle.
+    /// The middle of the text.
     Middle,
-    /// The right end.
+    /// The right end of the text.
     End,
 }
 
@@ -60,21 +60,22 @@ impl Anchor {
 }
 
 impl Svg {
-    /// Writes an element without content.
+    /// Writes an SVG element without content.
     pub fn element(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
         self.tag(name, attributes);
         self.body.push_str("/>");
     }
 
-    /// Writes the start tag of an element. [`Svg::close`] writes the end tag.
+    /// Writes the start tag of an SVG element. [`Svg::close`] writes the end tag.
     pub fn open(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
         self.tag(name, attributes);
         self.body.push('>');
     }
 
-    /// Writes the end tag of an element. The caller must close elements in the reverse order of opening.
+    /// Writes the end tag of an SVG element. The caller must close elements in the reverse of the order in
+    /// which they were opened.
     pub fn close(&mut self, name: &str) {
-        // Writing to a String cannot fail, so the results are ignored here and below.
+        // Writing to a String cannot fail, so the `Result`s of `write!` are ignored here and below.
         let _ = writeln!(self.body, "</{name}>");
     }
 
@@ -85,7 +86,8 @@ impl Svg {
         }
     }
 
-    /// Draws a straight line. `colour` is used unless a style sheet sets a colour for `class`.
+    /// Draws a straight line. The line has the colour `colour`, unless a style sheet sets another colour for
+    /// `class`.
     pub fn line(&mut self, class: &str, colour: &str, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
         let (x1, y1, x2, y2) = (number(x1), number(y1), number(x2), number(y2));
         self.element(
@@ -99,7 +101,7 @@ impl Svg {
         self.text_in(class, super::palette::INK, [x, y], anchor, text);
     }
 
-    /// Writes a line of text in a colour.
+    /// Writes a line of text in the given colour.
     pub fn text_in(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], anchor: Anchor, text: &str) {
         let size = if class.contains("small") { 11 } else { 12 };
         self.open(
@@ -124,7 +126,7 @@ impl Svg {
         }
     }
 
-    /// Writes a text that runs upwards and has its middle at the position.
+    /// Writes a text that runs upwards and has its middle at the position `x`, `y`.
     pub fn upright_text(&mut self, class: &str, [x, y]: [f64; 2], text: &str) {
         let turn = format!("translate({} {}) rotate(-90)", number(x), number(y));
         self.open("g", &[("transform", &turn)]);
@@ -132,7 +134,7 @@ impl Svg {
         self.close("g");
     }
 
-    /// Writes a slanted text that ends at the position.
+    /// Writes a slanted text that ends at the position `x`, `y`.
     pub fn slanted_text(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], text: &str) {
         let turn = format!("translate({} {}) rotate(-35)", number(x), number(y));
         self.open("g", &[("transform", &turn)]);
@@ -140,8 +142,8 @@ impl Svg {
         self.close("g");
     }
 
-    /// Returns the drawing as an SVG document, which a page can also embed. Screen readers read `name` and
-    /// `about`.
+    /// Returns the finished SVG document, which an HTML page can also embed. Screen readers read `name` and
+    /// `about` aloud.
     pub fn finish(self, [width, height]: [f64; 2], name: &str, about: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" \

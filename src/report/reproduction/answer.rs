@@ -1,5 +1,5 @@
-//! The answer at the top of the page of `raycl reproduce`, in four lines: the best memory strategy, the best local
-//! size, why these are the best, and how certain the answer is.
+//! Finds the answer at the top of the page of `raycl reproduce`, which has four lines: the best memory
+//! strategy, the best local size, why these are the best, and how certain this answer is.
 
 use super::with_most;
 use crate::measure::Ranking;
@@ -13,7 +13,8 @@ use crate::report::view;
 use crate::report::words::{Looks, at_size};
 use crate::strategy::PRESETS;
 
-/// The presets that run the paper's kernel and differ in the memories that hold its working vectors and triangles.
+/// The presets that run the paper's kernel. The presets differ in the memories that hold the kernel's working
+/// vectors and triangles.
 const MEMORY: [&str; 7] = [
     "naive",
     "naive-scratch",
@@ -25,8 +26,8 @@ const MEMORY: [&str; 7] = [
 ];
 /// The bytes that a ray-triangle test reads of a ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
-/// A median seems to contradict a ranking if it is below this fraction of the median of a better point. Smaller
-/// differences count as ties.
+/// If a point's median is below this fraction of the median of a point with a better rank, the medians seem
+/// to contradict the ranking. Smaller differences count as ties.
 const CLEARLY_SMALLER: f64 = 0.99;
 /// The sentence that follows the local sizes if medians seem to contradict the ranking of points.
 const NOT_BY_MEDIANS: &str = "The fastest point is found by ratios of samples taken close together, not by medians, so a slower point can have a smaller median";
@@ -34,11 +35,12 @@ const NOT_BY_MEDIANS: &str = "The fastest point is found by ratios of samples ta
 /// The four lines of the answer, and plots of the times from which the answer follows.
 #[derive(Default)]
 pub struct Answer {
-    /// The best memory strategy of each scene, with the memories of its vectors and triangles.
+    /// The best memory strategy of each scene, with the memories that hold the strategy's vectors and
+    /// triangles.
     pub strategy: String,
     /// The best local size for each scene.
     pub size: String,
-    /// Why the best strategy is faster than the preset `naive`, or why no reason can be given.
+    /// Why the best strategy is faster than the preset `naive`, or why raycl can give no reason.
     pub why: String,
     /// How certain the answer is.
     pub sure: String,
@@ -86,9 +88,9 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from a run with several memory strategies (presets of [`MEMORY`]). If
-/// there is no such run, each line of the answer says so. `taken` contains the names of the plots of earlier
-/// answers. The plots of this answer get other names, which are added to `taken`.
+/// Returns the answer for a device, from a run with several memory strategies (presets of [`MEMORY`]). If no
+/// run has several memory strategies, each line of the answer says so. `taken` contains the names of the
+/// plots of earlier answers. The plots of this answer get other names, which the function adds to `taken`.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut Vec<String>) -> Answer {
     let kinds = |run: &Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -148,8 +150,8 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
 }
 
 /// Returns the best strategy with its memories and its time, such as "private (vectors private, triangles
-/// global): 1.887 ms". If several strategies tie, returns all of them, each with the local sizes at which it ties, and
-/// the time of the fastest.
+/// global): 1.887 ms". If several strategies tie, returns all tied strategies, each with the local sizes at
+/// which it ties, and the time of the fastest strategy.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
@@ -181,12 +183,13 @@ fn homes(name: &str) -> String {
     let axis = |wanted: &str| {
         preset.strategy.axes().iter().find(|(axis, _)| *axis == wanted).map_or("", |(_, value)| *value)
     };
-    // The heap's name does not say in which memory it is.
+    // The name `heap` does not say in which memory the heap is, so the text adds "global".
     let vectors = if axis("vectors") == "heap" { "global heap" } else { axis("vectors") };
     format!("vectors {vectors}, triangles {}", axis("triangles"))
 }
 
-/// Returns the best local sizes of all scenes. If medians on the page seem to contradict them, a sentence says why.
+/// Returns the best local sizes of all scenes. If medians on the page seem to contradict these sizes, a
+/// sentence says why.
 fn all_sizes(contests: &[Contest<'_>]) -> String {
     let sizes = each(contests, size);
     let seems_wrong = |contest: &Contest<'_>| {
@@ -195,8 +198,9 @@ fn all_sizes(contests: &[Contest<'_>]) -> String {
     if contests.iter().any(seems_wrong) { format!("{sizes}. {NOT_BY_MEDIANS}") } else { sizes }
 }
 
-/// Returns true if medians seem to contradict a ranking: a point's median is clearly smaller than that of the fastest
-/// point, or the median of a point that does not tie is clearly smaller than that of a point that ties.
+/// Returns true if medians seem to contradict a ranking: the median of a point is clearly smaller than the
+/// median of the fastest point, or the median of a point that does not tie is clearly smaller than the median
+/// of a point that ties.
 fn medians_contradict(ranking: &Ranking<&Record>) -> bool {
     let Some(best) = ranking.winners.first() else { return false };
     let is_below = |record: &Record, other: &Record| {
@@ -207,8 +211,8 @@ fn medians_contradict(ranking: &Ranking<&Record>) -> bool {
     ranking.ranked.iter().any(|record| is_below(record, best) || (!wins(record) && is_below_a_winner(record)))
 }
 
-/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the kernel of the preset
-/// `naive`, if known. If several sizes tie, returns these sizes or their number.
+/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the kernel of the
+/// preset `naive`, if known. If several sizes tie, returns the tied sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive = sizes(&contest.naive_ranking().winners);
@@ -232,8 +236,8 @@ fn sizes(records: &[&Record]) -> String {
 }
 
 /// Explains why the best kernel is faster than the kernel of the preset `naive`, for the first scene in which
-/// naive does not tie with the fastest kernel. `contests` lists the scene with the most triangles first. If naive
-/// ties in all scenes, the text says so.
+/// naive does not tie with the fastest kernel. `contests` lists the scene with the most triangles first. If
+/// naive ties in all scenes, returns a text that says so.
 fn why(contests: &[Contest<'_>]) -> String {
     let known: Vec<&Contest<'_>> =
         contests.iter().filter(|contest| contest.best_and_naive().is_some()).collect();
@@ -263,9 +267,9 @@ fn reason(best: &Record, naive: &Record) -> String {
     )
 }
 
-/// Says that there is no reason, because in each of these scenes naive is the fastest or ties with the fastest.
-/// If it ties, the smallest difference that the samples can show follows. `all` is the number of scenes in the
-/// answer.
+/// Returns a text that says that no reason can be given, because in each of these scenes naive is the fastest
+/// or ties with the fastest. If naive ties, the text also states the smallest difference that the samples can
+/// show. `all` is the number of scenes in the answer.
 fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
     let is_alone = |contest: &&Contest<'_>| names(&contest.ranking.winners).len() == 1;
     let (alone, ties): (Vec<&Contest<'_>>, Vec<&Contest<'_>>) = contests.iter().copied().partition(is_alone);
@@ -278,7 +282,7 @@ fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
         return format!("there is no gain to explain: {scenes}");
     }
     let tied = ties.iter().flat_map(|contest| contest.group.records.iter().copied());
-    // The page puts a full stop after each line.
+    // The page puts a full stop after each line of the answer, so the text has no full stop at its end.
     let limit = smallest_difference_note(tied).map(|note| format!(". {}", note.trim_end_matches('.')));
     format!("no reason can be given: {scenes}{}", limit.unwrap_or_default())
 }
@@ -323,7 +327,7 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
 }
 
 /// Compares the best kernel with the kernel of the preset `naive`: "private: 62 registers (naive: 67), ...".
-/// `name` is the best kernel's preset. Only properties that are known for both kernels are compared.
+/// `name` is the best kernel's preset. The text contains only properties that are known for both kernels.
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == fact)?;
@@ -337,7 +341,7 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
 }
 
 /// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels. The
-/// text also has the number of points that tie and, if there are any, the number of points without a rank.
+/// text also states the number of points that tie and, if some points have no rank, their number.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
@@ -435,8 +439,8 @@ mod tests {
         }
     }
 
-    /// In most launches, `naive` takes less time than `private`, so its median is smaller. In the last launch, it takes
-    /// so much longer that `private` is the best.
+    /// In most launches, `naive` takes less time than `private`, so the median of `naive` is smaller. In the
+    /// last launch, `naive` takes so much longer that `private` is the best.
     #[test]
     fn medians_that_seem_to_contradict_the_best_size_are_explained() {
         let in_launches = |name: &str, ms: [f64; 3]| {

@@ -12,7 +12,7 @@ use crate::report::plot::scale::Kind;
 use crate::report::view::PAPER_SIZE;
 use crate::report::words::{other_size, times, tip};
 
-/// One of the paper's curves, and raycl's measurements of the same points.
+/// A curve in a figure of the paper, and raycl's measurements of the same points.
 struct Curve<'a> {
     name: &'static str,
     number: usize,
@@ -36,10 +36,10 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-/// Returns two plots of the paper's figure `number`, and the rows of the figure's table (see [`rows`]). One
-/// plot shows the curves' shapes, the other plot shows milliseconds. All measurements come from one run,
-/// since times of different runs must not be joined to a curve. Returns `None` if no point of the figure was
-/// measured.
+/// Returns two plots of the paper's figure `number`, and the rows of the figure's table (see [`rows`]). The
+/// first plot shows the curves' shapes (times relative to the shortest time of each curve), and the second
+/// plot shows milliseconds. All measurements come from one run, since times of different runs must not be
+/// joined to a curve. Returns `None` if no point of the figure was measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],
@@ -49,8 +49,9 @@ pub(super) fn curves_of(
     let points = |run: &Run<'_>| {
         curves(number, &run.groups, device).iter().map(|curve| curve.ours.len()).sum::<usize>()
     };
-    // The experiment of another figure may contain a few points of this figure at the paper's image size. So
-    // few points are no curve. A run therefore needs at least half as many points as the run with the most.
+    // The experiment of another figure may contain a few points of this figure at the paper's image size. A
+    // few points are not a curve, so a run needs at least half as many of the figure's points as the run with
+    // the most points.
     let most = runs.iter().map(points).max().unwrap_or(0);
     let run = with_most(runs, most.div_ceil(2).max(1), points)?;
     let curves = curves(number, &run.groups, device);
@@ -71,8 +72,8 @@ pub(super) fn curves_of(
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
 
-/// Draws the curves over block sizes, in milliseconds. If `as_shapes` is true, each time is divided by the
-/// shortest time of its curve instead.
+/// Draws the curves of a figure over block sizes. If `as_shapes` is false, the curves show milliseconds; if
+/// `as_shapes` is true, each time is divided by the shortest time of the curve.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
         .iter()
@@ -138,8 +139,8 @@ fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -
 }
 
 /// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by
-/// raycl's time. If raycl's image size is not the paper's, or if raycl's time has too few samples, the last
-/// text says so instead.
+/// raycl's time. If raycl's image size differs from the paper's, or if raycl's time has too few samples, the
+/// last text of a row says so instead of a ratio.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

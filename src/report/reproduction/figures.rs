@@ -1,5 +1,5 @@
-//! Describes the paper's figures. Each figure comes with raycl's counterpart and the known
-//! differences between the two.
+//! Describes the paper's figures, each with raycl's version of the figure and the known differences between
+//! the two versions.
 
 use super::curves::curves_of;
 use super::predicted::predicted;
@@ -12,17 +12,17 @@ use serde::Deserialize;
 
 const TABLE: &str = include_str!("figures.toml");
 
-/// A figure of the paper.
+/// The description of a figure of the paper.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Described {
-    /// The figure's number.
+    /// The figure's number in the paper.
     pub number: u32,
     /// The figure's title.
     pub title: String,
-    /// Scenes whose pictures are shown.
+    /// The scenes whose pictures raycl shows for the figure.
     pub pictures: Vec<String>,
-    /// The known differences between the paper's figure and raycl's counterpart.
+    /// The known differences between the paper's figure and raycl's version.
     pub differs: String,
 }
 
@@ -32,13 +32,13 @@ struct File {
     figure: Vec<Described>,
 }
 
-/// A figure for the page.
+/// A figure of the paper, with raycl's version, for the page of `raycl reproduce`.
 pub struct Figure {
     /// The figure's number, title and known differences.
     pub about: Described,
     /// raycl's pictures of the figure's scenes.
     pub pictures: Vec<Picture>,
-    /// raycl's plots of what the figure shows.
+    /// raycl's plots of the values that the paper's figure shows.
     pub plots: Vec<Plot>,
     /// Table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
     pub rows: Vec<[String; 5]>,
@@ -55,8 +55,8 @@ pub fn described() -> Result<Vec<Described>> {
     Ok(file.figure)
 }
 
-/// Returns raycl's counterpart of a figure for a device. `suffix` ends the plots' names, so that the plots of
-/// different devices have different names.
+/// Returns raycl's version of a figure for a device. The names of the plots end with `suffix`, so that the
+/// plots of different devices have different names.
 pub fn figure(
     about: Described,
     runs: &[Run<'_>],
@@ -75,8 +75,8 @@ pub fn figure(
     Figure { about, pictures: shown, plots, rows, missing }
 }
 
-/// Returns the widest picture of a scene that a device cast; `None` if there is no picture. Among pictures of
-/// the same size, a picture by the preset `naive` is preferred.
+/// Returns the widest picture of a scene that a device cast; `None` if the folders contain no such picture.
+/// Of pictures of the same size, prefers a picture by the preset `naive`.
 fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures) -> Option<Picture> {
     let groups = runs.iter().flat_map(|run| run.groups.iter().map(move |group| (run.path(), group)));
     let own = groups.filter(|(_, group)| group.scene == scene && group.device == device);

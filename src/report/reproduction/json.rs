@@ -1,4 +1,4 @@
-//! The reproduction as JSON for programs: the page's content without plots.
+//! Writes the content of the page of `raycl reproduce`, without plots, as JSON for programs.
 
 use super::{Device, Reproduction};
 use crate::error::{Error, Result};

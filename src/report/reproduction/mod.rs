@@ -1,5 +1,6 @@
-//! Collects the data for the reproduction of the paper: the answer, the paper's figures with raycl's measurements, the
-//! paper's claims with verdicts, and the paper's contradictions.
+//! Collects the data for the page of `raycl reproduce`: the answer to the paper's question, the paper's
+//! figures with raycl's measurements, the paper's claims with verdicts, and the contradictions within the
+//! paper.
 
 mod answer;
 mod curves;
@@ -24,7 +25,7 @@ use figures::{Described, Figure};
 use std::cmp::Reverse;
 use std::collections::HashMap;
 
-/// The page of the reproduction.
+/// The page of `raycl reproduce`, which repeats the paper's experiments.
 #[derive(Template)]
 #[template(path = "reproduction.html")]
 pub struct Reproduction {
@@ -33,23 +34,23 @@ pub struct Reproduction {
     nonce: String,
     version: &'static str,
     devices: Vec<Device>,
-    /// The notes of the folders without results of a device.
+    /// The notes of the folders that have no results of any device.
     notes: Vec<String>,
     commands: Vec<String>,
-    /// Names of the folders next to the page that have their own reports.
+    /// The names of those folders next to the page that contain a report.
     reports: Vec<String>,
-    /// Maps a device's common name to the name that the driver reports. Devices for which both names are
-    /// equal are not in the map.
+    /// Maps a device's common name to the name that the driver reports. The map does not contain devices for
+    /// which the two names are equal.
     drivers: HashMap<String, String>,
 }
 
-/// The results of one device.
+/// The results of one device for the page of `raycl reproduce`.
 pub struct Device {
     name: String,
     id: String,
     sizes: String,
     answer: Answer,
-    /// The notes of the folders with results of the device.
+    /// The notes of the folders that have results of the device.
     notes: Vec<String>,
     tally: Vec<(&'static str, usize)>,
     figures: Vec<Figure>,
@@ -62,8 +63,8 @@ struct Paper {
 }
 
 impl Reproduction {
-    /// Collects the page's data from the folders. A claim cannot be tested if the folders lack the claim's
-    /// points. Returns an error if raycl's table of claims or of figures is not valid.
+    /// Collects the page's data from the folders. If the folders lack a claim's points, the claim's verdict
+    /// is "cannot be tested here". Returns an error if raycl's table of claims or of figures is not valid.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let (folders, drivers) = with_common_names(folders);
@@ -104,7 +105,7 @@ impl Reproduction {
             .map_err(|error| Error::fault(format!("the reproduction page could not be written: {error}")))
     }
 
-    /// Returns every plot of the page.
+    /// Returns all plots of the page.
     pub fn plots(&self) -> Vec<&Plot> {
         self.devices
             .iter()
@@ -116,18 +117,19 @@ impl Reproduction {
     }
 }
 
-/// Sorts runs by their image size: first the paper's size, then the other sizes in the order of the runs. Each part of
-/// the page uses the first size at which the part's points were measured. All parts therefore use the same size if
-/// possible.
+/// Sorts runs by their image size: first the size of the paper's figures, then all further sizes in the order
+/// of the runs. Each section of the page uses the first size at which the section's points were measured. All
+/// sections therefore use the same size if possible.
 fn sort_by_size(runs: &mut [Run<'_>]) {
     let mut sizes = vec![PAPER_SIZE];
     sizes.extend(runs.iter().map(Run::image_size));
     runs.sort_by_key(|run| sizes.iter().position(|size| *size == run.image_size()));
 }
 
-/// Returns the run for which `count` returns the largest number; the last one if several runs have this
-/// number. Runs for which `count` returns less than `least` are left out. If the other runs have several
-/// image sizes, only the size that comes first in `runs` is considered. Returns `None` if no run is left.
+/// Returns the run for which `count` returns the largest number; if several runs have this number, returns
+/// the last of them. Runs for which `count` returns less than `least` are left out. If the remaining runs
+/// have several image sizes, only runs with the size that comes first in `runs` are considered. Returns
+/// `None` if no run remains.
 fn with_most<'r, 'a>(
     runs: &'r [Run<'a>],
     least: usize,
@@ -137,7 +139,7 @@ fn with_most<'r, 'a>(
     runs.iter().filter(|run| count(run) >= least).max_by_key(|run| (Reverse(size(run)), count(run)))
 }
 
-/// Returns the commands that wrote the folders, without repetitions.
+/// Returns the commands that measured the results in the folders, without repetitions.
 fn commands(folders: &[Folder]) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     for command in folders.iter().map(|folder| super::environment::view(folder).command) {
@@ -153,9 +155,9 @@ fn has_results(folder: &Folder, device: &str) -> bool {
     folder.records.iter().any(|record| record.device == device)
 }
 
-/// Returns the results of a device, without notes; `index` is the device's index on the page. `taken` contains
-/// the plots' names in the answers of earlier devices. This function adds the plots' names in this device's
-/// answer.
+/// Returns the results of a device, without notes. `index` is the device's index on the page. `taken`
+/// contains the names of the plots in the answers of earlier devices, and the function adds the names of the
+/// plots in this device's answer.
 fn device(
     index: usize,
     name: &str,
@@ -289,7 +291,7 @@ mod tests {
             assert_eq!(both.answer.strategy, best);
             let [ours, ratio] = row(&both);
             assert!(ours == "2.000" && ratio.ends_with('×'), "{ours} {ratio}");
-            // Only the smaller images have this point.
+            // The point `naive at 8 x 8` was measured only with the smaller images.
             assert!(compares(&both, "naive at 8 x 8 on teapot at 200 x 125 ("));
         }
         let only = page(&small);

@@ -11,14 +11,15 @@ use crate::report::plot::chart::{Across, Chart, Mark, Series};
 use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 
-/// The paper's table: the side of a square block (work-group), and the threads per multiprocessor.
+/// The values in the paper's Figure 5: the side of a square block (work-group), and the threads per
+/// multiprocessor.
 const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
 /// The sides of the square blocks that the plot shows.
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
 
-/// Returns Figure 5 with three curves: the published values, the prediction for the paper's number of registers, and
-/// the prediction for the kernel of the preset `naive` on this device. The last curve is left out if the kernel's
-/// number of registers is unknown.
+/// Returns a plot like the paper's Figure 5 with three curves: the published values, the prediction for the
+/// paper's number of registers, and the prediction for the kernel of the preset `naive` on the device
+/// `device`. The third curve is left out if the kernel's number of registers is unknown.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];

@@ -1,4 +1,4 @@
-// Pointing at a line marks its instructions; pointing at an instruction marks its line.
+// Pointing at a source line marks the line's instructions; pointing at an instruction marks its source line.
 for (const view of all(".microscope")) {
   const rows = new Map();
   for (const row of all("[data-line]", view)) {
@@ -37,7 +37,7 @@ for (const view of all(".microscope")) {
       const at = row(event), line = at?.dataset.line ?? null;
       keep(line === pinned ? null : line, at);
     });
-    // Arrow keys go to the next row that belongs to another line.
+    // Arrow keys go to the next row that belongs to another source line.
     pane.addEventListener("keydown", (event) => {
       const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
       if (!step) return;

@@ -1,4 +1,4 @@
-// Makes the page interactive: tooltips, switches, sorting, enlarged pictures. All data is in the page's elements.
+// Makes the page interactive: tooltips, switches, sorting, enlarged pictures. All data are in the page's HTML elements.
 "use strict";
 const all = (selector, root = document) => [...root.querySelectorAll(selector)];
 const tip = document.getElementById("tip");
@@ -44,7 +44,7 @@ for (const chart of all("svg.chart")) {
   chart.addEventListener("blur", () => showTip(null));
 }
 
-// Legends: pointing at an entry highlights its series, a click hides or shows the series.
+// Legends: pointing at an entry highlights the entry's series; a click on the entry hides or shows the series.
 for (const entry of all(".entry")) {
   const chart = entry.closest("svg"), series = all(`.series[data-series="${entry.dataset.for}"]`, chart);
   if (!series.length) continue;
@@ -64,7 +64,7 @@ for (const entry of all(".entry")) {
   entry.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); flip(); } });
 }
 
-// Shows one view at a time.
+// Shows the plots and the table of one group at a time.
 const pick = document.getElementById("pick");
 const show = (id) => all(".view").forEach((view) => { view.hidden = view.id !== id; });
 if (pick) { pick.addEventListener("change", () => show(pick.value)); show(pick.value); }
@@ -73,7 +73,8 @@ for (const button of all("[data-scale]")) button.addEventListener("click", () =>
   all("[data-scale]").forEach((other) => other.setAttribute("aria-pressed", String(other === button)));
 });
 
-// Tables: a click on a heading sorts the rows, with empty cells last. A filter shows the rows that contain all its words.
+// Tables: a click on a heading sorts the rows, with empty cells last. A filter shows only the rows that contain all of
+// the filter's words.
 const value = (cell) => { const text = cell.dataset.v ?? cell.textContent.trim(), number = parseFloat(text); return cell.classList.contains("num") ? (Number.isNaN(number) ? null : number) : text; };
 function sort(head, table) {
   const up = head.getAttribute("aria-sort") !== "ascending", index = [...head.parentElement.children].indexOf(head), body = table.tBodies[0];
@@ -102,7 +103,7 @@ for (const input of all(".filter input")) input.addEventListener("input", () => 
   }
 });
 
-// Pictures: a click enlarges a picture, arrow keys show the previous or the next picture.
+// Pictures: a click enlarges a picture; then, arrow keys show the previous or the next picture.
 const box = document.getElementById("lightbox"), pictures = all(".enlarge");
 let current = 0;
 function enlarge(index) {

@@ -1,28 +1,29 @@
-//! Draws a series of a chart: its line, its markers and their intervals.
+//! Draws a series of a chart: the line, the markers and the intervals.
 
 use super::super::look::Look;
 use super::super::svg::{Svg, number};
 use super::Frame;
 use crate::entry::entry;
 
-/// One mark: a sign in a plot, such as a disc, at a pair of values.
+/// A mark, which is a sign in a plot, such as a disc, at a pair of values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     /// The mark's x value.
     pub x: f64,
     /// The mark's y value.
     pub y: f64,
-    /// The 95% interval of y, if there is one.
+    /// The 95% interval of the y value; `None` if the interval is unknown.
     pub interval: Option<[f64; 2]>,
     /// The mark's tooltip, one fact per line.
     pub tip: String,
 }
 
-/// Marks that belong together.
+/// A series of marks, such as the times of one strategy.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// The series' name in the legend. A series without a name is a line without markers, such as a fitted line. This
-    /// line belongs to the series before it and is hidden together with that series.
+    /// The series' name in the legend. A series without a name is a line without markers, such as a fitted
+    /// line. A line without a name belongs to the previous series, and is hidden when the previous series is
+    /// hidden.
     pub name: String,
     /// The appearance of the series.
     pub look: Look,
@@ -33,8 +34,8 @@ pub struct Series {
 }
 
 impl Series {
-    /// Adds a mark to the series with the name `name`. If there is no such series, adds it with the look
-    /// `look`. If `joined` is true, a line joins the marks of the new series.
+    /// Adds a mark to the series with the name `name`. If `all` contains no such series, first adds a series
+    /// with the appearance `look`. If `joined` is true, a line joins the marks of the new series.
     pub fn add(all: &mut Vec<Self>, name: &str, look: Look, joined: bool, mark: Mark) {
         let new = || Self { name: name.to_owned(), look, joined, marks: Vec::new() };
         entry(all, |series| series.name == name, new).marks.push(mark);
@@ -84,7 +85,8 @@ fn draw_path(svg: &mut Svg, look: Look, points: impl Iterator<Item = [f64; 2]>) 
     );
 }
 
-/// Draws the interval as a bar with ends. An interval shorter than two units of the drawing is left out.
+/// Draws the interval of a mark as a vertical bar with a short line at each end. Leaves out an interval
+/// shorter than two units of length of the SVG.
 fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
     let Some([low, high]) = mark.interval else { return };
     let (Some(low), Some(high)) = (frame.up.position(low), frame.up.position(high)) else { return };
