@@ -1,5 +1,5 @@
-//! Layers, which `raycl render --layers` writes beside a picture: for each pixel, the depth, the normal, the numbers of
-//! the triangle and its object, and the costs of the ray.
+//! Layers, which `raycl render --layers` writes beside a picture: for each pixel, the depth, the normal, the base
+//! colour, the numbers of the triangle and its object, and the costs of the ray.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has};
 use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
@@ -13,7 +13,8 @@ fn render(folder: &WorkFolder, options: &[&str]) {
 
 /// Returns a folder with a scene of two objects: a triangle at z = -2, and the ground.
 fn new_folder() -> WorkFolder {
-    WorkFolder::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))])
+    let rest = "material = { k_l = [0.25, 0.5, 0.75] }\n[[object]]\nshape = \"ground\"\n";
+    WorkFolder::with(&[("scene.toml", &format!("{TRIANGLE}{rest}"))])
 }
 
 #[test]
@@ -40,9 +41,32 @@ fn one_exr_holds_all_layers_and_the_picture() {
     assert_eq!([words("triangle")[middle], words("triangle")[sky]], [0, u32::MAX]);
     assert_eq!([words("object")[middle], words("object")[corner], words("object")[sky]], [0, 1, u32::MAX]);
     assert!(words("tests")[middle] > 0 && words("nodes")[middle] > 0);
+    let albedo = |pixel: usize| ["albedo.R", "albedo.G", "albedo.B"].map(|name| floats(name)[pixel]);
+    assert_eq!([albedo(middle), albedo(sky)], [[0.25, 0.5, 0.75], [0.0; 3]]);
     let picture = image::open(folder.path("picture.exr")).expect("a picture").to_rgb32f();
     let reds: Vec<f32> = picture.pixels().map(|pixel| pixel.0[0]).collect();
     assert_eq!(floats("R"), reds);
+}
+
+/// The texels are alternately black and white, and much smaller than a pixel. A pixel's base colour is their mean in
+/// linear light, which is displayed as 188, times the material's colour.
+#[test]
+fn the_base_colour_is_that_of_the_texture_under_the_whole_pixel() {
+    let object = "\n[[object]]\nmesh = \"quad.obj\"\ntranslation = [0, 0, -1.5]\n";
+    let (obj, mtl) = (
+        "mtllib quad.mtl\nusemtl m\nv -3 -3 0\nv 3 -3 0\nv 3 3 0\nv -3 3 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n",
+        "newmtl m\nKd 0.5 0.5 1\nmap_Kd squares.png\n",
+    );
+    let scene = format!("{TRIANGLE}{object}");
+    let folder = WorkFolder::with(&[("scene.toml", &scene), ("quad.obj", obj), ("quad.mtl", mtl)]);
+    let squares = image::GrayImage::from_fn(512, 512, |x, y| image::Luma([255 * ((x + y) % 2) as u8]));
+    squares.save(folder.path("squares.png")).expect("a picture");
+    render(&folder, &["--layers", "a.png"]);
+    let albedo = image::open(folder.path("a-albedo.png")).expect("a picture").to_rgb8();
+    for pixel in [(20, 12), (11, 7), (30, 20)] {
+        let [red, green, blue] = albedo[pixel].0;
+        assert!(red == green && red.abs_diff(137) <= 1 && blue.abs_diff(188) <= 1, "{pixel:?}: {red} {blue}");
+    }
 }
 
 #[test]
@@ -51,13 +75,13 @@ fn pngs_are_one_of_each_and_files_of_others_stay() {
     render(&folder, &["--layers", "a.png"]);
     let size =
         |name: &str| image::image_dimensions(folder.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
-    for name in ["a-depth.png", "a-normal.png", "a-triangle.png", "a-object.png"] {
+    for name in ["a-depth.png", "a-normal.png", "a-albedo.png", "a-triangle.png", "a-object.png"] {
         assert_eq!(size(name), (40, 25), "{name}");
     }
     for name in ["a-tests.png", "a-nodes.png"] {
         assert_eq!(size(name), (40, 25 + 18), "{name} has a scale below");
     }
-    let [depth, ..] = ["depth", "normal", "triangle", "object"].map(|name| {
+    let [depth, ..] = ["depth", "normal", "albedo", "triangle", "object"].map(|name| {
         let picture = image::open(folder.path(&format!("a-{name}.png"))).expect("a picture").to_rgb8();
         assert_eq!(picture[(0, 0)].0, [0; 3], "nothing is hit, so {name} is black");
         picture

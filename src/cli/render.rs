@@ -62,8 +62,8 @@ pub struct Args {
     /// scene's file, with the extension .png; picture.png for a scene from standard input]
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Also write layers: depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes
-    /// per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not with
+    /// Also write layers: depth, normals, base colour, triangle and object numbers, and the numbers of triangle tests
+    /// and tree nodes per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not with
     /// --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,

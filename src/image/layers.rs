@@ -1,19 +1,20 @@
 //! Writes the layers of a picture (other values of each pixel than its colour) to files: all layers and the
-//! picture to one EXR, or each layer to a separate PNG. The layers are the depth, normal, triangle and object
-//! of each pixel's hit, and the numbers of ray-triangle tests and tree nodes of the pixel's rays.
+//! picture to one EXR, or each layer to a separate PNG. The layers are the depth, normal, base
+//! colour, triangle and object of each pixel's hit, and the numbers of ray-triangle tests and tree nodes of the pixel's rays.
 
 use super::colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 use super::{Radiance, save_rgb8};
 use crate::error::{Error, Result};
 use crate::output::{Target, mark};
 use crate::reference::layers::{Layers, NOTHING};
+use crate::scene::srgb_value;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Text, WritableImage as _};
 use image::{Rgb, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error as IoError, Result as IoResult, Write as _};
 
 /// The suffix of each layer's PNG file name.
-const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
+const NAMES: [&str; 7] = ["depth", "normal", "albedo", "triangle", "object", "tests", "nodes"];
 
 /// Returns the files to which layers are written. A target NAME.exr gets all layers and the picture, so this
 /// file may be the same as `picture`. For a target NAME.png, each layer has a separate file, such as
@@ -61,6 +62,7 @@ pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Res
     let pictures = [
         grey(layers),
         directions(layers),
+        colours(layers),
         numbers(layers, &layers.triangle),
         numbers(layers, &layers.object),
         counts(layers.size, layers.tests.iter().copied()),
@@ -84,6 +86,9 @@ fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
         floats("N.X", of(&layers.normal, 0)),
         floats("N.Y", of(&layers.normal, 1)),
         floats("N.Z", of(&layers.normal, 2)),
+        floats("albedo.R", of(&layers.albedo, 0)),
+        floats("albedo.G", of(&layers.albedo, 1)),
+        floats("albedo.B", of(&layers.albedo, 2)),
         words("triangle", &layers.triangle),
         words("object", &layers.object),
         words("tests", &layers.tests),
@@ -125,6 +130,11 @@ fn directions(layers: &Layers) -> RgbImage {
     })
 }
 
+/// Shows base colours as sRGB, so that a texture's own 8-bit colours come back; more than 1 is shown as 1.
+fn colours(layers: &Layers) -> RgbImage {
+    picture(layers, |pixel| layers.albedo[pixel].map(srgb_value))
+}
+
 /// Returns a picture of numbers (such as triangle numbers), in which consecutive numbers have different
 /// colours. Pixels without a hit are black.
 fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
@@ -160,6 +170,7 @@ mod tests {
             size: [2, 1],
             depth: vec![1.0; 2],
             normal: vec![[0.0, 0.0, 1.0]; 2],
+            albedo: vec![[0.5; 3]; 2],
             triangle: vec![0; 2],
             object: vec![0; 2],
             tests: vec![0, 5],
@@ -183,6 +194,7 @@ mod tests {
             size: [1, 1],
             depth: vec![1.0],
             normal: vec![[0.25, 0.5, 0.75]],
+            albedo: vec![[0.5, 0.125, 1.5]],
             triangle: vec![0],
             object: vec![0],
             tests: vec![0],
@@ -200,6 +212,7 @@ mod tests {
             }
         };
         assert_eq!(["N.X", "N.Y", "N.Z"].map(value), [0.25, 0.5, 0.75]);
+        assert_eq!(["albedo.R", "albedo.G", "albedo.B"].map(value), [0.5, 0.125, 1.5]);
         // In an EXR file, a bit in the second byte of the version number says whether the file has tiles.
         assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
     }
@@ -248,11 +261,20 @@ mod tests {
     }
 
     #[test]
+    fn base_colours_are_srgb_without_exposure() {
+        let albedo = vec![[1.0, 0.5, 0.0], [2.0, 0.215_86, -1.0]];
+        let layers = Layers { size: [2, 1], albedo, ..Layers::default() };
+        let shown: Vec<[u8; 3]> = colours(&layers).pixels().map(|pixel| pixel.0).collect();
+        assert_eq!(shown, [[255, 188, 0], [255, 128, 0]]);
+    }
+
+    #[test]
     fn each_layer_stands_in_the_file_of_its_name() {
         let layers = Layers {
             size: [3, 2],
             depth: vec![1.0, 2.0, f32::INFINITY, 1.0, 1.0, 1.0],
             normal: vec![[0.0, 0.0, 1.0]; 6],
+            albedo: vec![[0.0; 3], [1.0; 3], [1.0; 3], [1.0; 3], [1.0; 3], [1.0; 3]],
             triangle: vec![NOTHING, 1, 1, 1, 1, 1],
             object: vec![1, 1, NOTHING, 1, 1, 1],
             tests: vec![4; 6],
@@ -268,6 +290,7 @@ mod tests {
         assert_eq!(black("a-depth.png"), [false, false, true, false, false, false]);
         assert_eq!(black("a-triangle.png"), [true, false, false, false, false, false]);
         assert_eq!(black("a-object.png"), [false, false, true, false, false, false]);
+        assert_eq!(black("a-albedo.png"), [true, false, false, false, false, false]);
         assert_eq!(shown("a-normal.png")[(2, 1)].0, [128, 128, 255]);
         assert_eq!(shown("a-depth.png")[(1, 0)].0, [40; 3], "the farthest");
     }

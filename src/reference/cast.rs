@@ -5,7 +5,7 @@ use super::intersect::Hit;
 use super::leaning::relative_error;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
-use super::shade::{Reaches, Sight, shade, sights, surface_at};
+use super::shade::{Reaches, Sight, base_colour, shade, sights, surface_at};
 use super::soft::{Seen, radiance_of_sky};
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
@@ -108,6 +108,11 @@ impl<'a, R: Real> Caster<'a, R> {
             Some(hit) => shade(self.scene, seen, (ray, self.frame.cone_width(ray, hit.t)), hit, reaches),
             None => self.background(ray.direction),
         }
+    }
+
+    /// Returns the diffuse reflectance at a primary ray's hit.
+    pub fn base_colour(&self, ray: &Ray<R>, hit: &Hit<R>) -> R::Vector {
+        base_colour(self.scene, (ray, self.frame.cone_width(ray, hit.t)), hit)
     }
 
     /// Returns the radiance of a ray that hits nothing.

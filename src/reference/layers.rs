@@ -5,6 +5,7 @@ use super::cast::Caster;
 use super::cost::{self, Cost};
 use super::count;
 use super::intersect::Hit;
+use super::real::Vector as _;
 use super::tree::Tree;
 use crate::error::Result;
 use crate::scene::{Mesh, Scene};
@@ -24,6 +25,8 @@ pub struct Layers {
     pub depth: Vec<f32>,
     /// The interpolated normal, of length 1; zero without a hit.
     pub normal: Vec<[f32; 3]>,
+    /// The diffuse reflectance: the material's k_L times the texture's colour, in linear light; zero without a hit.
+    pub albedo: Vec<[f32; 3]>,
     /// The number of the triangle in the scene, from 0; [`NOTHING`] without a hit.
     pub triangle: Vec<u32>,
     /// The number of the object in the scene, from 0; [`NOTHING`] without a hit.
@@ -49,17 +52,24 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
     let object = |triangle: u32| object_of(object_starts, triangle);
     Ok(Layers {
         size,
-        depth: hits.iter().map(|hit| hit.map_or(f32::INFINITY, |(depth, ..)| depth)).collect(),
-        normal: hits.iter().map(|hit| hit.map_or([0.0; 3], |(_, normal, _)| normal)).collect(),
-        triangle: hits.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| triangle)).collect(),
-        object: hits.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| object(triangle))).collect(),
+        depth: hits.iter().map(|hit| hit.map_or(f32::INFINITY, |hit| hit.depth)).collect(),
+        normal: hits.iter().map(|hit| hit.map_or([0.0; 3], |hit| hit.normal)).collect(),
+        albedo: hits.iter().map(|hit| hit.map_or([0.0; 3], |hit| hit.albedo)).collect(),
+        triangle: hits.iter().map(|hit| hit.map_or(NOTHING, |hit| hit.triangle)).collect(),
+        object: hits.iter().map(|hit| hit.map_or(NOTHING, |hit| object(hit.triangle))).collect(),
         tests: costs.iter().map(|cost| cost.tests).collect(),
         nodes: costs.iter().map(|cost| cost.nodes).collect(),
     })
 }
 
-/// The depth, the normal and the triangle of a hit.
-type PixelHit = (f32, [f32; 3], u32);
+/// What the layers show of a pixel's hit.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelHit {
+    depth: f32,
+    normal: [f32; 3],
+    albedo: [f32; 3],
+    triangle: u32,
+}
 
 /// Returns the hit of each pixel's ray; `None` if the ray hits nothing.
 fn pixel_hits(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<PixelHit>> {
@@ -71,7 +81,13 @@ fn pixel_hits(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<Pix
         let hit = hit?;
         let normal = normal_at(&scene.mesh, &hit);
         let depth = (ray.direction * hit.t).dot(forward);
-        Some((depth as f32, normal.as_vec3().to_array(), hit.triangle))
+        let albedo = caster.base_colour(&ray, &hit);
+        Some(PixelHit {
+            depth: depth as f32,
+            normal: normal.to_f32(),
+            albedo: albedo.to_f32(),
+            triangle: hit.triangle,
+        })
     };
     (0..count(size)).into_par_iter().map(look).collect()
 }
@@ -110,6 +126,13 @@ mod tests {
         assert!(layers.triangle[ground] == 2 || layers.triangle[ground] == 3);
         let sky = at(2, 2);
         assert_eq!((layers.triangle[sky], layers.object[sky]), (NOTHING, NOTHING));
+        let own = |pixel: usize| {
+            scene.mesh.material(&scene.mesh.triangles[layers.triangle[pixel] as usize]).lambertian.to_array()
+        };
+        assert_eq!(
+            [layers.albedo[middle], layers.albedo[ground], layers.albedo[sky]],
+            [own(middle), own(ground), [0.0; 3]]
+        );
         assert!(layers.depth[sky].is_infinite() && layers.normal[sky] == [0.0; 3]);
         assert!(layers.tests[middle] > 0 && layers.nodes[middle] > 0);
         let costs = cost::in_tree(&scene, [80, 80], Culling::None).unwrap();

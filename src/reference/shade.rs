@@ -47,6 +47,15 @@ pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vec
     [ray.origin + ray.direction * hit.t, (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero()]
 }
 
+/// Returns the diffuse reflectance at a hit: the material's k_L times the texture's colour in linear light. `width` is
+/// the width of the pixel's cone at the hit.
+pub fn base_colour<R: Real>(scene: &Scene, (ray, width): (&Ray<R>, R), hit: &Hit<R>) -> R::Vector {
+    let triangle = &scene.mesh.triangles[hit.triangle as usize];
+    let own = R::Vector::of(scene.mesh.material(triangle).lambertian);
+    let colour = texture_colour::<R>(&scene.mesh, hit, ray.direction, width);
+    colour.map_or(own, |colour| own * colour)
+}
+
 /// A test of whether a light is visible.
 pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 
@@ -61,9 +70,7 @@ pub fn shade<R: Real>(
 ) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
-    let own = R::Vector::of(material.lambertian);
-    let colour = texture_colour::<R>(&scene.mesh, hit, ray.direction, width);
-    let lambertian = colour.map_or(own, |colour| own * colour);
+    let lambertian = base_colour::<R>(scene, (ray, width), hit);
     let [point, normal] = surface_at(scene, ray, hit);
     let w_o = -ray.direction;
     let mirrored = mirrored_sky::<R>(seen, material, w_o, normal);

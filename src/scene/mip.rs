@@ -173,11 +173,13 @@ fn light_of(texel: u32, by_alpha: bool) -> Light {
     [red, green, blue, alpha]
 }
 
+/// Returns the 8-bit value of an sRGB channel that is nearest to this linear light.
+pub fn srgb_value(light: f32) -> u8 {
+    BETWEEN.partition_point(|between| *between < light) as u8
+}
+
 fn texel_of([red, green, blue, alpha]: Light, by_alpha: bool) -> u32 {
-    let displayed = |light: f32| {
-        let light = light / weight(alpha, by_alpha);
-        BETWEEN.partition_point(|between| *between < light) as u8
-    };
+    let displayed = |light: f32| srgb_value(light / weight(alpha, by_alpha));
     u32::from_le_bytes([displayed(red), displayed(green), displayed(blue), (255.0 * alpha).round() as u8])
 }
 

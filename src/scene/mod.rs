@@ -42,7 +42,7 @@ pub(crate) use inputs::{INPUTS, Inputs};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 pub use material::{Material, MaterialKind};
 pub use mesh::{Mesh, Triangle};
-pub use mip::texel_on;
+pub use mip::{srgb_value, texel_on};
 pub use orbit::Orbit;
 pub use samples::{Sample, SampleCounts, SampleLight, Sampling, pixel_samples, scrambled, sobol};
 pub use setting::Setting;

@@ -34,11 +34,11 @@ const MATERIAL_BYTES: u64 = size_of::<Material>() as u64;
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
 /// Bytes per pixel while layers are computed: radiance and alpha of the picture, two counts, and the hit of the pixel's
-/// ray (depth, normal and triangle, which may be missing).
-const LAYERS_COMPUTED_BYTES: u64 = 16 + 8 + 24;
+/// ray (depth, normal, base colour and triangle, which may be missing).
+const LAYERS_COMPUTED_BYTES: u64 = 16 + 8 + 36;
 /// Bytes per pixel while layers are written: radiance and alpha of the picture, all layers, and a second copy
 /// of all these numbers as channels of an EXR.
-const LAYERS_WRITTEN_BYTES: u64 = 2 * (16 + 32);
+const LAYERS_WRITTEN_BYTES: u64 = 2 * (16 + 44);
 
 /// What the host does with a picture after it has been cast.
 #[derive(Clone, Copy, Debug, Default)]
@@ -189,6 +189,7 @@ fn mesh_bytes(w: &Workload) -> u64 {
 mod tests {
     use super::super::{Layout, Requirements, preset};
     use super::*;
+    use crate::reference::layers::PixelHit;
 
     fn workload(triangles: usize, side: u32) -> Workload {
         Workload {
@@ -307,11 +308,11 @@ mod tests {
         for shared in [false, true] {
             // With many triangles, the reference's tree needs most of the memory; with many pixels, the copy of the
             // layers does.
-            assert_eq!(beside_scene(&workload(10_000_000, 100), shared), 152 * 10_000_000 + 48 * 10_000);
-            assert_eq!(beside_scene(&workload(10, 4000), shared), 96 * 4000 * 4000);
+            assert_eq!(beside_scene(&workload(10_000_000, 100), shared), 152 * 10_000_000 + 60 * 10_000);
+            assert_eq!(beside_scene(&workload(10, 4000), shared), 120 * 4000 * 4000);
         }
         let of_layers = LAYERS_COMPUTED_BYTES as usize;
-        assert_eq!(of_layers, 16 + 2 * size_of::<u32>() + size_of::<Option<(f32, [f32; 3], u32)>>());
+        assert_eq!(of_layers, 16 + 2 * size_of::<u32>() + size_of::<Option<PixelHit>>());
         assert!(Bvh::build_bytes(1_000_000, 4) < 1_000_000 * REFERENCE_BYTES, "the tree that counts tests");
     }
 
