@@ -1,6 +1,7 @@
 //! Recognises files by their first bytes. For a file in a format that raycl does not read, the message names
 //! that format.
 
+mod endings;
 mod opened;
 mod signatures;
 mod stl;
@@ -129,9 +130,9 @@ impl FileType {
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));
         match (self, wanted) {
             (Self::Foreign(Foreign { name, remedy }), _) => {
-                // The remedy `EXPORT` advises to export a mesh. If the user wanted an experiment, a mesh is
-                // of no use, so this remedy is left out.
-                let none = remedy.is_empty() || wanted == Wanted::Experiment && remedy == signatures::EXPORT;
+                // If the user wanted an experiment, a mesh is of no use, so advice that leads to a mesh is left out.
+                let leads_to_mesh = signatures::TO_MESH.contains(&remedy);
+                let none = remedy.is_empty() || wanted == Wanted::Experiment && leads_to_mesh;
                 let help = if none { String::new() } else { format!("; {remedy}") };
                 refused(&format!("{name}, which raycl does not read"), &format!("{}{help}", wanted.read()))
             }

@@ -1,6 +1,6 @@
 //! A file that was opened, and whose type was recognised. A packed file (gzip) is unpacked.
 
-use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, stl};
+use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, endings, signatures, stl, text};
 use crate::memory::Available;
 use crate::reader::{self, Damaged, Kind, STANDARD_INPUT};
 use crate::words::counted;
@@ -117,17 +117,37 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
 /// triangles. A binary file that matches no known type is STL if its name ends in `.stl`, or if the file
 /// begins with triangles and is cut off; the STL reader then reports the error. A JSON file without keys of
 /// glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes may
-/// contain the keys.
+/// contain the keys. If the contents show no format, the extension may name one that raycl does not read; a text may
+/// also be a list of points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
+    if of_contents == FileType::Unclear {
+        return foreign_text(head, path).map_or(FileType::Unclear, FileType::Foreign);
+    }
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };
     let has_more = length > head.len() as u64;
     match MeshFormat::from_ending(path) {
         Some(MeshFormat::Stl) if name == UNKNOWN => FileType::Mesh(MeshFormat::Stl),
         Some(MeshFormat::Gltf) if name == JSON && has_more => FileType::Mesh(MeshFormat::Gltf),
+        None if name == UNKNOWN && endings::foreign(path).is_some() => {
+            endings::foreign(path).map_or(of_contents, FileType::Foreign)
+        }
         _ if name == UNKNOWN && stl::is_cut_off(head, length) => FileType::Mesh(MeshFormat::Stl),
         _ => of_contents,
     }
+}
+
+/// Returns the format of a text that matches no known type; `None` if the file is empty, if its extension stands for a
+/// format that raycl reads, or if neither its first lines nor its extension show the format.
+fn foreign_text(head: &[u8], path: &Path) -> Option<Foreign> {
+    if head.trim_ascii().is_empty() || MeshFormat::from_ending(path).is_some() {
+        return None;
+    }
+    let points = Foreign {
+        name: "a list of numbers, such as points without triangles",
+        remedy: signatures::POINTS,
+    };
+    endings::foreign(path).or_else(|| text::is_list_of_numbers(head).then_some(points))
 }
 
 /// Returns half of the free memory, in bytes.

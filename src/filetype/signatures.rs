@@ -4,7 +4,21 @@ use super::{FileType, Foreign, MeshFormat, stl};
 
 /// The advice for files that contain a mesh.
 pub(super) const EXPORT: &str = "export it as glTF or OBJ, with Blender for example";
+/// The advice for files that only the program that made them reads.
+pub(super) const OWN: &str = "export it as glTF or OBJ from the program that made it";
+/// The advice for models of curved surfaces.
+pub(super) const CAD: &str = "export a mesh (STL) from it, with FreeCAD for example";
+/// The advice for meshes of simulations.
+pub(super) const CONVERT: &str = "convert it to PLY, with meshio or ParaView for example";
+/// The advice for points without triangles.
+pub(super) const POINTS: &str = "make triangles of its points, with MeshLab for example";
+/// The advice for volumes.
+pub(super) const SURFACE: &str = "extract a surface (PLY or STL), with ParaView for example";
+/// The advice that leads to a mesh.
+pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 const UNPACK: &str = "unpack it first";
+/// The advice for an error page in place of a file.
+pub(super) const DOWNLOAD: &str = "download the file again, with the address of the file itself";
 
 /// A signature's offset and bytes, the format's name, and advice for the user.
 type Signature = (usize, &'static [u8], &'static str, &'static str);
@@ -19,15 +33,46 @@ pub(super) const SIGNATURES: &[Signature] = &[
     (0, b"#usda", "a USD scene (ASCII, usda)", EXPORT),
     (0, b"Ogawa", "an Alembic scene", EXPORT),
     (0, b"\x89HDF\r\n\x1a\n", "an HDF5 file, such as an older Alembic scene", EXPORT),
-    (0, b"# vtk DataFile", "a VTK file", EXPORT),
+    (0, b"# vtk DataFile", "a VTK file", CONVERT),
     (0, b"#VRML", "a VRML scene", EXPORT),
     (0, b"#X3D", "an X3D scene", EXPORT),
-    (0, b"# .PCD", "a point cloud (PCD)", ""),
-    (0, b"DRACO", "a Draco mesh", EXPORT),
-    (0, b"//Maya ASCII", "a Maya scene (ASCII)", EXPORT),
-    (0, b"ISO-10303-21", "a STEP model", EXPORT),
-    (8, b"LWO2", "a LightWave object", EXPORT),
-    (8, b"LWOB", "a LightWave object", EXPORT),
+    (0, b"# .PCD", "a point cloud (PCD)", POINTS),
+    (0, b"LASF", "a point cloud (LAS or LAZ)", POINTS),
+    (0, b"ASTM-E57", "a point cloud (E57)", POINTS),
+    (0, b"DRACO", "a Draco mesh", "decode it to PLY or OBJ, with draco_decoder"),
+    (0, b"//Maya ASCII", "a Maya scene (ASCII)", OWN),
+    (0, b"FOR4", "a Maya scene (binary)", OWN),
+    (0, b"FOR8", "a Maya scene (binary)", OWN),
+    (0, b"QC4DC4D6", "a Cinema 4D scene", OWN),
+    (0, b"3D Geometry File Format", "a Rhino model", OWN),
+    (0, SKETCHUP, "a SketchUp model", OWN),
+    (0, b"\x7fNSJb", "a Houdini geometry", OWN),
+    (0, b"AC3D", "an AC3D model", OWN),
+    (0, b"xof 0", "a DirectX mesh", OWN),
+    (0, b"IDP2", "a Quake mesh (MD2)", OWN),
+    (0, b"IDP3", "a Quake mesh (MD3)", OWN),
+    (0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an OLE file, such as a 3ds Max or SolidWorks file", OWN),
+    (0, b"ISO-10303-21", "a STEP model", CAD),
+    (0, b"**ABCDEFGH", "a Parasolid model", CAD),
+    (0, b"DBRep_DrawableShape", "an Open CASCADE model (BREP)", CAD),
+    (0, b"CASCADE Topology", "an Open CASCADE model (BREP)", CAD),
+    (0, b"AC10", "an AutoCAD drawing (DWG)", CAD),
+    (0, b"$MeshFormat", "a Gmsh mesh (MSH)", CONVERT),
+    (0, b"$Comments", "a Gmsh mesh (MSH)", CONVERT),
+    (0, b"$NOD", "a Gmsh mesh (MSH)", CONVERT),
+    (0, b"MeshVersionFormatted", "a Medit mesh", CONVERT),
+    (8, b"LWO2", "a LightWave object", OWN),
+    (8, b"LWOB", "a LightWave object", OWN),
+    (8, b"LWO3", "a LightWave object", OWN),
+    (8, b"LXOB", "a Modo scene", OWN),
+    (344, b"n+1\0", "a volume (NIfTI)", SURFACE),
+    (208, b"MAP ", "a volume (MRC or CCP4)", SURFACE),
+    (0, b"NRRD000", "a volume (NRRD)", SURFACE),
+    (0, b"ObjectType = Image", "a volume (MetaImage)", SURFACE),
+    (128, b"DICM", "a volume (DICOM)", SURFACE),
+    (0, b"\x20BDV", "a volume (OpenVDB)", SURFACE),
+    (0, b"VOX ", "a model of voxels (VOX)", OWN),
+    (0, b"#binvox", "a volume (binvox)", SURFACE),
     (0, b"\x89PNG\r\n\x1a\n", "a PNG picture", ""),
     (0, b"\xff\xd8\xff", "a JPEG picture", ""),
     (0, b"\x76\x2f\x31\x01", "an EXR picture", ""),
@@ -38,9 +83,14 @@ pub(super) const SIGNATURES: &[Signature] = &[
     (0, b"MM\0*", "a TIFF picture", ""),
     (8, b"WEBP", "a WebP picture", ""),
     (0, b"8BPS", "a Photoshop picture", ""),
+    (0, b"P3\n", "a PPM picture", ""),
     (0, b"P6\n", "a PPM picture", ""),
+    (0, b"DDS ", "a DDS picture", ""),
+    (4, b"ftyp", "a film or a picture (MP4, HEIC or AVIF)", ""),
     (0, b"PF\n", "a PFM picture", ""),
     (0, b"%PDF", "a PDF document", ""),
+    (0, b"\x93NUMPY", "a NumPy array", ""),
+    (0, b"404: Not Found", "the error page of a download", DOWNLOAD),
     (0, b"\x1f\x8b", "a gzip archive", UNPACK),
     (0, b"BZh", "a bzip2 archive", UNPACK),
     (0, b"\xfd7zXZ\0", "an xz archive", UNPACK),
@@ -63,7 +113,7 @@ pub(super) const SIGNATURES: &[Signature] = &[
 /// Returns the format of a file of `length` bytes that begins with `head`; `None` if the file has no known
 /// signature.
 pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
-    if is_utf16(head) {
+    if is_utf16(head) && !head.starts_with(SKETCHUP) {
         return Some(FileType::Utf16);
     }
     let foreign = |name, remedy| Some(FileType::Foreign(Foreign { name, remedy }));
@@ -71,7 +121,11 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
         return Some(FileType::Mesh(MeshFormat::Glb));
     }
     if head.starts_with(b"PK\x03\x04") {
-        return foreign(archive(head), if archive(head) == ZIP { UNPACK } else { EXPORT });
+        let (name, remedy) = archive(head);
+        return foreign(name, remedy);
+    }
+    if is_iges(head) {
+        return foreign("an IGES model", CAD);
     }
     if is_3ds(head, length) {
         return foreign("a 3DS scene", EXPORT);
@@ -93,17 +147,30 @@ fn is_utf16(head: &[u8]) -> bool {
         || every_second_is_zero(&head[..head.len().min(64)])
 }
 
-const ZIP: &str = "a zip archive";
+/// The first bytes of a SketchUp model, which look like UTF-16.
+const SKETCHUP: &[u8] = b"\xff\xfe\xff\x0eS\0k\0e\0t\0c\0h\0U\0p\0";
 
-/// Returns the type of a zip file, which follows from the names of its first entries.
-fn archive(head: &[u8]) -> &'static str {
-    if contains(head, b"3D/3dmodel.model") || contains(head, b"3dmanufacturing") {
-        "a 3MF model"
-    } else if contains(head, b".usdc") || contains(head, b".usda") {
-        "a USD package (usdz)"
-    } else {
-        ZIP
-    }
+/// Names of entries by which types of zip files are recognised, the type, and advice for the user.
+const ARCHIVES: &[(&[u8], &str, &str)] = &[
+    (b"3D/3dmodel.model", "a 3MF model", EXPORT),
+    (b"3dmanufacturing", "a 3MF model", EXPORT),
+    (b".usdc", "a USD package (usdz)", EXPORT),
+    (b".usda", "a USD package (usdz)", EXPORT),
+    (b".amf", "an AMF model (packed)", EXPORT),
+    (b"Document.xml", "a FreeCAD model", CAD),
+];
+
+/// Returns the type of a zip file, which follows from the names of its first entries, and advice for the user.
+fn archive(head: &[u8]) -> (&'static str, &'static str) {
+    let known = ARCHIVES.iter().find(|(entry, ..)| contains(head, entry));
+    known.map_or(("a zip archive", UNPACK), |&(_, name, remedy)| (name, remedy))
+}
+
+/// Returns true for an IGES file: its lines have 80 characters, of which the last eight are a section's letter, `S` in
+/// the first line, and the number of the line.
+fn is_iges(head: &[u8]) -> bool {
+    let number = head.get(73..80).and_then(|number| std::str::from_utf8(number).ok());
+    head.get(72) == Some(&b'S') && number.is_some_and(|number| number.trim() == "1")
 }
 
 /// Returns true for a 3DS file: the outermost chunk is as long as the file, or begins with a version chunk or

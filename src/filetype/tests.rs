@@ -79,6 +79,66 @@ fn meshes_and_scenes_of_other_formats() {
     }
 }
 
+/// Returns a first line of an IGES file.
+fn iges() -> Vec<u8> {
+    format!("{:72}S{:7}\n", "a part", 1).into_bytes()
+}
+
+/// Returns bytes with a signature at an offset.
+fn at(offset: usize, signature: &[u8]) -> Vec<u8> {
+    [padded(b"", offset).as_slice(), signature].concat()
+}
+
+#[test]
+fn point_clouds_models_of_cad_and_simulations_and_volumes() {
+    let cases: &[(&[u8], &str)] = &[
+        (b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n", "a Gmsh mesh (MSH)"),
+        (b"MeshVersionFormatted 2\nDimension 3\n", "a Medit mesh"),
+        (b"*Heading\n a job\n*Node\n1, 0., 0., 0.\n", "an Abaqus mesh (INP)"),
+        (b"*NODE, NSET=ALL\n1, 0., 0., 0.\n", "an Abaqus mesh (INP)"),
+        (b"AC3Db\nMATERIAL \"\" rgb 1 1 1\n", "an AC3D model"),
+        (b"*3DSMAX_ASCIIEXPORT 200\n", "a 3ds Max scene (ASE)"),
+        (b"VERSION .7\nFIELDS x y z\n", "a point cloud (PCD)"),
+        (b"LASF\0\0\0\0", "a point cloud (LAS or LAZ)"),
+        (b"ISO-10303-21;\nHEADER;\n", "a STEP model"),
+        (&iges(), "an IGES model"),
+        (b"PK\x03\x04\x14\0\0\0\x08\0Document.xml", "a FreeCAD model"),
+        (b"\xff\xfe\xff\x0eS\0k\0e\0t\0c\0h\0U\0p\0 \0", "a SketchUp model"),
+        (b"ObjectType = Image\nNDims = 3\n", "a volume (MetaImage)"),
+        (&at(344, b"n+1\0"), "a volume (NIfTI)"),
+        (&at(208, b"MAP "), "a volume (MRC or CCP4)"),
+    ];
+    for (bytes, name) in cases {
+        assert_eq!(called(bytes), *name, "{:?}", String::from_utf8_lossy(bytes));
+    }
+}
+
+#[test]
+fn text_and_bytes_without_a_signature_are_named_by_their_extension_or_as_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let opened = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        match Opened::at(&path).unwrap().filetype {
+            FileType::Foreign(Foreign { name, .. }) => name,
+            FileType::Unclear => "unclear",
+            other => panic!("{name}: {other:?}"),
+        }
+    };
+    let numbers = "a list of numbers, such as points without triangles";
+    for text in ["0 0 1\n", "1.5,-2e3,0.25,7\n1,2,3,4", "3\n0 0 1\n", "# points\nx;y;z\n1;2;3\n"] {
+        assert_eq!(opened("a.txt", text.as_bytes()), numbers, "{text}");
+        assert_eq!(opened("a.obj", text.as_bytes()), "unclear", "{text}");
+    }
+    for text in ["", "\n", "3\n", "1 2\n3 4\n", "x y z\na b c\n", "some text of words\n1 2 3\n", "0 0 1\n0 0 x\n"] {
+        assert_eq!(opened("a.txt", text.as_bytes()), "unclear", "{text}");
+    }
+    assert_eq!(opened("a.xyz", b"C 0 0 1\n"), "a list of points or atoms (XYZ)");
+    assert_eq!(opened("a.splat", b"\x01\x02\0\x03"), "a scene of Gaussian splats");
+    assert_eq!(opened("a.splat", b"GIF8"), "a GIF picture");
+    assert_eq!(opened("a.xyz", b" \n"), "unclear", "empty files have a message of their own");
+}
+
 #[test]
 fn pictures_archives_programs_and_other_text() {
     let cases: &[(&[u8], &str)] = &[
@@ -261,7 +321,7 @@ fn an_unknown_file_named_stl_is_one_and_a_picture_named_stl_is_not() {
     };
     let unknown = b"\x01\x02\0\x03 nothing known";
     assert_eq!(opened("a.stl", unknown), FileType::Mesh(MeshFormat::Stl));
-    assert!(matches!(opened("a.xyz", unknown), FileType::Foreign(Foreign { name: UNKNOWN, .. })));
+    assert!(matches!(opened("a.unknown", unknown), FileType::Foreign(Foreign { name: UNKNOWN, .. })));
     assert!(matches!(opened("b.stl", b"GIF89a"), FileType::Foreign(Foreign { name: "a GIF picture", .. })));
     assert_eq!(opened("b.gltf", b"v 0 0 0\n"), FileType::Mesh(MeshFormat::Obj), "the contents go first");
 }

@@ -1,6 +1,6 @@
 //! Formats that are recognised by their first words.
 
-use super::signatures::{EXPORT, contains};
+use super::signatures::{CONVERT, DOWNLOAD, EXPORT, OWN, POINTS, contains};
 use super::{FileType, Foreign, JSON, MTL, MeshFormat, UNKNOWN};
 
 /// The words with which OBJ statements begin.
@@ -58,11 +58,13 @@ const PBRT_WORDS: &[&str] = &[
     "Renderer",
 ];
 
+/// The words that Abaqus files begin with.
+const ABAQUS_WORDS: [&str; 3] = ["*HEADING", "*NODE", "*PART"];
+
 /// Types of XML files, by the name of the root element.
 const XML_ROOTS: &[(&str, &str)] = &[
     ("COLLADA", "a COLLADA scene"),
     ("X3D", "an X3D scene"),
-    ("VTKFile", "a VTK file (XML)"),
     ("scene", "a Mitsuba scene (XML)"),
     ("model", "a 3MF model (XML)"),
     ("amf", "an AMF model"),
@@ -91,6 +93,9 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         "newmtl" if has_vertex(head) => Some(FileType::Mesh(MeshFormat::Obj)),
         "newmtl" => named(MTL, "name the .obj file that refers to it"),
         "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
+        "*3DSMAX_ASCIIEXPORT" => named("a 3ds Max scene (ASE)", OWN),
+        "VERSION" if contains(head, b"\nFIELDS ") => named("a point cloud (PCD)", POINTS),
+        _ if ABAQUS_WORDS.iter().any(|known| is_word(word, known)) => named("an Abaqus mesh (INP)", CONVERT),
         _ if PBRT_WORDS.contains(&word) => named("a pbrt scene", EXPORT),
         _ if word.starts_with('<') => xml(head).and_then(|(name, remedy)| named(name, remedy)),
         _ if word.starts_with(['{', '[']) && is_gltf(head) => Some(FileType::Mesh(MeshFormat::Gltf)),
@@ -138,8 +143,9 @@ fn xml(head: &[u8]) -> Option<(&'static str, &'static str)> {
     let root = root_element(head);
     match XML_ROOTS.iter().find(|(name, _)| *name == root) {
         Some((_, name)) => Some((name, EXPORT)),
+        None if root == "VTKFile" => Some(("a VTK file (XML)", CONVERT)),
         None if root.eq_ignore_ascii_case("html") => {
-            Some(("a web page (HTML), perhaps the error page of a download", ""))
+            Some(("a web page (HTML), perhaps the error page of a download", DOWNLOAD))
         }
         None if root.eq_ignore_ascii_case("svg") => Some(("an SVG picture", "")),
         None => Some(("an XML file", "")),
@@ -159,6 +165,44 @@ fn root_element(head: &[u8]) -> String {
         }
     }
     String::new()
+}
+
+/// Returns true if `word` is `known`, in any case, up to a comma.
+fn is_word(word: &str, known: &str) -> bool {
+    word.split(',').next().is_some_and(|first| first.eq_ignore_ascii_case(known))
+}
+
+/// Returns true if the first lines are rows of at least three numbers, such as the coordinates of points. A line with
+/// the number of rows or the names of the columns may precede them.
+pub(super) fn is_list_of_numbers(head: &[u8]) -> bool {
+    let statements: Vec<&[u8]> =
+        lines(head).filter(|line| !line.is_empty() && !line.starts_with(b"#")).take(3).collect();
+    let rows = match statements[..] {
+        [first, ref rest @ ..] if is_title(first, rest) => rest,
+        ref all => all,
+    };
+    let is_row = |line: &&[u8]| count_fields(line) >= 3 && are_numbers(line);
+    !rows.is_empty() && rows.iter().all(is_row)
+}
+
+/// Returns true if the first line is a single number, or has as many fields as the next line, but no numbers.
+fn is_title(first: &[u8], rest: &[&[u8]]) -> bool {
+    let columns = rest.first().map_or(0, |line| count_fields(line));
+    count_fields(first) == if are_numbers(first) { 1 } else { columns }
+}
+
+/// Returns the fields of a line, which blanks, commas or semicolons separate.
+fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let separates = |byte: &u8| byte.is_ascii_whitespace() || b",;".contains(byte);
+    line.split(separates).filter(|field| !field.is_empty())
+}
+
+fn count_fields(line: &[u8]) -> usize {
+    fields(line).count()
+}
+
+fn are_numbers(line: &[u8]) -> bool {
+    fields(line).all(|field| std::str::from_utf8(field).is_ok_and(|text| text.parse::<f64>().is_ok()))
 }
 
 /// Returns true if the bytes are binary: at least one byte is 0, or more than a tenth of the bytes are

@@ -82,13 +82,17 @@ fn strip(value: &mut Value) {
     }
 }
 
+/// The advice for files of another version.
+const CONVERT: &str = "export the file as glTF 2.0; `gltf-pipeline -i OLD.gltf -o NEW.gltf` converts version 1.0";
+
 /// Returns the error for text that is not valid glTF 2.0.
 fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     let value = serde_json::from_slice::<Value>(json).ok();
     let version = value.and_then(|value| match &value["asset"]["version"] {
         Value::String(text) => Some(text.clone()),
         Value::Number(number) => Some(number.to_string()),
-        _ => None,
+        // In glTF 1.0, a file need not state its version, and has tables where glTF 2.0 has lists.
+        _ => value["meshes"].is_object().then(|| "1.0".to_owned()),
     });
     match version {
         Some(version) if !version.starts_with('2') => {
@@ -96,7 +100,7 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
                 format!("raycl does not read glTF of {version}; expected a version that begins with 2")
             };
             let quoting = text(&format!("version {}", quoted(version.as_bytes())));
-            named.error(Flaw::quoting(quoting, text("this version"))).with_help("export the file as glTF 2.0")
+            named.error(Flaw::quoting(quoting, text("this version"))).with_help(CONVERT)
         }
         _ => {
             let message = error.to_string();

@@ -552,6 +552,10 @@ fn an_older_version_of_gltf_is_named() {
         let expected = format!("a.gltf: raycl does not read glTF of version `{}`", version.trim_matches('"'));
         assert!(error.starts_with(&expected), "{error}");
     }
+    let tables = r#"{"accessors": {}, "meshes": {"a": {"primitives": []}}}"#;
+    let error = read(tables).err().unwrap();
+    assert!(error.to_string().starts_with("a.gltf: raycl does not read glTF of version `1.0`"), "{error}");
+    assert!(error.remedy().contains("gltf-pipeline"), "{}", error.remedy());
 }
 
 #[test]
