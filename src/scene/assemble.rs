@@ -35,6 +35,8 @@ pub(super) struct Assembled {
     /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
     /// mesh counts as an object. A ground that raycl added counts as the last object.
     pub starts: Vec<u32>,
+    /// Number of triangles without those of a ground that raycl added.
+    pub own_triangles: usize,
     /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that
     /// has no lights.
     pub dressed: bool,
@@ -78,6 +80,7 @@ pub(super) fn assemble(
     let lights = lights(document, &wire, &seen, &camera, ball, studio.as_ref(), notes);
     let seen_from = (wire.camera.upright(), wire.background.is_none());
     let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, notes)).transpose()?;
+    let own_triangles = mesh.triangles.len();
     studio.iter().for_each(|studio| add_ground(studio, &wire, &mut mesh, &mut starts));
     let brightness = Brightness::of(&mesh, cache.bounds(&mesh), lights.len(), shadow_bias);
     check_lights(document, &wire, &lights, &brightness)?;
@@ -95,7 +98,7 @@ pub(super) fn assemble(
     };
     let eye_is_set = wire.camera.position.is_some();
     let is_framed = framed && !eye_is_set;
-    Ok(Assembled { scene, orbit, starts, dressed: studio.is_some(), eye_is_set, is_framed })
+    Ok(Assembled { scene, orbit, starts, own_triangles, dressed: studio.is_some(), eye_is_set, is_framed })
 }
 
 /// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name.

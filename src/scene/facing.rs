@@ -16,8 +16,9 @@ const ACROSS: usize = 48;
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's
-/// forward axis, and true if the surface faces away. The depth is infinite if there is no surface.
-type Nearest = Vec<(f64, bool)>;
+/// forward axis, and true if the surface faces away. The depth is infinite if there is no surface; instead of true or
+/// false, the value is `None` for no surface, and for a ground that raycl added.
+type Nearest = Vec<(f64, Option<bool>)>;
 
 /// The beginning of the note if the eye is inside an object, although the scene file does not set the eye's position.
 /// The eye is then usually at the origin, which is often inside an object. If the file sets the position, its author
@@ -26,17 +27,19 @@ const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimut
                       and elevation_degrees of [camera]) places the camera outside, where it sees the whole scene; ";
 
 /// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
-/// `aspect`. `starts` contains the index of the first triangle of each object. `is_turned` is true for a scene on a
+/// `aspect`. `starts` contains the index of the first triangle of each object. Only the first `own` triangles count: the
+/// others are a ground that raycl added. `is_turned` is true for a scene on a
 /// turntable with `two_sided`: raycl has then already reversed either all normals of the scene or none. `eye_is_set` is
 /// true if the scene file or a setting sets the eye's position.
 pub(super) fn note(
     scene: &Scene,
-    starts: &[u32],
+    (starts, own): (&[u32], usize),
     aspect: f64,
     is_turned: bool,
     eye_is_set: bool,
 ) -> Option<String> {
-    let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
+    let part = averted_part_of(&scene.mesh, own, &scene.camera, aspect)?;
+    let ground = if own < scene.mesh.triangles.len() { " beside the ground" } else { "" };
     let remedy = match is_turned {
         true => "a scene that is seen from all sides gets either all of its normals reversed or none",
         false => "--two-sided (two_sided = true) reverses its normals",
@@ -45,7 +48,7 @@ pub(super) fn note(
         let is_lost = !eye_is_set && is_inside(&scene.mesh, starts, scene.camera.position);
         let inside = if is_lost { INSIDE } else { "" };
         format!(
-            "{inside}{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
+            "{inside}{:.0}% of the visible surface{ground} faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
             100.0 * part
         )
     })
@@ -74,18 +77,28 @@ pub(super) fn is_averted(mesh: &Mesh, camera: &Camera, aspect: f64) -> bool {
 /// Returns the fraction of the visible surface whose normals point away from the camera; `None` if no surface
 /// is visible.
 fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
+    averted_part_of(mesh, mesh.triangles.len(), camera, aspect)
+}
+
+/// Returns the same fraction of the visible surface of the first `own` triangles. The other triangles hide what is
+/// behind them, but do not count.
+fn averted_part_of(mesh: &Mesh, own: usize, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
     let grid = Grid::new(camera, [ACROSS, down]);
-    let nothing = || vec![(f64::INFINITY, false); ACROSS * down];
-    let nearer = |a: (f64, bool), b: (f64, bool)| if b.0 < a.0 { b } else { a };
-    let seen = mesh.triangles.par_chunks(PARALLEL_TRIANGLES).map(|triangles| {
+    let nothing = || vec![(f64::INFINITY, None); ACROSS * down];
+    let nearer = |a: (f64, Option<bool>), b: (f64, Option<bool>)| if b.0 < a.0 { b } else { a };
+    let (own, others) = mesh.triangles.split_at(own.min(mesh.triangles.len()));
+    let seen_of = |triangles: &[Triangle], counts: bool| {
         let mut nearest = nothing();
-        triangles.iter().for_each(|triangle| grid.draw(mesh, triangle, &mut nearest));
+        triangles.iter().for_each(|triangle| grid.draw(mesh, (triangle, counts), &mut nearest));
         nearest
-    });
+    };
+    let own = own.par_chunks(PARALLEL_TRIANGLES).map(|triangles| seen_of(triangles, true));
+    let others = others.par_chunks(PARALLEL_TRIANGLES).map(|triangles| seen_of(triangles, false));
+    let seen = own.chain(others);
     let seen = seen.reduce(nothing, |a, b| a.into_iter().zip(b).map(|(a, b)| nearer(a, b)).collect());
-    let hits = seen.iter().filter(|(distance, _)| distance.is_finite()).count();
-    let averted = seen.iter().filter(|(_, averted)| *averted).count();
+    let hits = seen.iter().filter(|(_, averted)| averted.is_some()).count();
+    let averted = seen.iter().filter(|(_, averted)| *averted == Some(true)).count();
     (hits > 0).then(|| averted as f64 / hits as f64)
 }
 
@@ -113,12 +126,12 @@ impl Grid {
         }
     }
 
-    fn draw(&self, mesh: &Mesh, triangle: &Triangle, nearest: &mut Nearest) {
+    fn draw(&self, mesh: &Mesh, (triangle, counts): (&Triangle, bool), nearest: &mut Nearest) {
         let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3() - self.eye);
         let Some([columns, rows]) = self.bounds(corners) else { return };
         let [a, b, c] = corners;
         let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|normal| normal.as_dvec3()).sum();
-        let averted = shading.dot(a) > 0.0;
+        let averted = counts.then(|| shading.dot(a) > 0.0);
         let volume = a.dot(b.cross(c));
         let faces = [b.cross(c), c.cross(a), a.cross(b)];
         let plane = faces.iter().sum::<DVec3>();
@@ -244,6 +257,17 @@ mod tests {
     /// Returns a rectangle from x = -1 to 1, with `height` from the lowest to the highest y.
     fn wall(depth: f32, height: [f32; 2], normal: Vec3) -> Mesh {
         rectangle(depth, [-1.0, 1.0], height, normal)
+    }
+
+    #[test]
+    fn an_added_ground_hides_surfaces_but_does_not_count() {
+        let mut mesh = wall(1.0, [-1.0, 0.5], Vec3::Z);
+        mesh.append(wall(1.0, [0.5, 1.0], Vec3::NEG_Z));
+        let own = mesh.triangles.len();
+        // The ground hides the lower half of the picture.
+        mesh.append(wall(0.5, [-0.5, 0.0], Vec3::Z));
+        let part = |own| averted_part_of(&mesh, own, &Camera::PAPER, 1.0);
+        assert_eq!([part(own), part(mesh.triangles.len()), part(0)], [Some(0.5), Some(0.25), None]);
     }
 
     #[test]

@@ -126,11 +126,11 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
             (animation.assemble(1, &mut notes)?, Some(animation))
         }
     };
-    let Assembled { scene, orbit, starts, dressed, eye_is_set, is_framed } = assembled;
+    let Assembled { scene, orbit, starts, own_triangles, dressed, eye_is_set, is_framed } = assembled;
     scene.validate()?;
     // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals
     // of the scene or none.
-    let averted = || facing::note(&scene, &starts, shot.aspect, turned, eye_is_set);
+    let averted = || facing::note(&scene, (&starts, own_triangles), shot.aspect, turned, eye_is_set);
     notes.extend((!turned || shot.turns).then(averted).flatten());
     Ok(Loaded {
         scene,
