@@ -284,27 +284,32 @@ fn with_wrong_times(mut notes: Vec<String>, cast: &Cast, device: &DeviceInfo) ->
     notes
 }
 
-/// Returns the notes about lights with a radius, about the verification, and about a raycl that was built
+/// Returns the notes about soft light with one sample, about the verification, and about a raycl that was built
 /// from uncommitted sources.
 fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> impl Iterator<Item = String> {
     hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
-/// Returns a note if lights with a radius are treated as points, because each pixel gets only one sample; otherwise
-/// `None`.
+/// Returns a note if each pixel gets only one sample, so that lights with a radius are treated as points, and the light
+/// of a sky is grainy; otherwise `None`.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
-    let message = || {
-        let (lights, are) = if soft == 1 {
-            ("1 light has", "it as a point")
-        } else {
-            ("several lights have", "them as points")
-        };
-        format!(
-            "{lights} a radius: with one sample per pixel, raycl treats {are}; --samples 16 shows soft shadows"
-        )
+    let grain = scene.sky.as_ref().map(|_| "the sky's light is grainy");
+    let message = match (soft, grain) {
+        (0, None) => return None,
+        (0, Some(grain)) => format!("with one sample per pixel, {grain}; --samples 16 shows less grain"),
+        (lights, grain) => {
+            let (lights, are) = match lights {
+                1 => ("1 light has", "it as a point"),
+                _ => ("several lights have", "them as points"),
+            };
+            let grain = grain.map_or_else(String::new, |grain| format!(", and {grain}"));
+            format!(
+                "{lights} a radius: with one sample per pixel, raycl treats {are}{grain}; --samples 16 shows soft shadows"
+            )
+        }
     };
-    (samples == 1 && soft > 0).then(message)
+    (samples == 1).then_some(message)
 }
 
 /// Returns the result of `work`, and its duration in milliseconds.
@@ -499,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn only_with_one_sample_a_note_says_that_soft_lights_are_points() {
+    fn only_with_one_sample_a_note_says_that_soft_lights_are_points_and_a_sky_is_grainy() {
         let with = |radii: &[f32]| {
             let scene = crate::reference::fixtures::single_triangle();
             let light = scene.lights[0];
@@ -512,6 +517,16 @@ mod tests {
         assert!(
             hard(&with(&[0.5, 0.5]), 1).is_some_and(|note| note.starts_with("several lights have a radius:"))
         );
+        let under_sky = |radii: &[f32], samples| {
+            let (one, up) = (glam::Vec3::ONE, glam::Vec3::Y);
+            let sky = crate::scene::Sky { zenith: one, horizon: one, up, reach: 1.0, picture: None };
+            hard(&Scene { sky: Some(sky), ..with(radii) }, samples)
+        };
+        let grainy = "with one sample per pixel, the sky's light is grainy; --samples 16 shows less grain";
+        assert_eq!(under_sky(&[0.0], 1).as_deref(), Some(grainy));
+        let both = under_sky(&[0.5], 1).unwrap_or_default();
+        assert!(both.contains("treats it as a point, and the sky's light is grainy; --samples 16"), "{both}");
+        assert_eq!(under_sky(&[0.5], 2), None);
     }
 
     #[test]
