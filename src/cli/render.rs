@@ -82,7 +82,7 @@ pub struct Args {
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long
     /// as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default:
-    /// 1; for a bare mesh without lights, 6 where neighbouring pixels differ and 1 elsewhere; with --plain or
+    /// 1; for a bare mesh, 6 where neighbouring pixels differ and 1 elsewhere; with --plain or
     /// --devices, always 1]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
@@ -174,7 +174,7 @@ fn render(args: &Args) -> Result<()> {
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
     let Opened { loaded, mut device, queue, early, tree, show, show_later, .. } = opened;
-    let sampling = sampling(args, loaded.dressed);
+    let sampling = sampling(args, loaded.is_bare);
     let Loaded { scene, mut notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     test_lanes(args, &mut device, &sources, &scene, sampling)?;
@@ -387,17 +387,18 @@ fn is_dressed(args: &Args) -> bool {
 
 /// Returns the number of samples per pixel. With `--samples`, every pixel gets the given number; with `--adaptive`, the
 /// given number is the largest that a pixel gets. Without `--samples`, the number is [`ADAPTIVE_SAMPLES`] with
-/// `--adaptive`, [`DRESSED_SAMPLES`] for a bare mesh with ground, soft light and sky (`dressed`), and 1 otherwise.
-fn sampling(args: &Args, dressed: bool) -> Sampling {
+/// `--adaptive`, [`MESH_SAMPLES`] for a bare mesh without `--plain` and `--devices`, and 1 otherwise.
+fn sampling(args: &Args, is_bare: bool) -> Sampling {
     match args.samples {
-        None if dressed && !args.adaptive => DRESSED_SAMPLES,
+        None if is_bare && is_dressed(args) && !args.adaptive => MESH_SAMPLES,
         samples if args.adaptive => Sampling::adaptive(samples.unwrap_or(ADAPTIVE_SAMPLES)),
         samples => Sampling::all(samples.unwrap_or(1)),
     }
 }
 
-/// The default samples per pixel of a bare mesh with ground, soft light and sky.
-const DRESSED_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
+/// The default samples per pixel of a bare mesh, whether its lights are its own or those that raycl adds. Only soft light
+/// is cast at half resolution.
+const MESH_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;
 
@@ -438,14 +439,15 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_those_asked_for_and_a_mesh_with_a_ground_has_defaults_of_its_own() {
-        let of = |more: &[&str], dressed| sampling(&args(&[&["a.obj"], more].concat()), dressed);
+    fn samples_are_those_asked_for_and_a_bare_mesh_has_defaults_of_its_own() {
+        let of = |more: &[&str], is_bare| sampling(&args(&[&["a.obj"], more].concat()), is_bare);
         let usual_of_meshes = Sampling { first: 1, most: 6, half_light: 2 };
         assert_eq!([of(&[], false), of(&[], true)], [Sampling::ONE, usual_of_meshes]);
-        for dressed in [false, true] {
-            assert_eq!(of(&["--samples", "4"], dressed), Sampling::all(4));
-            assert_eq!(of(&["--adaptive"], dressed), Sampling::adaptive(16));
-            assert_eq!(of(&["--adaptive", "--samples", "64"], dressed), Sampling::adaptive(64));
+        assert_eq!([of(&["--plain"], true), of(&["--devices", "all"], true)], [Sampling::ONE; 2]);
+        for is_bare in [false, true] {
+            assert_eq!(of(&["--samples", "4"], is_bare), Sampling::all(4));
+            assert_eq!(of(&["--adaptive"], is_bare), Sampling::adaptive(16));
+            assert_eq!(of(&["--adaptive", "--samples", "64"], is_bare), Sampling::adaptive(64));
         }
     }
 

@@ -144,7 +144,7 @@ fn usual_stack(strategy: &Strategy) -> usize {
 /// file counts as a bare mesh, since the file has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
-    super::sampling(args, is_dressed(args) && !is_scene)
+    super::sampling(args, !is_scene)
 }
 
 /// Returns a text that identifies the scene's file in its present state, the device, and all arguments that affect
@@ -293,7 +293,7 @@ mod tests {
         for more in [&[][..], &["--plain"], &["--samples", "4"]] {
             let args = args(&mesh, more);
             let loaded = super::super::load(&args).unwrap();
-            let sampling = super::super::sampling(&args, loaded.dressed);
+            let sampling = super::super::sampling(&args, loaded.is_bare);
             let task = args.subject.task(&loaded.scene, sampling.most);
             let (strategy, local_size) = args.subject.strategy(&device.info, task).unwrap();
             let session = Session::open(&device, &Sources::Embedded, Arc::new(loaded.scene)).unwrap();

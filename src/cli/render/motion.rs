@@ -163,7 +163,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     let Opened { mut loaded, device, queue, early, tree, .. } = open(args, &sources)?;
-    let sampling = super::sampling(args, loaded.dressed);
+    let sampling = super::sampling(args, loaded.is_bare);
     let (first, notes) = (loaded.scene.clone(), std::mem::take(&mut loaded.notes));
     let (strategy, local_size) =
         args.subject.strategy(&device.info, args.subject.task(&first, sampling.most))?;

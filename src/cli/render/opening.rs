@@ -103,7 +103,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
         return None;
     }
     let scene = &loaded.scene;
-    let samples = sampling(args, loaded.dressed).most;
+    let samples = sampling(args, loaded.is_bare).most;
     let task = args.subject.task(scene, samples);
     let (strategy, local_size) = large_mesh::strategy(args, device, task).ok()?;
     let workload = Workload::of(scene, args.subject.size(), local_size);
