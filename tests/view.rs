@@ -200,6 +200,33 @@ fn the_right_button_drags_the_scene_along_and_the_left_button_turns_it() {
     }
 }
 
+/// The button is pressed and released before raycl looks for input again. A drag by 20 pixels moves the triangle by 20.
+#[test]
+fn a_drag_that_is_shorter_than_a_frame_counts_in_full() {
+    let small = "vertices = [[0, 0.5, -2], [-0.5, -0.5, -2], [0.5, -0.5, -2]]";
+    let scene = TRIANGLE.replace("vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]", small);
+    let folder = WorkFolder::with(&[("scene.toml", &scene)]);
+    let own = rendered(&folder, &[]);
+    let [left, right] = columns(&own).expect("a triangle");
+    let server = Server::start(SIZE);
+    let child = start(&folder, &server, &["--samples", "1", "--json"]);
+    server.until_shown("it shows the picture", |shown| differences(shown, &own) == 0);
+    let mut user = server.user();
+    for (shift, x) in [(20, 60), (0, 40)] {
+        user.drag(3, [[100 - x, 30], [x, 30]]);
+        server.until_shown("the triangle is where it was dragged", |shown| {
+            columns(shown).is_some_and(|[first, last]| {
+                first.abs_diff(left + shift) <= 1 && last.abs_diff(right + shift) <= 1
+            })
+        });
+    }
+    user.drag(1, [[40, 30], [64, 30]]);
+    server.until_shown("the triangle is turned", |shown| {
+        columns(shown).is_some_and(|[first, last]| last - first + 4 <= right - left)
+    });
+    quit(child, &server);
+}
+
 #[test]
 fn the_pointer_finds_the_triangle() {
     let folder = new_folder();

@@ -119,6 +119,35 @@ impl User {
         self.until_done();
     }
 
+    /// Presses a button at a pixel of the window, moves the pointer and releases the button, all at once. The window
+    /// gets the events from the server, as from a real pointer.
+    pub fn drag(&mut self, number: u8, [from, to]: [[u16; 2]; 2]) {
+        let test = self.extension("XTEST");
+        let root = self.root;
+        let fake = |kind: u8| {
+            let mut request = vec![test, 2, 9, 0, kind, number, 0, 0, 0, 0, 0, 0];
+            request.extend(root.to_le_bytes());
+            request.resize(36, 0);
+            request
+        };
+        self.point(from);
+        self.send(&fake(4));
+        self.point(to);
+        self.send(&fake(5));
+        self.until_done();
+    }
+
+    /// Returns the number with which requests of an extension begin.
+    fn extension(&mut self, name: &str) -> u8 {
+        let mut request = vec![98, 0, 2 + name.len().div_ceil(4) as u8, 0, name.len() as u8, 0, 0, 0];
+        request.extend(name.bytes());
+        request.resize(request.len().next_multiple_of(4), 0);
+        self.send(&request);
+        let (head, _) = self.reply();
+        assert_eq!(head[8], 1, "the server has no {name}");
+        head[9]
+    }
+
     /// Returns the request that sends an event to the window. `kind` is the event's number: 2 if a key is
     /// pressed, 3 if it is released, 4 if a button is pressed, and 5 if it is released. `key` is the key or
     /// the button.

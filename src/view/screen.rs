@@ -2,6 +2,8 @@
 
 mod blocks;
 mod graphics;
+#[cfg(unix)]
+mod pointer;
 mod terminal;
 mod text;
 mod window;

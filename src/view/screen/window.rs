@@ -1,6 +1,8 @@
 //! A window as a screen. The window's libraries are loaded when the window opens, so that no other command needs them.
 
 #[cfg(unix)]
+use super::pointer::{Moves, Pointer};
+#[cfg(unix)]
 use super::x_server::{MOST_PIXELS, XServer};
 use super::{Input, Screen};
 use crate::error::{Error, Result};
@@ -31,6 +33,9 @@ pub struct Window {
     pixels: Vec<u32>,
     /// The position of the pointer when the drag was last read; `None` if no button was down then.
     dragged: Option<[f64; 2]>,
+    /// The events of the pointer; `None` if only its position can be asked for, as on other systems than X11.
+    #[cfg(unix)]
+    events: Option<Pointer>,
     /// True if the call that showed the last picture has also read the user's input.
     looked: bool,
 }
@@ -54,7 +59,18 @@ impl Window {
         drop(display);
         let (sender, keys) = channel();
         window.set_input_callback(Box::new(Typed::new(sender)));
-        Ok(Self { window, size, keys, pixels: Vec::new(), dragged: None, looked: false })
+        // minifb asks the server for the pointer's position, so the server knows the window afterwards.
+        window.update();
+        Ok(Self {
+            #[cfg(unix)]
+            events: pointer_events(&window),
+            window,
+            size,
+            keys,
+            pixels: Vec::new(),
+            dragged: None,
+            looked: false,
+        })
     }
 
     /// Returns the window's size, which is at least one pixel across and down.
@@ -74,6 +90,20 @@ impl Window {
         let at = self.window.get_unscaled_mouse_pos(MouseMode::Pass).filter(|_| down);
         let at = at.map(|(x, y)| [x, y].map(f64::from));
         moved(std::mem::replace(&mut self.dragged, at), at, self.size)
+    }
+
+    /// Returns the movements of the pointer that are known from events: the drags that orbit and pan, in heights of the
+    /// picture, and the steps of the wheel. minifb does not know of the buttons in these events.
+    #[cfg(unix)]
+    fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
+        let Moves { orbit, pan, wheel } = self.events.as_mut().map(Pointer::moves).unwrap_or_default();
+        ([orbit, pan].map(|by| in_heights(by, self.size)), wheel)
+    }
+
+    /// Returns zeros: without X11, minifb knows all movements.
+    #[cfg(not(unix))]
+    fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
+        ([[0.0; 2]; 2], 0.0)
     }
 
     /// Shows the pixels. Also reads the user's input, and sends the window's title to the display.
@@ -123,12 +153,14 @@ impl Screen for Window {
             self.window.update();
         }
         let by = self.drag();
-        let [orbit, pan] = orbit_and_pan(by, self.pans());
+        let asked = orbit_and_pan(by, self.pans());
+        let (moves, wheel) = self.moves();
+        let sum = |drag: usize| [0, 1].map(|axis: usize| asked[drag][axis] + moves[drag][axis]);
         Ok(Input {
             keys: self.keys.try_iter().collect(),
-            orbit,
-            pan,
-            wheel: self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
+            orbit: sum(0),
+            pan: sum(1),
+            wheel: wheel + self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
             room: Some(self.room()),
             pointer: self.pointer(),
             redraws: false,
@@ -151,7 +183,20 @@ fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 
         (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
         _ => [0.0; 2],
     };
+    in_heights(by, size)
+}
+
+/// Returns a movement in pixels in heights of the picture.
+fn in_heights(by: [f64; 2], size: [u32; 2]) -> [f64; 2] {
     by.map(|pixels| pixels / f64::from(size[1]))
+}
+
+/// Returns the events of the pointer in a window; `None` without an X server.
+#[cfg(unix)]
+fn pointer_events(window: &minifb::Window) -> Option<Pointer> {
+    // The handle of a window of X11 is its number on the server.
+    let number = u32::try_from(window.get_window_handle() as usize).ok()?;
+    if cfg!(target_os = "macos") { None } else { Pointer::over(number) }
 }
 
 /// Returns the movement of a drag as `[orbit, pan]`: one of the two is zero, depending on the button.
