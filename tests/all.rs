@@ -66,6 +66,7 @@ mod settings;
 mod shade_once;
 #[cfg(unix)]
 mod shards;
+mod smooth_shadows;
 mod soft;
 mod split;
 #[cfg(unix)]

@@ -11,6 +11,39 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
     return surface_of(column);
 }
 
+#if SMOOTH_SHADOWS
+// Writes a triangle's corners into one lane of nine columns.
+void gather_corners(const Geometry *geometry, int triangle, int lane, Lanes *column) {
+    const Corners own = corners(geometry, triangle);
+    column[0].each[lane] = own.a.x, column[1].each[lane] = own.a.y, column[2].each[lane] = own.a.z;
+    column[3].each[lane] = own.b.x, column[4].each[lane] = own.b.y, column[5].each[lane] = own.b.z;
+    column[6].each[lane] = own.c.x, column[7].each[lane] = own.c.y, column[8].each[lane] = own.c.z;
+}
+
+// Moves each lane's hit on the lane's triangle onto the smooth surface (smooth_shadows.cl). The values of lanes whose
+// triangle is NO_HIT have no meaning.
+void move_hits(const Geometry *geometry, varying_int triangle, const Surface *surface, Vec3 weights, Vec3 *point) {
+    Lanes column[9];
+    IntLanes id;
+    id.all = triangle;
+    for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (id.each[lane] != NO_HIT) gather_corners(geometry, id.each[lane], lane, column);
+    const Vec3 corner[3] = {vec3(column[0].all, column[1].all, column[2].all),
+                            vec3(column[3].all, column[4].all, column[5].all),
+                            vec3(column[6].all, column[7].all, column[8].all)};
+    const Vec3 normal[3] = {surface->n0, surface->n1, surface->n2};
+    const varying weight[3] = {weights.x, weights.y, weights.z};
+    move_to_smooth_surface(corner, normal, weight, point);
+}
+// The additional parameter of shading, each lane's triangle, including the comma after it.
+#define TRIANGLE_PARAMETER varying_int triangle,
+#define TRIANGLE_ARGUMENT(triangle) triangle,
+#else
+#define TRIANGLE_PARAMETER
+#define TRIANGLE_ARGUMENT(triangle)
+#endif
+
 #include "common/intersect_plane.cl"
 
 // Returns the hit (t and the weights) of each lane's ray on that lane's triangle. The values of lanes whose triangle is

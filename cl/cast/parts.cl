@@ -47,6 +47,9 @@
 #include "common/tree.cl"
 #endif
 #include "cast/scene.cl"
+#if SMOOTH_SHADOWS
+#include "common/smooth_shadows.cl"
+#endif
 #include "cast/gather.cl"
 #if CUTOUTS
 #include "common/cutouts.cl"

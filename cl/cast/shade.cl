@@ -11,10 +11,16 @@
 //     P = origin + t d     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
 //     L_o += L_i f(w_i, w_o, n) (n . w_i), one light's term of the reflection equation
-void shade(Working *working, const Scene *scene, const Surface *surface, varying t, Mask active) {
+//
+// With smooth shadows, P is then moved (smooth_shadows.cl).
+void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGLE_PARAMETER varying t, Mask active) {
     const Vec3 weights = working_get(working, WEIGHTS);
     const Vec3 direction = working_get(working, RAY_DIRECTION);
-    working_set(working, POINT, along(working_get(working, RAY_ORIGIN), t, direction));
+    Vec3 point = along(working_get(working, RAY_ORIGIN), t, direction);
+#if SMOOTH_SHADOWS
+    move_hits(&scene->geometry, triangle, surface, weights, &point);
+#endif
+    working_set(working, POINT, point);
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));

@@ -18,6 +18,9 @@
 #ifndef ENVIRONMENT
 #error "ENVIRONMENT: 0 or 1: whether the sky is a picture"
 #endif
+#ifndef SMOOTH_SHADOWS
+#error "SMOOTH_SHADOWS: 0 or 1: whether hits are lit on a smooth surface above their triangles"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif

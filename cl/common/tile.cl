@@ -24,6 +24,9 @@
 #include "common/camera.cl"
 #include "common/hit.cl"
 #include "common/rows.cl"
+#if SMOOTH_SHADOWS
+#include "common/smooth_shadows.cl"
+#endif
 #if SAMPLED
 #include "common/samples.cl"
 #include "common/mark_rough.cl"

@@ -9,8 +9,9 @@
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
 #endif
-// Whether a pixel whose samples hardly differ is shaded once (shade_once.cl).
-#define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES)
+// Whether a pixel whose samples hardly differ is shaded once (shade_once.cl). With smooth shadows, hits are lit above
+// the plane of their triangle, so the bounds in shade_once.cl would be wrong.
+#define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES && !SMOOTH_SHADOWS)
 #include "common/tile.cl"
 #if WATERTIGHT // tile_cpu/intersect/watertight.cl also uses this test, for vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"

@@ -65,6 +65,12 @@ INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 
     const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
     shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
+#if SMOOTH_SHADOWS
+    const Vec3 corners[3] = {v0, vec3(corner[4], corner[5], corner[6]), vec3(corner[8], corner[9], corner[10])};
+    const Vec3 normals[3] = {n0, n1, n2};
+    const varying weights[3] = {1.0f - hit.w1 - hit.w2, hit.w1, hit.w2};
+    move_to_smooth_surface(corners, normals, weights, &shaded->point);
+#endif
     shaded->to_eye = negate(direction);
     shaded->surface = TEXTURED(gather_materials(lighting, corner[7], hits), &lighting->textures,
                                SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, direction, hit.t);

@@ -57,6 +57,11 @@ INLINED SurfacePoint surface_point_of(const Tree *tree, const __global float *su
     SurfacePoint surface_point;
     surface_point.point = along(ray.origin, hit.t, ray.direction);
     surface_point.normal = along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2);
+#if SMOOTH_SHADOWS
+    const Vec3 all_corners[3] = {v0, vec3(b.x, b.y, b.z), vec3(c.x, c.y, c.z)}, all_normals[3] = {n0, n1, n2};
+    const float weights[3] = {1.0f - hit.w1 - hit.w2, hit.w1, hit.w2};
+    move_to_smooth_surface(all_corners, all_normals, weights, &surface_point.point);
+#endif
     surface_point.material = as_int(b.w);
 #if TEXTURES
     surface_point.triangle = as_int(a.w);
@@ -86,7 +91,9 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
 // surface faces, and where the shadow rays from these lights end.
 INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                                               EyeRay eye_ray, int leaf_index) {
-#if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
+    // Planes give t and weights quickly; in slivers, their rounding errors are too large for shading. Smooth shadows
+    // also need the triangle's corners.
+#if PLANES_OF_ORIGIN && !SMOOTH_SHADOWS
     const __global float4 *planes = planes_for(tree, 0) + leaf_index;
     const __global float *normals = surfaces + NORMAL_FLOATS * (size_t)leaf_index;
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];

@@ -21,6 +21,7 @@ pub const COMMON_DEFINES: Defines = &[
     (Always, "CUTOUTS"),
     (Always, "SOFT"),
     (Always, "SKY"),
+    (Always, "SMOOTH_SHADOWS"),
     (Always, "SAMPLED"),
     (Sampled, "SAMPLED_BLOCK"),
     (Sampled, "ROUGH_STEPS"),

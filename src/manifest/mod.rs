@@ -48,6 +48,8 @@ pub enum Fact {
     Textured,
     /// The scene has a sky, or lights with a radius that are sampled: a property of the scene.
     Soft,
+    /// Hits are lit on a smooth surface above their triangles: a property of the scene.
+    SmoothShadows,
     /// Pixels get several samples: a property of the picture.
     Sampled,
     /// The scene has cut-outs (triangles with holes): a property of the scene.

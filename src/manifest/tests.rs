@@ -53,6 +53,8 @@ const HALF_LIGHT: Workload = Workload { half_light: true, ..SOFT };
 const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
 /// A scene whose sky is a picture.
 const ENVIRONMENT: Workload = Workload { sky_texels: 1, ..SOFT };
+/// A scene with smooth shadows.
+const SMOOTH_SHADOWS: Workload = Workload { smooth_shadows: true, ..Workload::CUBE };
 
 /// Returns the program of a strategy for the scene that `workload` describes.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
@@ -173,12 +175,14 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Only programs of scenes with textures, cut-outs, soft lights, a sky or several samples use these files.
+    // Only programs of scenes with textures, cut-outs, soft lights, a sky, smooth shadows or several samples use these
+    // files.
     named.extend(["common/textures.cl", "common/cutouts.cl"].map(str::to_owned));
     named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     named.extend(SAMPLE_FILES.map(str::to_owned));
     named.extend([HALF_LIGHT_FILE, "common/pixel_rows.cl"].map(str::to_owned));
+    named.insert("common/smooth_shadows.cl".to_owned());
     named.extend(["tile_cpu/sky.cl", "tile_cpu/single_ray.cl"].map(str::to_owned));
     named.extend(["tile_cpu/shade_once.cl", "tile_cpu/light_once.cl"].map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
@@ -238,6 +242,17 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
     for fact in [Fact::Textured, Fact::Soft] {
         let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();
         assert_eq!(without, ["raster"]);
+    }
+}
+
+#[test]
+fn smooth_shadows_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
+    for strategy in strategies() {
+        let has = |workload| {
+            let files = spec_for(&Sources::Embedded, &strategy, workload).files;
+            files.iter().any(|file| file == "common/smooth_shadows.cl")
+        };
+        assert_eq!([SOFT, SMOOTH_SHADOWS].map(has), [false, true], "{strategy}");
     }
 }
 

@@ -18,6 +18,7 @@ const SWITCHES: &[(&str, Fact)] = &[
     ("CUTOUTS", Fact::CutOut),
     ("SOFT", Fact::Soft),
     ("ENVIRONMENT", Fact::Environment),
+    ("SMOOTH_SHADOWS", Fact::SmoothShadows),
     ("SAMPLED", Fact::Sampled),
     ("HALF_LIGHT", Fact::HalfLight),
     ("FUSED", Fact::Fused),

@@ -210,6 +210,7 @@ fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
         background: scene.background,
         transparent: scene.transparent,
         shadow_bias: scene.shadow_bias,
+        smooth_shadows: scene.smooth_shadows,
         display: scene.display,
     }
 }
@@ -548,6 +549,27 @@ mod tests {
             for culling in [Culling::None, Culling::Back] {
                 let percent = quickly(&scene, culling);
                 assert!(percent >= 50, "{}: {percent} of 100", scene.name);
+            }
+        }
+    }
+
+    /// With smooth shadows, a hit's own triangle may block the light. With `mixed`, some normals are turned so far that it
+    /// does.
+    #[test]
+    fn what_is_found_quickly_of_smooth_shadows_is_what_the_plain_caster_finds() {
+        let smooth = |light: Vec3, mixed: f32| {
+            let mut scene = fixtures::sphere(6);
+            scene.smooth_shadows = true;
+            scene.lights[0].position = light;
+            let turns = [Vec3::X, Vec3::NEG_Y, Vec3::Z, Vec3::ZERO];
+            let normals = scene.mesh_mut().normals.iter_mut();
+            normals.zip(turns.into_iter().cycle()).for_each(|(normal, turn)| *normal += mixed * turn);
+            scene
+        };
+        for (light, mixed) in [(vec3(2.0, 3.0, 1.0), 0.0), (vec3(5.0, 0.5, -2.5), 0.0), (vec3(5.0, 0.5, -2.5), 0.7)] {
+            for culling in [Culling::None, Culling::Back] {
+                let percent = quickly(&smooth(light, mixed), culling);
+                assert!(percent >= 50, "{light}, {mixed}: {percent} of 100");
             }
         }
     }

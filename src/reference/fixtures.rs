@@ -104,6 +104,7 @@ fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
         background: PAPER_BACKGROUND,
         transparent: false,
         shadow_bias: 1e-4,
+        smooth_shadows: false,
         display: Display::default(),
     }
 }

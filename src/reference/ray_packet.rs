@@ -172,14 +172,14 @@ impl RayPacket {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Tests whether triangles other than `own` block the rays that run towards the packet's origin. Returns
+    /// Tests whether triangles, except the triangle `own` if there is one, block the rays that run towards the packet's origin. Returns
     /// `Some(true)` if all rays hit one triangle at distances in the range `sure`. Returns `Some(false)` if
     /// no ray can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain
     /// (`None`). Distances are measured from the packet's origin.
     pub fn is_blocked_towards_origin(
         &self,
         tree: &Tree,
-        own: u32,
+        own: Option<u32>,
         sure: [f64; 2],
         may: [f64; 2],
     ) -> Option<bool> {
@@ -188,7 +188,7 @@ impl RayPacket {
             Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1], to_light: true };
         let (mut blocked, mut open) = (false, false);
         tree.walk(&ray, around, |indexed, far| {
-            if blocked || indexed.triangle == own {
+            if blocked || own == Some(indexed.triangle) {
                 return far;
             }
             // The rays run towards the origin, so they hit the triangle's other side.
@@ -360,7 +360,7 @@ mod tests {
     fn a_surface_does_not_block_itself() {
         let tree = squares(&[1.0, 2.0]);
         let blocked = |own: u32, least: f64| {
-            down().is_blocked_towards_origin(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
+            down().is_blocked_towards_origin(&tree, Some(own), [1e-6, least], [-1e-6, least + 1e-3])
         };
         // From the origin, the first rectangle is in front of the second one.
         assert_eq!(blocked(2, 1.9), Some(true));

@@ -39,12 +39,33 @@ pub fn sights<'a, R: Real>(
     lights.chain(sky)
 }
 
-/// Returns the point that a ray hits, and the unit normal there.
+/// Returns the point at which a hit is lit, and the unit normal there. The point is the hit itself or, with smooth
+/// shadows, a point above it ([`smooth_point`]).
 pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vector; 2] {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
-    let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
-    let [w0, w1, w2] = hit.weights;
-    [ray.origin + ray.direction * hit.t, (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero()]
+    let normals = scene.mesh.corner_normals(triangle).map(R::Vector::of);
+    let ([n0, n1, n2], [w0, w1, w2]) = (normals, hit.weights);
+    let mut point = ray.origin + ray.direction * hit.t;
+    if scene.smooth_shadows {
+        let corners = scene.mesh.corners(triangle).map(R::Vector::of);
+        point = smooth_point(point, hit.weights, corners, normals);
+    }
+    [point, (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero()]
+}
+
+/// Moves a point of a triangle onto a smooth surface, so that the facets of a coarse mesh do not shadow each other in
+/// steps. `weights` are the point's weights of the corners. cl/common/smooth_shadows.cl explains the method.
+pub fn smooth_point<R: Real>(
+    point: R::Vector,
+    weights: [R; 3],
+    corners: [R::Vector; 3],
+    normals: [R::Vector; 3],
+) -> R::Vector {
+    let of_corners = weights.into_iter().zip(corners).zip(normals);
+    of_corners.fold(point, |moved, ((weight, corner), normal)| {
+        let below = (corner - point).dot(normal).max(R::ZERO);
+        moved + normal * (weight * below / normal.dot(normal))
+    })
 }
 
 /// Returns the diffuse reflectance at a hit: the material's k_L times the texture's colour in linear light. `width` is

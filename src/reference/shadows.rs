@@ -21,11 +21,14 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle around a centre, which is one of these points.
+/// Points of a triangle around a centre, which is one of these points. With smooth shadows, the points may lie above the
+/// triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The number of the triangle.
     pub triangle: u32,
+    /// The triangle's normal, on the side to which smooth shadows move the points; `None` if the points are not moved.
+    pub moved_to: Option<DVec3>,
     /// The point at the centre.
     pub centre: DVec3,
     /// The unit normal at the centre, with which the surface is shaded.
@@ -65,7 +68,7 @@ impl<'a> Shadows<'a> {
     /// light meet.
     fn find(&self, light: usize) -> Reaches {
         let position = self.seen.lights[light].position.as_dvec3();
-        let Points { triangle, centre, normal, spread } = self.points;
+        let Points { triangle, moved_to, centre, normal, spread } = self.points;
         let off = centre - position;
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
@@ -77,9 +80,11 @@ impl<'a> Shadows<'a> {
         if least <= 4.0 * at_light || spread > 0.01 * distance {
             return None;
         }
+        // The points' own triangle may block the light only if the points and the light are on different sides of it.
+        let own = moved_to.is_none_or(|side| off.dot(side) <= 0.0).then_some(triangle);
         let packet = RayPacket::new(position, off / distance, 1.1 * spread / distance).from_light(centre);
         let blocked =
-            packet.is_blocked_towards_origin(self.tree, triangle, [at_light, least], [-at_light, most])?;
+            packet.is_blocked_towards_origin(self.tree, own, [at_light, least], [-at_light, most])?;
         Some(!blocked)
     }
 }
@@ -102,7 +107,8 @@ mod tests {
         let distance = point.distance(scene.lights[0].position.as_dvec3());
         let find = |part: f64| {
             let triangle = scene.mesh.triangles.len() as u32 - 1;
-            let points = Points { triangle, centre: point, normal: DVec3::Y, spread: part * distance };
+            let (normal, spread) = (DVec3::Y, part * distance);
+            let points = Points { triangle, moved_to: None, centre: point, normal, spread };
             Shadows::new(&seen, &tree, points, 1e-3).find(0)
         };
         assert_eq!([find(1e-6), find(0.02)], [Some(true), None]);
@@ -115,7 +121,8 @@ mod tests {
         let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
         let find = |centre: DVec3, spread: f64| {
             let triangle = scene.mesh.triangles.len() as u32 - 1;
-            Shadows::new(&seen, &tree, Points { triangle, centre, normal: DVec3::Y, spread }, 1e-3).find(0)
+            let points = Points { triangle, moved_to: None, centre, normal: DVec3::Y, spread };
+            Shadows::new(&seen, &tree, points, 1e-3).find(0)
         };
         // The points lie on the ground, on a line from far outside the triangle's shadow to the shadow's centre.
         let light = scene.lights[0].position.as_dvec3();
@@ -149,7 +156,7 @@ mod tests {
             let centre = DVec3::new(3.0, -1.0, 1.0);
             let spread = part * centre.distance(scene.lights[0].position.as_dvec3());
             let triangle = scene.mesh.triangles.len() as u32 - 1;
-            let points = Points { triangle, centre, normal: DVec3::Y, spread };
+            let points = Points { triangle, moved_to: None, centre, normal: DVec3::Y, spread };
             let shadows = Shadows::new(&seen, &tree, points, 1e-3);
             let before = shadows.some_are_unsure();
             assert_eq!(shadows.reaches(0), (part < 0.01).then_some(true));

@@ -70,6 +70,52 @@ fn the_shadow_of_figure_4() {
     assert_eq!(actual, Vec3::ZERO);
 }
 
+/// Without smooth shadows, the facets of a coarse sphere shadow each other in steps along the border between light and
+/// dark.
+#[test]
+fn with_smooth_shadows_a_coarse_sphere_is_lit_wherever_it_faces_the_light() {
+    let mut scene = fixtures::sphere(8);
+    scene.lights[0].position = vec3(6.0, 0.5, -2.5);
+    let (size, bias) = ([80, 50], f64::from(scene.shadow_bias));
+    let ground = scene.mesh.triangles.len() as u32 - 2;
+    let mut shadowed = |smooth_shadows| {
+        scene.smooth_shadows = smooth_shadows;
+        let caster = Caster::<f64>::new(&scene, size, Exhaustive::new(&scene.mesh, Culling::None));
+        let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
+        let is_shadowed = |index: &usize| {
+            let [x, y] = cost::pixel_at(*index, size[0]).map(|at| f64::from(at) + 0.5);
+            let (ray, hit) = caster.look(x, y);
+            let Some(hit) = hit.filter(|hit| hit.triangle < ground) else { return false };
+            let [point, normal] = shade::surface_at(&scene, &ray, &hit);
+            let mut sights = shade::sights(&seen, point, normal);
+            sights.any(|sight| sight.w_i.dot(normal) > 0.01 && !caster.reaches(&sight, bias))
+        };
+        (0..count(size)).filter(is_shadowed).count()
+    };
+    let [without, with] = [false, true].map(&mut shadowed);
+    assert!(without > 20 && with == 0, "{without} pixels without smooth shadows, {with} with them");
+}
+
+#[test]
+fn smooth_shadows_move_a_hit_onto_the_planes_of_convex_corners_alone() {
+    let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let move_to = |normals, weights: [f64; 3]| {
+        let point = corners[1] * weights[1] + corners[2] * weights[2];
+        shade::smooth_point::<f64>(point, weights, corners, normals) - point
+    };
+    let middle = [0.5, 0.5, 0.0];
+    // Flat facets and concave corners move nothing, and corners stay where they are.
+    assert_eq!(move_to([DVec3::Z; 3], middle), DVec3::ZERO);
+    let tilted = |by: f64| [DVec3::new(-by, 0.0, 1.0), DVec3::new(by, 0.0, 1.0), DVec3::Z];
+    assert_eq!(move_to(tilted(-0.5), middle), DVec3::ZERO);
+    assert_eq!(move_to(tilted(0.5), [1.0, 0.0, 0.0]), DVec3::ZERO);
+    // Halfway between two corners, both planes are 0.25 above the point in the direction z, which is
+    // 0.25 / sqrt(1.25) along a normal. The moves along x cancel out.
+    let lift = 0.25 / 1.25_f64;
+    assert!(move_to(tilted(0.5), middle).distance(DVec3::Z * lift) < 1e-12);
+    assert!(move_to(tilted(0.5).map(|normal| 3.0 * normal), middle).distance(DVec3::Z * lift) < 1e-12);
+}
+
 #[test]
 fn back_faces_are_seen_unless_culled() {
     let mut scene = fixtures::single_triangle();

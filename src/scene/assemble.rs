@@ -9,6 +9,7 @@ mod sky;
 #[cfg(test)]
 mod tests;
 
+use super::coarse::is_coarse;
 use super::document::Document;
 use super::enclosed::encloses;
 use super::files::FileLight;
@@ -77,6 +78,8 @@ pub(super) fn assemble(
     let orbit = orbit(around, wire.camera.upright(), document.bare && !has_light);
     let dressed = ball.filter(|_| document.bare && shot.dressed && !has_light);
     let studio = dressed.map(|ball| Studio::around(&mesh, ball, &camera, wire.camera.upright()));
+    let smooth_shadows =
+        wire.smooth_shadows.unwrap_or_else(|| dressed.is_some_and(|ball| is_coarse(&mesh, ball)));
     let lights = lights(document, &wire, &seen, &camera, ball, studio.as_ref(), notes);
     let seen_from = (wire.camera.upright(), wire.background.is_none());
     let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, notes)).transpose()?;
@@ -88,6 +91,7 @@ pub(super) fn assemble(
     let scene = Scene {
         name,
         shadow_bias,
+        smooth_shadows,
         mesh,
         lights,
         sky: sky.or(studio.as_ref().map(|studio| studio.sky.clone())),

@@ -7,6 +7,7 @@
 mod animation;
 mod assemble;
 mod camera;
+mod coarse;
 mod covered;
 mod document;
 mod enclosed;
@@ -137,6 +138,9 @@ pub struct Scene {
     pub transparent: bool,
     /// The distance from the surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
+    /// True if hits are lit on a smooth surface above their triangles, so that the facets of coarse meshes do
+    /// not shadow each other in steps.
+    pub smooth_shadows: bool,
     /// How radiance is displayed.
     pub display: Display,
 }
@@ -194,6 +198,9 @@ impl Scene {
         }
         if self.transparent {
             hash_words(&mut hasher, [u32::MAX].into_iter());
+        }
+        if self.smooth_shadows {
+            hash_words(&mut hasher, [u32::from_be_bytes(*b"even")].into_iter());
         }
         if self.has_soft_lights() {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
@@ -284,7 +291,7 @@ mod tests {
         };
         assert!(!changed(&|scene| scene.name.push('a')));
         type Change = &'static dyn Fn(&mut Scene);
-        let changes: [(&str, Change); 23] = [
+        let changes: [(&str, Change); 24] = [
             ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
             ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
             ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
@@ -302,6 +309,7 @@ mod tests {
             ("near", &|scene| scene.camera.z_near += 0.1),
             ("transparent", &|scene| scene.transparent = true),
             ("bias", &|scene| scene.shadow_bias *= 2.0),
+            ("smooth shadows", &|scene| scene.smooth_shadows = true),
             ("exposure", &|scene| scene.display.exposure = 7.0),
             ("gamma", &|scene| scene.display.gamma = 1.0),
             ("tone", &|scene| scene.display.tone = Tone::Filmic),

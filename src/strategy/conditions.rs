@@ -49,6 +49,7 @@ impl Strategy {
             Fact::CutOut => workload.cut_outs && supports(Fact::Textured),
             Fact::Environment => workload.sky_texels > 0 && supports(Fact::Soft),
             Fact::Soft => workload.is_soft() && supports(Fact::Soft),
+            Fact::SmoothShadows => workload.smooth_shadows,
             Fact::Sampled => workload.many_samples,
             Fact::HalfLight => workload.half_light && supports(Fact::Soft),
             Fact::GivenRays => workload.given_rays,

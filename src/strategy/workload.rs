@@ -38,6 +38,9 @@ pub struct Workload {
     pub soft_lights: bool,
     /// True if there is a sky.
     pub sky: bool,
+    /// True if hits are lit on a smooth surface above their triangles.
+    #[serde(default)]
+    pub smooth_shadows: bool,
     /// True if pixels get several samples.
     pub many_samples: bool,
     /// True if soft light is cast at half resolution.
@@ -70,6 +73,7 @@ impl Workload {
         cut_outs: false,
         soft_lights: false,
         sky: false,
+        smooth_shadows: false,
         many_samples: false,
         half_light: false,
         given_rays: false,
@@ -92,6 +96,7 @@ impl Workload {
             cut_outs: scene.mesh.textures.have_holes(),
             soft_lights: false,
             sky: scene.sky.is_some(),
+            smooth_shadows: scene.smooth_shadows,
             many_samples: false,
             half_light: false,
             given_rays: false,

@@ -14,7 +14,7 @@ void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit
                                      SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT)), hit->w1, hit->w2,
                                      working_get(working, RAY_DIRECTION), hit->t);
     // If a nearer hit is found later, its radiance overwrites this result.
-    shade(working, scene, &surface, hit->t, nearer);
+    shade(working, scene, &surface, TRIANGLE_ARGUMENT((varying_int)(triangle)) hit->t, nearer);
 }
 
 void after_closest_hit(Working *working, const Scene *scene, const Nearest *nearest, Mask hits) {}

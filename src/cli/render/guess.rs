@@ -22,6 +22,8 @@ const BYTES_OF_TRIANGLE: u64 = 35;
 /// The share of a picture that a bare mesh usually covers, as `Scene::covered_share` estimates it. In pictures of 640 x
 /// 400 pixels, the share is 0.38 for the bunny and 0.37 for the dragon.
 const USUAL_COVERED_SHARE: f64 = 0.375;
+/// Most bare meshes with fewer triangles than this are coarse, and so get smooth shadows if they get the default light.
+const USUAL_FINE_TRIANGLES: u64 = 20_000;
 /// Number of entries that most trees need for the traversal's stack, if this stack is in `__local` memory.
 const USUAL_LOCAL_STACK: usize = 64;
 
@@ -124,6 +126,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
         stack_size,
         soft_lights,
         sky,
+        smooth_shadows: sky && triangles < USUAL_FINE_TRIANGLES,
         many_samples,
         half_light,
         ..Workload::default()

@@ -56,13 +56,30 @@ impl Hits {
     /// Returns the points of all these hits, as a centre and a largest distance from the centre. The centre,
     /// moved off the triangle's plane by each of the offsets `offs`, also counts as a point.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
-        let point = |(ray, hit): &RayHit| ray.origin + ray.direction * hit.t;
-        let centre = point(&self.centre);
+        let at = |(ray, hit): &RayHit| surface_at(scene, ray, hit);
+        let point = |of: &RayHit| at(of)[0];
+        let [centre, normal] = at(&self.centre);
         let others = self.nudged.iter().map(|(_, other)| other).chain([&self.leaning]);
         let spread = others.map(|other| point(other).distance(centre)).fold(0.0, f64::max);
         let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
-        let [_, normal] = surface_at(scene, &self.centre.0, &self.centre.1);
-        Points { triangle: self.triangle, centre, normal, spread: 1.01 * spread }
+        Points {
+            triangle: self.triangle,
+            moved_to: self.moved_to(scene, centre),
+            centre,
+            normal,
+            spread: 1.01 * spread,
+        }
+    }
+
+    /// Returns the triangle's normal on the side of `point`, to which smooth shadows have moved the hit of the pixel's
+    /// own ray; `None` if this hit is not moved.
+    fn moved_to(&self, scene: &Scene, point: DVec3) -> Option<DVec3> {
+        let (ray, hit) = &self.centre;
+        let off = point - (ray.origin + ray.direction * hit.t);
+        let mesh = &scene.mesh;
+        let [a, b, c] = mesh.corners(&mesh.triangles[self.triangle as usize]).map(|corner| corner.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        (off != DVec3::ZERO).then(|| normal * normal.dot(off).signum())
     }
 }
 

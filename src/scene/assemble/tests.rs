@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::scene::{Setting, Shot, load_scene_for, load_scene_with};
+use crate::scene::{Setting, Shot, load_scene, load_scene_for, load_scene_with};
 use glam::Vec3;
 use std::path::Path;
 use toml::Value;
@@ -300,6 +300,32 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
         assert_eq!(note(&format!("background = \"{colour}\"\ndisplay.tone = \"filmic\"\n")), "", "{colour}");
     }
     assert_eq!(note("background = 0.5\ndisplay.exposure = 0\n"), "");
+}
+
+#[test]
+fn a_coarse_round_mesh_has_smooth_shadows_in_the_default_look_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    // An octahedron, with the normals of a sphere or without normals.
+    let corners = ["1 0 0", "-1 0 0", "0 1 0", "0 -1 0", "0 0 1", "0 0 -1"];
+    let faces = [[1, 3, 5], [3, 2, 5], [2, 4, 5], [4, 1, 5], [3, 1, 6], [2, 3, 6], [4, 2, 6], [1, 4, 6]];
+    let of = |is_round: bool, dressed: bool, values: &[Setting]| {
+        let mut text: String = corners.map(|corner| format!("v {corner}\nvn {corner}\n")).concat();
+        for face in faces {
+            let corner = |index: i32| if is_round { format!(" {index}//{index}") } else { format!(" {index}") };
+            text += &format!("f{}\n", face.map(corner).concat());
+        }
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, text).unwrap();
+        load_scene_for(&path, values, Shot { dressed, ..Shot::SQUARE }).unwrap().scene.smooth_shadows
+    };
+    assert!(of(true, true, &[]));
+    assert!(!of(true, false, &[]), "with --plain");
+    assert!(!of(false, true, &[]), "flat facets");
+    let set = |value| [Setting::new("smooth_shadows", Value::Boolean(value))];
+    assert!(!of(true, true, &set(false)) && of(false, false, &set(true)));
+    let scene = folder.path().join("a.toml");
+    std::fs::write(&scene, "[[object]]\nobj = \"a.obj\"\n").unwrap();
+    assert!(!load_scene(&scene).unwrap().scene.smooth_shadows, "a scene file has what it names");
 }
 
 #[test]

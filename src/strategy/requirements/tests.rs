@@ -34,6 +34,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         cut_outs: false,
         soft_lights: false,
         sky: false,
+        smooth_shadows: false,
         many_samples: false,
         half_light: false,
         given_rays: false,

@@ -156,6 +156,7 @@ fn alone(mesh: &Arc<Mesh>, texels: Option<Arc<[[f32; 3]]>>) -> Scene {
         background: Vec3::ZERO,
         transparent: false,
         shadow_bias: 0.0,
+        smooth_shadows: false,
         display: Display::default(),
     }
 }
