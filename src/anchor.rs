@@ -1,8 +1,8 @@
 //! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run
 //! with several launches times the anchor on each device. In each launch, the anchor runs after the device's
 //! first sample, and then after every six further samples. If a round has fewer than six samples on the
-//! device, the anchor runs once per round instead. Two runs can therefore be compared by the ratios of their
-//! times to the anchor's time, even if the machine's speed changed between the runs.
+//! device, the anchor runs once per round instead of after every six samples. Two runs can be compared by the
+//! ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::clock::ms_since;
 use crate::device::DeviceInfo;
@@ -22,16 +22,18 @@ const SPHERES: usize = 1024;
 /// Number of rays that the anchor casts per compute unit of the device. Casting all rays takes a few milliseconds on a
 /// CPU and about 0.2 ms on a large GPU.
 const RAYS_PER_UNIT: usize = 4096;
-/// Number of rays whose distances are compared with those computed on the host.
+/// Number of rays for which the hit distances that the kernel found are compared with distances computed on
+/// the host.
 const CHECKED: usize = 4096;
-/// Largest number of rays whose distances may differ from the host's. Host and device round differently, and
-/// rounding may decide whether a ray that grazes a sphere hits it.
+/// Largest number of compared rays for which the kernel's distance may differ from the host's. Host and
+/// device round differently, and rounding may decide whether a ray that grazes a sphere hits it.
 const MOST_GRAZING: usize = CHECKED / 100;
 /// The distance that the kernel writes for a miss (MISS in the kernel).
 const MISS: f32 = 1e30;
 
-/// Returns the anchor's name in `anchors.jsonl`: a hash of the kernel, its options, its number of rays, and the device
-/// with its settings. Two names are equal if the same device does the same work with the same settings.
+/// Returns the anchor's name in `anchors.jsonl`: a hash of the kernel's source, the compiler options, the
+/// number of rays, and the device with its settings. Two names are equal if the same device does the same
+/// work with the same settings.
 pub fn name(device: &DeviceInfo) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let rays = rays(device.limits.compute_units);
@@ -53,7 +55,8 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// Builds the kernel, runs it once, and checks the distances that it finds against those computed on the host.
+    /// Builds the kernel, runs it once, and compares the distances that the kernel found with distances
+    /// computed on the host.
     pub fn build(queue: &Queue, compute_units: u32) -> Result<Self> {
         Self::of_text(queue, compute_units, &text()?)
     }
@@ -113,7 +116,7 @@ fn failed(error: impl Into<LaunchError>) -> Error {
     failed_because(&error.into().to_string())
 }
 
-/// Returns the error of an anchor that failed for this reason.
+/// Returns the error which says that the anchor failed, and states `reason`.
 pub fn failed_because(reason: &str) -> Error {
     Error::run(format!("the anchor, a kernel that is timed with the points, failed: {reason}")).with_help(
         "the points' times are correct without the anchor; instead of the anchor's time, `raycl compare` uses the times of baselines or, if there are none, those of other points",
@@ -124,8 +127,8 @@ fn text() -> Result<String> {
     Sources::Embedded.read(FILE)
 }
 
-/// Returns the compiler's options; `group` is the number of work-items in a work-group, a power of two that divides the
-/// number of rays.
+/// Returns the compiler options for the anchor's kernel; `group` is the number of work-items in a work-group,
+/// a power of two that divides the number of rays.
 fn options(group: usize) -> String {
     format!("-D SPHERES={SPHERES} -D GROUP={group} -cl-std=CL1.2")
 }
@@ -146,8 +149,8 @@ fn spheres() -> Vec<[f32; 4]> {
     (0..SPHERES).map(|_| sphere()).collect()
 }
 
-/// Compares the distances that the kernel found for the first rays with those computed on the host. Returns an error if
-/// more than `MOST_GRAZING` of them differ.
+/// Compares the distances that the kernel found for the first rays with distances computed on the host.
+/// Returns an error if more than `MOST_GRAZING` of these distances differ.
 fn check(distances: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let agrees = |(ray, distance): (usize, &f32)| {
         let expected = nearest(ray, spheres);
@@ -163,7 +166,8 @@ fn check(distances: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     }
 }
 
-/// Returns the distance that the kernel should find for one ray: that of the nearest sphere, or [`MISS`].
+/// Returns the distance that the kernel should find for one ray: the distance of the nearest sphere or, if
+/// the ray misses all spheres, [`MISS`].
 fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
     let at = |index: usize| (index % 64) as f32 / 32.0 - 1.0;
     let direction = [at(ray), at(ray / 64), 1.0];

@@ -5,16 +5,17 @@ use std::process::{Child, Output};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-/// Waits until a process ends, and returns its output. Kills a process that exceeds the limit, and returns
-/// `None`.
+/// Waits until a process ends, and returns its output. If the process runs for longer than `limit`, kills it
+/// and returns `None`.
 pub fn output_within(child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
     let start = Instant::now();
     output_unless(child, Duration::from_millis(5), &mut || start.elapsed() > limit)
 }
 
 /// Waits until a process ends, and returns its output. While it waits, the function calls `is_over` once per
-/// `interval`. If `is_over` returns true, the function kills the process and returns `None`. If no thread that reads
-/// the output can be started, the function kills the process too, and returns an error.
+/// `interval`. If `is_over` returns true, the function kills the process and returns `None`. The function
+/// also kills the process if the system refuses a thread that would read the process's output; the function
+/// then returns an error.
 pub fn output_unless(
     mut child: Child,
     interval: Duration,
@@ -24,8 +25,8 @@ pub fn output_unless(
     let stderr = child.stderr.take().map(reading).transpose();
     let (stdout, stderr) = match (stdout, stderr) {
         (Ok(stdout), Ok(stderr)) => (stdout, stderr),
-        // One stream of output has no thread that reads it. The process is ended here, since it would otherwise run on
-        // after this function has returned.
+        // The system refused a thread that would read an output stream. Without this `kill`, the process
+        // would run on after the function has returned.
         (Err(error), _) | (_, Err(error)) => {
             child.kill()?;
             child.wait()?;

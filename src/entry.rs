@@ -1,7 +1,7 @@
 //! Finds an entry of a list, or adds one. Unlike a map, the list keeps its entries in the order in which they were added.
 
-/// Returns the first entry of `list` that `is_it` accepts. If there is none, adds the entry that `new` returns to the
-/// end of the list, and returns that entry.
+/// Returns the first entry of `list` that `is_it` accepts. If no entry is accepted, adds the entry that `new`
+/// returns to the end of the list, and returns the new entry.
 pub fn entry<T>(list: &mut Vec<T>, is_it: impl Fn(&T) -> bool, new: impl FnOnce() -> T) -> &mut T {
     let index = list.iter().position(is_it).unwrap_or_else(|| {
         list.push(new());

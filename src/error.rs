@@ -73,19 +73,19 @@ const AFRESH: &str = "the file may be cut off or damaged; pack it or download it
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, together with the command that you ran";
 
-/// Returns true if `error` says that this process may not write at this place. More free space would not
-/// help.
+/// Returns true if `error` says that this process may not write the file or folder, so that more free space
+/// would not help.
 pub fn is_forbidden(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
     matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
 }
 
-/// Returns the remedy if an operation failed because of a limit on open files or on the sizes of files; `None` if it
-/// failed for another reason.
+/// Returns the remedy if an operation failed because of a limit on open files or on the sizes of files;
+/// `None` if the operation failed for another reason.
 #[cfg(unix)]
 pub fn limit_advice(error: &std::io::Error) -> Option<&'static str> {
     use rustix::io::Errno;
-    // The crate `tempfile` wraps the system's errors, so the number of the error is only in the text.
+    // The crate `tempfile` wraps the system's errors, so the error's number (`errno`) is only in the text.
     let text = cause(error);
     [(Errno::MFILE, MORE_OPEN_FILES), (Errno::NFILE, FEWER_OPEN_FILES), (Errno::FBIG, LARGER_FILES)]
         .into_iter()
@@ -93,7 +93,7 @@ pub fn limit_advice(error: &std::io::Error) -> Option<&'static str> {
         .map(|(_, remedy)| remedy)
 }
 
-/// Returns `None`: only the limits of Unix are known.
+/// Returns `None`: raycl recognises errors about these limits only on Unix.
 #[cfg(not(unix))]
 pub fn limit_advice(_: &std::io::Error) -> Option<&'static str> {
     None
@@ -110,7 +110,7 @@ pub fn cause(error: &std::io::Error) -> String {
 #[derive(Debug, Error, Diagnostic)]
 #[error("{message}")]
 pub struct InputError {
-    /// The problem, with the wrong value and the expected one.
+    /// The problem, with the wrong value and the expected value.
     pub message: String,
     /// The file that contains the mistake; the lines around `span` are shown. `None` if no lines of a file are shown.
     #[source_code]
@@ -142,9 +142,9 @@ impl Error {
         Self::run(message).with_help(FAULT)
     }
 
-    /// Returns an error for a mistake at `span` in a file with this name and this text. If the span covers several
-    /// lines, only its part in the first line is marked. If this line is too long for a terminal, it is not shown,
-    /// and the message gives the numbers of the line and the column.
+    /// Returns an error for a mistake at `span` in a file with this name and this text. If the span covers
+    /// several lines, only the part of the span in the first line is marked. If the first line is too long
+    /// for a terminal, the line is not shown, and the message gives the numbers of the line and the column.
     pub fn in_file(
         name: impl AsRef<str>,
         text: impl Into<String>,
@@ -172,8 +172,8 @@ impl Error {
         }))
     }
 
-    /// Returns an error for a mistake in a file whose text must not be shown. The command line does not name this
-    /// file, and the file that names it is in another folder, so this file may belong to another user.
+    /// Returns an error for a mistake in a file whose text must not be shown, since the file may belong to
+    /// another user. Such a file is not named on the command line, but by a file in another folder.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \
@@ -258,10 +258,10 @@ impl Error {
         Some(Self::input(message).with_help("save the file as UTF-8"))
     }
 
-    /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with a
-    /// similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
-    /// decompressed, the remedy says that it may be damaged. If the file's text is not UTF-8, the
-    /// message gives the line. Otherwise, the remedy is `otherwise`.
+    /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with
+    /// a similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
+    /// decompressed, the remedy says that the file may be damaged. If the file's text is not UTF-8, the
+    /// message gives the line. In all other cases, the remedy is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         match Self::not_utf8(path, error) {
             Some(not_utf8) => not_utf8,
@@ -269,8 +269,9 @@ impl Error {
         }
     }
 
-    /// Returns an error for a folder that cannot be read. If the folder is missing and there is a folder with a similar
-    /// name beside it, the remedy names that folder. Otherwise, the remedy is `otherwise`.
+    /// Returns an error for a folder that cannot be read. If the folder is missing and a folder with a
+    /// similar name exists beside it, the remedy names the existing folder. In all other cases, the remedy is
+    /// `otherwise`.
     pub fn unreadable_folder(path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         Self::cannot_read(("folder", path), error, nearest_folder, otherwise)
     }
@@ -303,9 +304,9 @@ impl Error {
         if message.starts_with(&location) { message } else { location + &message }
     }
 
-    /// Replaces an input error without a location by one with a location, which `at` makes from the old
-    /// error's message. The new error gets the old error's remedy, unless this is the default remedy. Returns
-    /// all other errors unchanged.
+    /// Replaces an input error without a location by an error with a location. `at` makes the new error from
+    /// the old error's message. The new error gets the old error's remedy, unless the old remedy is the
+    /// default remedy. Errors other than input errors are returned unchanged.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
@@ -360,8 +361,8 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
-        // The name `-`, which stands for standard input, has one character. Every file name of one character would
-        // therefore count as similar to it.
+        // The name `-`, which stands for standard input, has one character. Every file name of one character
+        // would therefore count as similar to `-`.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 
@@ -478,8 +479,8 @@ mod tests {
             (Errno::FBIG, "`ulimit -f unlimited`"),
         ] {
             let error = of_system(errno);
-            // The crate `tempfile` wraps the system's error in this way, with the path of the temporary file at the
-            // end.
+            // The crate `tempfile` wraps the system's error in the same way as this line, with the path of
+            // the temporary file at the end.
             let wrapped = std::io::Error::other(format!("{error} at path \"/a/.raycl-x\""));
             for error in [&error, &wrapped] {
                 for error in [

@@ -1,7 +1,7 @@
 //! Finds out whether files and folders exist. Only a few of the system's errors mean that nothing is at a
 //! path ([`is_missing`]). After any other error, such as that of a network disk that does not answer, it is
-//! unknown whether something is at the path. The functions of this module then return the error: otherwise,
-//! raycl would ignore results that exist.
+//! unknown whether something is at the path. The functions of this module then return the error. If they
+//! reported a missing file, raycl would ignore results that exist.
 
 use crate::error::{Error, Result, limit_advice};
 use crate::reader;
@@ -23,7 +23,7 @@ fn is_endless(error: &IoError) -> bool {
     error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error())
 }
 
-/// Returns false: only the errors of Unix are known.
+/// Returns false: raycl knows the number of this error only on Unix.
 #[cfg(not(unix))]
 fn is_endless(_: &IoError) -> bool {
     false
@@ -45,7 +45,7 @@ fn if_any<T>(result: IoResult<T>) -> IoResult<Option<T>> {
     }
 }
 
-/// Returns the metadata of the file or folder to which a path leads; `None` if there is none.
+/// Returns the metadata of the file or folder to which a path leads; `None` if nothing is at the path.
 ///
 /// # Errors
 ///
@@ -67,7 +67,7 @@ pub fn exists(path: &Path) -> Result<bool> {
 ///
 /// # Errors
 ///
-/// The same as those of [`exists`].
+/// Fails under the same conditions as [`exists`].
 pub fn is_file(path: &Path) -> Result<bool> {
     Ok(known(path)?.is_some_and(|metadata| metadata.is_file()))
 }
@@ -76,7 +76,7 @@ pub fn is_file(path: &Path) -> Result<bool> {
 ///
 /// # Errors
 ///
-/// The same as those of [`exists`].
+/// Fails under the same conditions as [`exists`].
 pub fn is_folder(path: &Path) -> Result<bool> {
     Ok(known(path)?.is_some_and(|metadata| metadata.is_dir()))
 }
@@ -107,8 +107,8 @@ pub fn bytes(path: &Path) -> Result<Option<Vec<u8>>> {
     if_any(reader::bytes(path, reader::Kind::Results)).map_err(|error| unreadable(path, &error))
 }
 
-/// Returns true if a path still leads to this open file. Returns false if somebody has removed or replaced
-/// the file.
+/// Returns true if a path still leads to the open file `file`. Returns false if somebody has removed or
+/// replaced the file.
 ///
 /// # Errors
 ///
@@ -121,8 +121,8 @@ pub fn still_leads_to(path: &Path, file: &File) -> IoResult<bool> {
     Ok(named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino()))
 }
 
-/// Returns true if a path leads to a file or folder, even to another one than this open file: on this system,
-/// raycl cannot tell two files apart.
+/// Returns true if a path leads to a file or folder, even if this is not the open file: on systems other than
+/// Unix, raycl cannot tell two files apart.
 ///
 /// # Errors
 ///
@@ -137,8 +137,9 @@ pub fn unreadable(path: &Path, error: &IoError) -> Error {
     failed(format!("cannot read {}: {error}", path.display()), error)
 }
 
-/// Returns the error with this message for an operation that failed because of `error`. Missing permissions and
-/// links that lead back to themselves count as mistakes of the user; a disk that fails does not.
+/// Returns the error with this message for an operation that failed because of `error`. Missing permissions
+/// and links that lead back to themselves count as mistakes of the user. A failure of the disk does not count
+/// as a mistake of the user.
 pub fn failed(message: String, error: &IoError) -> Error {
     match error.kind() {
         ErrorKind::PermissionDenied => Error::input(message).with_help(FORBIDDEN),

@@ -1,5 +1,6 @@
-//! What a process inherits from the process that started it: ignored signals, the mode of its standard streams, and
-//! open files. raycl changes what would otherwise disturb it, or what it would otherwise disturb.
+//! What a process inherits from the process that started it: ignored signals, the mode of its standard
+//! streams, and open files. raycl repairs inherited settings that would disturb its own work. A child process
+//! that outlives a command closes inherited files, so that they do not stay in use.
 
 /// Makes raycl independent of two choices of the process that started it. If that process ignores SIGCHLD, raycl could
 /// not wait for its own child processes. If a standard stream is non-blocking, raycl could not wait until the stream
@@ -29,8 +30,9 @@ fn heed_child_processes() {
     }
 }
 
-/// Returns false if a process with this status (the text of /proc/self/status) does not ignore the signal with the
-/// number `signal`. Returns true if the process ignores the signal, and if the text does not say so.
+/// Returns false if a process with this status (the text of /proc/self/status) does not ignore the signal
+/// with the number `signal`. Returns true if the process ignores the signal, or if the text does not say
+/// whether it does.
 #[cfg(unix)]
 fn may_ignore(signal: i32, status: &str) -> bool {
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -38,9 +40,10 @@ fn may_ignore(signal: i32, status: &str) -> bool {
     ignored.is_none_or(|bits| bits & (1 << (signal - 1)) != 0)
 }
 
-/// Makes standard input, standard output and standard error blocking, so that reading waits for data and writing waits
-/// for space. A pipe or a terminal that raycl shares with another process, such as node.js, can be non-blocking. The
-/// setting belongs to the pipe or the terminal, so this process's caller then waits too if it uses the same end of it.
+/// Makes standard input, standard output and standard error blocking, so that reading waits for data and
+/// writing waits for space. A pipe or a terminal that raycl shares with another process, such as node.js, can
+/// be non-blocking. The flag for non-blocking belongs to the open pipe or terminal, not to a process. So the
+/// process that started raycl waits too, if it uses the same end of the pipe or the same terminal.
 #[cfg(unix)]
 fn wait_for_streams() {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -55,10 +58,11 @@ fn wait_for_streams() {
     }
 }
 
-/// On systems with `/proc`, closes all files that this process inherited, except its standard streams. Otherwise, a
-/// lock or a pipe of the caller stays in use as long as this process lives. Then replaces standard output by
-/// `/dev/null`, which tells the process that reads standard output that the files are closed. No part of this process
-/// may use another file than the standard streams when this function is called.
+/// On systems with `/proc`, closes all files that this process inherited, except its standard streams. If
+/// these files stayed open, a lock or a pipe of the process that started this one would stay in use as long
+/// as this process lives. Then replaces standard output by `/dev/null`, which tells the process that reads
+/// standard output that the files are closed. When this function is called, no code of this process may be
+/// using any file other than the standard streams.
 #[cfg(unix)]
 pub(crate) fn leave_files() {
     let listed = std::fs::read_dir("/proc/self/fd").into_iter().flatten();

@@ -16,9 +16,10 @@
 //! The types of the module [`scene`] that occur in fields of [`Loaded`] and [`Scene`] are internal, and so are the
 //! functions that make an [`Error`].
 //!
-//! The text of an [`Error`] (`Display`) is its message alone. [`Error::in_a_line`] returns the message with the file
-//! and the line of a mistake, and [`Error::remedy`] a next step for the user. The crate `miette`, with its feature
-//! `fancy`, prints all of them together with the lines of the file, as the programs in `examples/` do.
+//! The text of an [`Error`] (`Display`) is its message alone. [`Error::in_a_line`] returns the message with
+//! the file and the line of a mistake, and [`Error::remedy`] a next step for the user. The crate `miette`,
+//! with its feature `fancy`, prints the message, the location and the remedy together with the lines of the
+//! file, as the programs in `examples/` do.
 //!
 //! ```no_run
 //! # fn main() -> raycl::Result<()> {
@@ -31,9 +32,9 @@
 //!
 //! # Internals
 //!
-//! All modules are internal and change without notice. [`scene`] is public, since fields of the stable API have its
-//! types. Other modules that raycl's own binary and tests use are public too, but hidden in these pages; the rest is
-//! private.
+//! All modules are internal and change without notice. [`scene`] is public, since fields of the stable API
+//! have its types. Other modules that raycl's own binary and tests use are public too, but hidden in these
+//! pages. All remaining modules are private.
 //!
 //! The following sentences, up to `measure`, name the modules in the order in which an experiment uses them.
 //! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`] plans the
@@ -42,14 +43,14 @@
 //! [`launch`] runs the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference).
 //! [`experiment`] also times the kernels, together with the `anchor`, and `measure` computes statistics of these times.
 //!
-//! [`printer`] replaces control characters in text that is printed to terminals. `reader` opens the files that users
-//! name, `existing` finds out whether files exist, and `filetype` recognises their formats. `memory` measures the
-//! host's free memory, and `load` measures the processor time that other processes take. [`record`] stores the results.
-//! [`image`] turns radiance into pictures. `output` writes files for the user; without `--force`, it replaces no file
-//! that raycl did not make. [`shard`] splits an experiment among machines and merges their results. [`cli`] holds one
-//! file per subcommand; [`documents`] computes the numbers in this repository's documents from stored records. `cache`
-//! stores data that raycl can recompute, so that later runs need not do so. `threads` starts the threads of parallel
-//! iterators.
+//! [`printer`] replaces control characters in text that is printed to terminals. `reader` opens the files
+//! that users name, `existing` finds out whether files exist, and `filetype` recognises their formats.
+//! `memory` measures the host's free memory, and `load` measures the processor time that other processes
+//! take. [`record`] stores the results. [`image`] turns radiance into pictures. `output` writes files for the
+//! user; without `--force`, it replaces no file that raycl did not make. [`shard`] splits an experiment among
+//! machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the
+//! numbers in this repository's documents from stored records. `cache` stores data that raycl can recompute,
+//! so that later runs need not compute it again. `threads` starts the threads of parallel iterators.
 
 mod accel;
 mod anchor;

@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The largest width or height of a picture in pixels, as for `raycl render`.
 const MAX_SIDE: u32 = 65_536;
-/// Bytes per pixel that [`hits`] needs: two counts and a hit, and the layers that are made of them.
+/// Bytes per pixel that [`hits`] needs: two counts, a hit, and the layers that are computed from the hit.
 const LAYERS_BYTES: u64 = 8 + 24 + 32;
 /// The note that is added to remedies that name options of the command `raycl`.
 const OPTIONS: &str = "(options such as --device are those of the command `raycl`; in a program, the arguments of raycl's functions stand for them)";
@@ -56,21 +56,24 @@ impl Raycaster {
     /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
     /// devices with the same name. The first device that matches is used. If `device` is `None`, the device
     /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used
-    /// if there is one, else an accelerator, else a CPU. Of several such devices, the one with the most
-    /// compute units is used.
+    /// if there is one, else an accelerator, else a CPU. If there are several devices of this kind, the
+    /// device with the most compute units is used.
     ///
-    /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). A program that calls [`serve_if_worker`]
-    /// first limits them to the processors on which it may run, as `raycl render` does.
+    /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). A program that calls
+    /// [`serve_if_worker`] first limits these threads to the processors on which the program may run, as
+    /// `raycl render` does.
     ///
-    /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics into errors. For
-    /// this purpose, the first call of `open` sets a panic hook, which hides these panics; all others reach the hook
-    /// that was set before. A program that sets a hook of its own should do so before the first call.
+    /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics into
+    /// errors. For this purpose, the first call of `open` sets a panic hook, which hides these panics; all
+    /// other panics reach the hook that was set before. A program that sets a panic hook of its own should
+    /// set the hook before the first call of `open`.
     ///
     /// # Errors
     ///
-    /// Fails if the scene has a mistake: no triangle, an index out of bounds, or a number that is not finite or not in
-    /// its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless the program changed them.)
-    /// Also fails if no device matches, if none is usable, or if the driver fails.
+    /// Fails if the scene has a mistake: no triangle, an index out of bounds, or a number that is not finite
+    /// or not in its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless the
+    /// program changed them.) Also fails if no device matches, if no device is usable, or if the driver
+    /// fails.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
         check_scene(&scene)?;
         let (sources, scene) = (Sources::Embedded, Arc::new(scene));
@@ -95,10 +98,11 @@ impl Raycaster {
     ///
     /// # Errors
     ///
-    /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or value, if its
-    /// values contradict each other, if it needs more memory than the device or the host has, or if the driver fails.
-    /// After a failed launch, the `Raycaster` casts no more pictures, and its memory on the device and its scene are not
-    /// freed, since freeing could fail too: open another `Raycaster`.
+    /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or
+    /// value, if the strategy's values contradict each other, if casting needs more memory than the device or
+    /// the host has, or if the driver fails. After a failed launch, the `Raycaster` casts no more pictures,
+    /// and its memory on the device and its scene are not freed, since freeing could fail too: open another
+    /// `Raycaster`.
     ///
     /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate
     /// `ocl` panics while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees
@@ -122,7 +126,7 @@ impl Raycaster {
 
 /// Why a picture could not be cast.
 enum Failed {
-    /// Nothing was launched; other pictures may succeed.
+    /// No kernel was launched, so casting other pictures may succeed.
     Refused(Error),
     /// A launch, or reading its picture, failed. The driver or its device may be broken.
     Lost(Error),
@@ -143,7 +147,8 @@ fn cast_once(
     let (strategy, local_size) = chosen.map_err(Failed::Refused)?;
     let prepared = session.prepare_fitting(&strategy, size, local_size).map_err(refused)?;
     let caster = prepared.caster().map_err(refused)?;
-    // If the launch fails, the two objects are not freed: freeing an object of a broken driver would panic.
+    // If the launch fails, `prepared` and `caster` are not freed: freeing an object of a broken driver would
+    // panic.
     let (prepared, caster) = (ManuallyDrop::new(prepared), ManuallyDrop::new(caster));
     let times = caster.cast().map_err(Refused::at("the launch")).map_err(lost)?;
     let (radiance, hit_pixels) = caster.read().map_err(Refused::at("reading the image")).map_err(lost)?;
@@ -158,8 +163,8 @@ fn closed() -> Error {
         .with_help("open another Raycaster; if that fails too, `raycl devices` lists other devices")
 }
 
-/// If an error's remedy names options of the command `raycl`, adds to the remedy what stands for these
-/// options in a program.
+/// If an error's remedy names options of the command `raycl`, adds to the remedy a note on what replaces
+/// these options in a program.
 fn for_programs(error: Error) -> Error {
     let remedy = error.remedy();
     if !remedy.contains(" --") && !remedy.contains("`--") {
@@ -227,10 +232,11 @@ impl Picture {
     ///
     /// # Errors
     ///
-    /// Fails if the extension names no supported format, if the file cannot be written, or if a file exists that is not
-    /// replaced. Also fails if the format cannot hold the picture: a JPEG has at most 65,535 pixels in each direction,
-    /// an HDR has only finite numbers, and JPEG and HDR have no alpha channel, which a transparent background needs.
-    /// Also fails if the program has changed `radiance` so that its lists do not match its size.
+    /// Fails if the extension names no supported format, if the file cannot be written, or if `path` names an
+    /// existing file that must not be replaced. Also fails if the format cannot hold the picture: a JPEG has
+    /// at most 65,535 pixels in each direction, an HDR has only finite numbers, and JPEG and HDR have no
+    /// alpha channel, which a transparent background needs. Also fails if the program has changed `radiance`
+    /// so that its lists do not match its size.
     pub fn save(&self, path: &Path) -> Result<()> {
         let target = Target::new(path, Choice::without_force("save(OTHER_PATH)"));
         check_target(&target, [self.radiance.width, self.radiance.height])?;
@@ -243,8 +249,8 @@ impl Picture {
 }
 
 /// Returns what the ray of each pixel hits: depth, normal, triangle and object. The rays are cast on the host
-/// in double precision, without a device. [`Raycaster::open`] takes the scene out of `loaded`, so call this function
-/// before, or clone the scene.
+/// in double precision, without a device. [`Raycaster::open`] takes the scene out of `loaded`, so call `hits`
+/// before `open`, or clone the scene.
 ///
 /// # Errors
 ///
@@ -265,26 +271,27 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
     available.hold(bytes, "finding the hits of a picture", &sum)
 }
 
-/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an interrupted
-/// run. Worker processes measure the points. Each worker process is the calling program, started again; therefore the
-/// program's `main` must begin with [`serve_if_worker`]. raycl sets the environment variable `RAYCL_WORKER` for its
-/// workers. Where this variable is set, `run_experiment` fails: otherwise, a program without `serve_if_worker` would
-/// start itself again and again. For the same reason, `run_experiment` fails in a program that has not called
-/// `serve_if_worker`.
+/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an
+/// interrupted run. Worker processes measure the points. Each worker process is the calling program, started
+/// again; therefore the program's `main` must begin with [`serve_if_worker`]. raycl sets the environment
+/// variable `RAYCL_WORKER` for its workers. In a process with this variable, `run_experiment` fails, since a
+/// program without `serve_if_worker` would start itself again and again. For the same reason,
+/// `run_experiment` fails in a program that has not called `serve_if_worker`.
 ///
 /// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or on devices
 /// without locks. If another process measures on a device, the function waits until that process ends.
 ///
-/// From the first call on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending the process; a second signal
-/// ends the process. A signal between two calls of this function interrupts the second call.
+/// From the first call of this function on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending
+/// the process; a second signal ends the process. A signal between two calls of this function interrupts the
+/// second call.
 ///
 /// # Errors
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
 /// are not results, or if the environment variable `RAYCL_LOCK_DIR` is not an absolute path. Also fails if
-/// `out` is empty, if one of the two paths is not UTF-8, if the run is interrupted, if the calling process is a
-/// worker, or if it has not called `serve_if_worker`. A point that fails is not an error: its record states the
-/// reason.
+/// `out` is empty, if one of the two paths is not UTF-8, if the run is interrupted, if the calling process is
+/// a worker, or if the calling process has not called `serve_if_worker`. A point that fails is not an error:
+/// its record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -304,7 +311,8 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;
     let measured = printer::muted(|| run::measure_resumably(&arguments, &mut ()));
-    // The caller learns of the interruption from this error, so the interruption must not end the next run as well.
+    // The caller learns of the interruption from this error, so the stored interruption is cleared: it must
+    // not end the next run as well.
     if matches!(measured, Err(Error::Interrupted { .. })) {
         run::forget_interruption();
     }
@@ -329,7 +337,7 @@ fn check_paths(config: &Path, out: &Path) -> Result<()> {
 /// to measure points, to list devices, or to compile a program. raycl starts a worker with the argument
 /// `worker` and the environment variable `RAYCL_WORKER`. In other processes, sets the environment variables
 /// that `raycl run` sets for drivers: they limit and pin the threads of PoCL (an OpenCL driver for CPUs), and
-/// give it a folder that it can write. Call this function first in the `main` of a program that runs
+/// name a folder into which PoCL can write. Call this function first in the `main` of a program that runs
 /// experiments, before the program starts a thread.
 pub fn serve_if_worker() {
     SERVES.store(true, Ordering::Relaxed);
@@ -469,7 +477,7 @@ mod tests {
                 assert!(message.ends_with(" is not UTF-8"), "{message}");
             }
         }
-        // The program of these tests has no workers.
+        // The program of these tests has not called `serve_if_worker`.
         assert!(refused(config, out).ends_with("has not called serve_if_worker"));
     }
 

@@ -21,7 +21,8 @@ struct Ticks {
     stolen: f64,
     /// All time, idle or not, of all processors.
     all: f64,
-    /// Time spent by this process and its child processes, the workers, including those that have ended.
+    /// Time spent by this process and its child processes (the workers), including child processes that have
+    /// ended.
     own: f64,
 }
 
@@ -77,8 +78,8 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // `own` is read process by process, so the time of a worker that ends meanwhile may be missing in one
-    // reading. The difference of two readings of `own` may therefore be negative.
+    // `own` is read process by process, so the time of a worker that ends during the reading may be missing
+    // in this reading. The difference of two readings of `own` may therefore be negative.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,
@@ -134,8 +135,8 @@ fn machine_ticks(stat: &str) -> Option<Ticks> {
     Some(Ticks { busy, stolen, all: busy + idle + iowait + stolen, own: 0.0 })
 }
 
-/// Returns the processor time of this process and of its child processes. When this process has waited for the end of a
-/// child process, the system adds the child's time to that of this process.
+/// Returns the processor time of this process and of its child processes. When this process has waited for
+/// the end of a child process, the system adds the child's time to the time of this process.
 fn own_ticks() -> f64 {
     let mut all = process_ticks("self");
     for task in std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten() {

@@ -22,7 +22,7 @@ fn main() -> ExitCode {
 
 /// Sets how errors are printed: coloured as the user chose, and wrapped only on a terminal. In a log, a
 /// message stays on one line, so that a search finds it. The user's choice of colours is known only after
-/// this function has returned, so it is looked up for each message.
+/// this function has returned, so the choice is looked up for each message.
 fn choose_look() {
     let look = || {
         let look = MietteHandlerOpts::new().wrap_lines(std::io::stderr().is_terminal());

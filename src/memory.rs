@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Memory that this process may still allocate, and the source of this figure.
+/// Memory that this process may still allocate, and the source of this number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Available {
     /// Available bytes; `u64::MAX` if the system does not report available memory.
@@ -51,7 +51,7 @@ pub fn blames_address_space(message: &str) -> bool {
 
 /// The remedy if the limit of the address space leaves too little memory.
 pub const UNLIMITED: &str = "remove the limit of the address space with `ulimit -v unlimited`; in a batch job, ask for more memory instead; or choose a smaller image or scene";
-/// The remedy if there is too little memory for another reason.
+/// The remedy if there is too little memory for a reason other than a limit of the address space.
 const FEWER: &str = "use fewer triangles or pixels, end other programs, or raise the memory limit";
 
 const STATUS: &str = "/proc/self/status";

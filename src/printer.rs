@@ -98,7 +98,7 @@ thread_local! {
 
 /// Calls `work`. Until it returns or panics, [`tell`] prints nothing in this thread.
 pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
-    /// The value of `IS_MUTED` before the call, which is set again at the end.
+    /// The value of `IS_MUTED` before the call of `muted`, which `drop` restores.
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {

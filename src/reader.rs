@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
-/// Files of more bytes than this are read in pieces of this size, by all threads.
+/// A file with more bytes than this number is read by all threads, in pieces of this size.
 const PIECE_BYTES: usize = 4 << 20;
 
 /// The purpose for which a file is read.
@@ -17,7 +17,7 @@ const PIECE_BYTES: usize = 4 << 20;
 pub enum Kind {
     /// A TOML file, such as a scene, an experiment or the user's settings.
     Toml,
-    /// An MTL file.
+    /// An MTL file, which describes the materials of an OBJ mesh.
     Materials,
     /// An image that a mesh uses as a texture, or the picture of a sky.
     Texture,
@@ -58,7 +58,7 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
 /// Returns the system's error. Also fails if `path` is not an ordinary file.
 pub fn open(path: &Path) -> Result<File> {
     // Opening a pipe would wait for its writer, so the path is checked before it is opened. The open file is
-    // checked again, since another file may have taken this path in between.
+    // checked again, since the file at this path may have been replaced in between.
     ordinary(&path.metadata()?)?;
     let file = File::open(path)?;
     ordinary(&file.metadata()?)?;
@@ -80,7 +80,7 @@ fn ordinary(metadata: &Metadata) -> Result<()> {
 ///
 /// # Errors
 ///
-/// The same as those of [`open`] and [`rest`].
+/// Fails under the same conditions as [`open`] and [`rest`].
 pub fn bytes(path: &Path, kind: Kind) -> Result<Vec<u8>> {
     rest(open(path)?, Vec::new(), kind)
 }
@@ -89,7 +89,7 @@ pub fn bytes(path: &Path, kind: Kind) -> Result<Vec<u8>> {
 ///
 /// # Errors
 ///
-/// The same as those of [`bytes`]; also fails if the text is not UTF-8.
+/// Fails under the same conditions as [`bytes`], and if the text is not UTF-8.
 pub fn text(path: &Path, kind: Kind) -> Result<String> {
     utf8(bytes(path, kind)?)
 }
@@ -133,8 +133,8 @@ impl Damaged {
         error.get_ref().is_some_and(|inner| inner.is::<Self>())
     }
 
-    /// Returns `error`, marked as caused by a damaged packed file. Returns it unchanged if it comes from the
-    /// operating system or means that memory ran out.
+    /// Returns `error`, marked as caused by a damaged packed file. Returns `error` unchanged if it comes from
+    /// the operating system or means that memory ran out.
     pub fn mark(error: Error) -> Error {
         if error.raw_os_error().is_some() || error.kind() == ErrorKind::OutOfMemory {
             return error;
@@ -149,20 +149,20 @@ impl Damaged {
 ///
 /// # Errors
 ///
-/// Returns the system's error. Also fails if the file is too large.
+/// Returns the system's error. Also fails if the file is larger than the limit of `kind`.
 pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let length = file.metadata()?.len();
     let Some((limit, too_large)) = limit_of(kind) else { return read_on(file, head, length) };
     if length > limit {
         return Err(too_large);
     }
-    // Files in /proc report a length of 0, and other files may grow while they are read. Therefore the number of bytes
-    // that were read is checked too.
+    // Files in /proc report a length of 0, and other files may grow while they are read. So the number of
+    // bytes that were read is checked too, not only the reported length.
     within(read_on(file, head, limit + 1)?, kind)
 }
 
-/// Returns `bytes` unless there are more of them than the limit of `kind` allows. The bytes are already in
-/// memory, such as those of standard input or of an unpacked file.
+/// Returns `bytes`, unless their number is above the limit of `kind`. The bytes are already in memory, such
+/// as those of standard input or of an unpacked file.
 ///
 /// # Errors
 ///

@@ -20,8 +20,9 @@ pub(crate) fn of_json<T: JsonSchema>(title: &str) -> Value {
     titled::<T>(settings(), title)
 }
 
-/// Returns the settings for the generated schemas. The schemas follow the draft (version) of JSON Schema that editors'
-/// TOML plugins support. They contain no references, so each table is described where it is used.
+/// Returns the settings for the generated schemas. The schemas follow the draft (version) of JSON Schema that
+/// editors' TOML plugins support. The schemas contain no references (`$ref`), so each table is described
+/// where it is used.
 fn settings() -> SchemaSettings {
     let mut settings = SchemaSettings::draft07();
     settings.inline_subschemas = true;

@@ -57,7 +57,7 @@ static USER: OnceLock<Settings> = OnceLock::new();
 pub fn load() -> Result<()> {
     if let Some(folder) = xdg::folder("XDG_CONFIG_HOME", ".config") {
         let settings = read(&folder.join("config.toml"))?;
-        // If this function was called before, the earlier settings stay.
+        // If `load` was called before, the earlier settings stay.
         let _ = USER.set(settings);
     }
     for name in [DEVICE, RESULTS] {
@@ -109,10 +109,10 @@ fn read(path: &Path) -> Result<Settings> {
 }
 
 /// Returns true if `error`, from opening the settings file, means that this user has no settings file. There
-/// are three such cases. First, the file does not exist. Second, a part of its path is a file instead of a
-/// folder: services often have the home folder /dev/null. Third, the file is in a folder in which this user
-/// may not look up files, such as another user's home folder. `metadata` is the settings file's metadata, or
-/// the error from reading the metadata.
+/// are three cases without a settings file. First, the file does not exist. Second, a part of the file's path
+/// is a file instead of a folder: services often have the home folder /dev/null. Third, the file is in a
+/// folder in which this user may not look up files, such as another user's home folder. `metadata` is the
+/// settings file's metadata, or the error from reading the metadata.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
@@ -135,7 +135,7 @@ fn variable(name: &str) -> Option<String> {
     filled(std::env::var(name).ok())
 }
 
-/// Returns the value unless it is blank.
+/// Returns the value; `None` if the value is blank.
 fn filled(value: Option<String>) -> Option<String> {
     value.filter(|text| !text.trim().is_empty())
 }
@@ -159,20 +159,21 @@ pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }
 
-/// Returns the place that names the default device: the environment variable or the settings file. Returns
-/// `None` if neither names a device.
+/// Returns the name of the source of the default device: the environment variable or the settings file.
+/// Returns `None` if neither names a device.
 pub fn device_origin() -> Option<&'static str> {
     origin(variable(DEVICE).is_some(), user().wire.device.is_some())
 }
 
-/// Returns the place that names the default device. The arguments are true if the environment and the settings file
-/// name a device; the environment takes precedence.
+/// Returns the name of the source of the default device. `in_environment` is true if the environment variable
+/// names a device, and `in_file` is true if the settings file names one. The environment variable takes
+/// precedence.
 fn origin(in_environment: bool, in_file: bool) -> Option<&'static str> {
     in_environment.then_some(DEVICE).or(in_file.then_some("your settings file"))
 }
 
-/// Returns `error`, an error about the default device, with the place that names this device: the environment
-/// variable or the settings file.
+/// Returns `error`, an error about the default device, with the name of the environment variable or the
+/// position in the settings file that names this device.
 pub fn blame_device(error: Error) -> Error {
     error.placed(|message| match (variable(DEVICE), &user().wire.device) {
         (None, Some(word)) => user().error(word, message),

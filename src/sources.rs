@@ -41,12 +41,12 @@ impl Sources {
         built_in(name).map(str::to_owned).ok_or_else(|| self.lacks(name))
     }
 
-    /// Returns the lines of the file `name`, whose text is `text`. The lines of a built-in file are found once per
-    /// process, since a run joins the same files for one point after another.
+    /// Returns the lines of the file `name`, whose text is `text`. Each built-in file is split into lines
+    /// only once per process, since a run joins the same files for one point after another.
     ///
     /// # Errors
     ///
-    /// Fails as [`lines`] does.
+    /// Fails under the same conditions as [`lines`].
     pub fn lines_of<'a>(&self, name: &str, text: &'a str) -> Result<Cow<'a, [SourceLine<'a>]>> {
         match built_in_lines(name, text) {
             Some(known) => Ok(Cow::Borrowed(known)),
@@ -74,7 +74,8 @@ impl Sources {
     }
 
     /// Returns a file's text with its includes inserted, and the names of the files of which this text
-    /// consists, each once. This function is for files whose includes do not depend on a strategy.
+    /// consists. Each file is named only once. This function is for files whose includes do not depend on a
+    /// strategy.
     pub fn read_joined(&self, name: &str) -> Result<(String, Vec<String>)> {
         let (mut text, mut files) = (String::new(), Vec::new());
         self.join((name, &self.read(name)?), &mut Chain::default(), &mut text, &mut files)?;
@@ -122,7 +123,7 @@ impl Sources {
         Ok(files)
     }
 
-    /// Returns the sorted names of all files: the built-in files and the files that a folder adds.
+    /// Returns the sorted names of all files: the built-in files and the files that the user's folder adds.
     pub fn files(&self) -> Result<Vec<String>> {
         let mut files = self.own_files()?;
         files.extend(Self::names().into_iter().map(str::to_owned));
@@ -157,11 +158,11 @@ impl Sources {
     /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
     /// instead of their names. Also returns true if the mistake is the user's. Built-in files compile by
     /// themselves, so the mistake is the user's if the program contains a file that the user added or
-    /// changed. This holds even if the compiler finds the error in a built-in file, for example where that
-    /// file calls a function of the user with other arguments. If no error is in a file of the user, the
-    /// messages begin with the names of the user's files. The program's text, `text`, consists of the files
-    /// `files`. The compiler names a file relative to `cl/` or to the folder, or only states a line number in
-    /// the whole text.
+    /// changed. The mistake is the user's even if the compiler finds the error in a built-in file, for
+    /// example where the built-in file calls a function of the user with other arguments. If no error is in a
+    /// file of the user, the messages begin with the names of the user's files. The program's text, `text`,
+    /// consists of the files `files`. The compiler names a file relative to `cl/` or to the folder, or only
+    /// states a line number in the whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
@@ -200,8 +201,9 @@ fn built_in(name: &str) -> Option<&'static str> {
     EMBEDDED.get_file(name)?.contents_utf8()
 }
 
-/// Returns the lines of a built-in file, which stay in memory until the process ends; `None` if the built-in file of
-/// this name has another text than `text`, if there is none, or if its lines cannot be found.
+/// Returns the lines of a built-in file, which stay in memory until the process ends; `None` if the built-in
+/// file of this name has another text than `text`, if there is no built-in file of this name, or if the file
+/// cannot be split into lines.
 fn built_in_lines(name: &str, text: &str) -> Option<&'static [SourceLine<'static>]> {
     static KNOWN: Mutex<BTreeMap<&str, &[SourceLine<'_>]>> = Mutex::new(BTreeMap::new());
     let built_in = built_in(name).filter(|own| *own == text)?;
@@ -258,7 +260,7 @@ pub fn does_not_compile(log: &str) -> Error {
 /// The longest program that is passed to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
-/// The files that are being joined. Each file is included by the file before it.
+/// The files that are being joined. Each file in this list is included by the file before it.
 #[derive(Default)]
 pub struct Chain(Vec<String>);
 

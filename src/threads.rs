@@ -1,8 +1,8 @@
-//! Starts the threads of the library rayon, which share the work of parallel iterators. rayon starts them by itself
-//! when they are first needed, but panics if the system refuses a thread: `ulimit -u` or a control group's limit may
-//! allow no more. The code of raycl starts single threads with `std::thread::Builder`, which returns an error, and not
-//! with `std::thread::spawn` or a scope's `spawn`, which panic. This file also locks data that threads share, and counts
-//! the cores that they may use.
+//! Starts the threads of the library rayon, which share the work of parallel iterators. rayon starts the
+//! threads by itself when they are first needed, but panics if the system refuses a thread: `ulimit -u` or a
+//! control group's limit may allow no more threads. The code of raycl starts single threads with
+//! `std::thread::Builder`, which returns an error, and not with `std::thread::spawn` or a scope's `spawn`,
+//! which panic. This file also locks data that threads share, and counts the cores that this process may use.
 
 use crate::error::{Error, Result};
 use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
@@ -42,7 +42,7 @@ mod tests {
 
     #[test]
     fn a_thread_that_the_system_refuses_is_an_error_and_threads_that_run_already_are_none() {
-        // No address space can hold such a stack.
+        // No address space can hold a stack of this size, so the system refuses the thread.
         let refused = ThreadPoolBuilder::new().num_threads(1).stack_size(1 << (usize::BITS - 1)).build();
         let error = no_thread_of(refused.err().as_ref()).expect("an error");
         assert_eq!(error.exit_code(), 1);

@@ -18,13 +18,13 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
         .map(|(_, expected)| type_in_words(expected.trim_end()))
 }
 
-/// The keys that have two names. The first name is that of the Rust type's field; serde's messages use this
-/// name.
+/// The keys that have two names. The first name is the name of the Rust type's field; serde's messages use
+/// the first name.
 const TWO_NAMES: [[&str; 2]; 1] = [["obj", "mesh"]];
 
 /// Names that users may take for the key `mesh`, which names the file of a mesh.
 const LIKE_MESH: [&str; 6] = ["ply", "stl", "gltf", "glb", "file", "path"];
-/// The beginning of the remedy if a table has one of these names instead of `mesh`.
+/// The beginning of the remedy if a table has a key in [`LIKE_MESH`] instead of the key `mesh`.
 const MESH_READS: &str = "`mesh` reads OBJ, PLY, STL, glTF and GLB files; ";
 
 /// The message about a table in place of a list.
@@ -32,11 +32,11 @@ pub const NO_LIST: &str = "wrong type: table, expected a list";
 
 /// A mistake in a document, in words for a user.
 pub struct Mistake {
-    /// The mistake, with the wrong value and the expected one.
+    /// The mistake, with the wrong value and the expected value.
     pub message: String,
     /// The text that is printed at the mark under the mistake, such as "not a key here".
     label: String,
-    /// The remedy, if the mistake has its own.
+    /// The remedy for this particular mistake; `None` if the caller's general remedy applies.
     remedy: Option<String>,
     /// The key, if it is unknown in its table but may be a key of another table.
     unknown_key: Option<String>,
@@ -48,8 +48,9 @@ impl Mistake {
         self.remedy.as_deref().unwrap_or(otherwise)
     }
 
-    /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of another
-    /// table, or if a table should be one of a list. `schema` is the JSON schema of the file.
+    /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of
+    /// another table, or if a list of tables is expected in place of a single table. `schema` is the JSON
+    /// schema of the file.
     pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
         if let Some(key) = self.unknown_key.take()
             && let Some(place) = elsewhere(schema, text, at, &key)
@@ -76,7 +77,7 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
     mistake(error).in_file(name, text, error.span().unwrap_or(0..0), help)
 }
 
-/// Returns the mistake in words for a user.
+/// Converts an error of the crate `toml` to a mistake in words for a user.
 pub fn mistake(error: &toml::de::Error) -> Mistake {
     let message = error.message().trim_end().to_owned();
     if let Some(mistake) = both_names(&message) {
@@ -128,8 +129,8 @@ fn both_names(message: &str) -> Option<Mistake> {
 /// the top level.
 type TableInFile<'s> = (String, &'s Map<String, Value>);
 
-/// Returns the remedy for the key at the byte `at` of `text`, which its table does not have, if other tables have it.
-/// `schema` is the JSON schema of the file.
+/// Returns the remedy for an unknown key at the byte `at` of `text`, if tables other than the key's own have
+/// a key of this name. `schema` is the JSON schema of the file.
 pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());
@@ -146,8 +147,8 @@ pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<Str
     }
 }
 
-/// Returns the remedy if the byte `at` of `text` is in a line such as `[light]`, although the file has a list of such
-/// tables. `schema` is the JSON schema of the file.
+/// Returns the remedy if the byte `at` of `text` is in a line such as `[light]`, although the file needs a
+/// list of tables, with double brackets (`[[light]]`). `schema` is the JSON schema of the file.
 pub fn double_brackets(schema: &Value, text: &str, at: usize) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());
@@ -177,7 +178,7 @@ fn header_above<'t>(text: &str, at: usize, tables: &'t [TableInFile<'_>]) -> Opt
         return None;
     }
     text.get(..begin)?.lines().rev().find_map(|line| {
-        // TOML allows blanks in such a line: `[[ object ]]`.
+        // In a line that begins a table, TOML allows blanks: `[[ object ]]`.
         let line = line.split('#').next().unwrap_or_default().replace([' ', '\t'], "");
         tables.iter().map(|(header, _)| header.as_str()).find(|header| !line.is_empty() && *header == line)
     })
@@ -188,10 +189,11 @@ pub fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
     let Some((actual, expected)) = message.rsplit_once(", expected ") else {
         return match message.as_str() {
-            // These are the words of the crate `toml` if it expects one of several names.
+            // The crate `toml` sends these words if it expects one of several names.
             "wanted string or table" => "wrong type: expected a string".to_owned(),
             // Instead of a string, the crate `toml` also accepts a table with a single key, which it takes as
-            // the name. For a table with no key or several keys, the crate sends this message.
+            // the name. For a table with no key or several keys, the crate sends the message "wanted exactly
+            // 1 element".
             _ if message.starts_with("wanted exactly 1 element") => {
                 "wrong type: table, expected a string".to_owned()
             }
@@ -206,7 +208,7 @@ pub fn in_plain_words(message: &str) -> String {
     format!("{actual}, expected {}", type_in_words(expected))
 }
 
-/// Returns words for the name of a Rust type; returns any other text unchanged.
+/// Returns words that a user knows for the name of a Rust type; returns any other text unchanged.
 fn type_in_words(name: &str) -> &str {
     match name {
         // serde writes the name of a Rust type after `struct`.

@@ -1,5 +1,6 @@
-//! Reads TOML documents with serde. serde's derived code accepts a list of values in place of a table, in the order of
-//! a struct's fields. In a file that a person writes, such a list is a mistake, so it is refused here.
+//! Reads TOML documents with serde. serde's derived code accepts a list of values in place of a table, in the
+//! order of a struct's fields. In a file that a person writes, a list in place of a table is a mistake, so
+//! the code in this file refuses it.
 
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, EnumAccess, Error as _, MapAccess, SeqAccess,
@@ -9,7 +10,7 @@ use std::fmt;
 use toml::Spanned;
 use toml::de::{DeTable, Error};
 
-/// Reads a document.
+/// Parses the TOML document `text`, and converts it to a `T`.
 ///
 /// # Errors
 ///
@@ -18,7 +19,7 @@ pub fn from_text<T: DeserializeOwned>(text: &str) -> Result<T, Error> {
     T::deserialize(Strict(toml::Deserializer::parse(text)?))
 }
 
-/// Reads a document that has been parsed.
+/// Converts a parsed TOML document to a `T`.
 ///
 /// # Errors
 ///
@@ -77,7 +78,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
 
 struct StrictVisitor<V> {
     visitor: V,
-    /// True if only a table is expected.
+    /// True if serde's code expects a struct, for which a file must have a table.
     is_table: bool,
 }
 

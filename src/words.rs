@@ -27,9 +27,9 @@ pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
     format!("{} {}", counted_of(part, all, what), if part == 1 { "was" } else { "were" })
 }
 
-/// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if its
-/// number is one. Identities and states have the plural after every number. raycl corrects the plural only
-/// where it shows the text, since keys of records depend on the text.
+/// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if the
+/// number before the noun is 1. Identities and states have the plural after every number. raycl corrects the
+/// plural only where it shows the text, since keys of records depend on the text.
 pub fn in_singular(part: &str) -> String {
     match part.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
         Some(noun) => format!("1 {noun}"),
@@ -101,8 +101,8 @@ pub fn few(names: &[impl AsRef<str>]) -> String {
     names.iter().take(4).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns an option and its value as words of a command. A value that begins with `-` is joined to the option by `=`;
-/// as a word of its own, it would be read as another option.
+/// Returns an option and its value as words of a command. A value that begins with `-` is joined to the
+/// option by `=`; as a separate word, such a value would be read as another option.
 pub fn option(name: &str, value: impl Display) -> Vec<String> {
     let value = value.to_string();
     match value.starts_with('-') {

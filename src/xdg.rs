@@ -39,7 +39,7 @@ fn named(variable: &str) -> Option<PathBuf> {
     absolute(std::env::var_os(variable))
 }
 
-/// Returns the path in the value of a variable; `None` if there is no value or the path is relative.
+/// Returns the path in the value of a variable; `None` if the variable has no value or the path is relative.
 fn absolute(value: Option<OsString>) -> Option<PathBuf> {
     value.map(PathBuf::from).filter(|path| path.is_absolute())
 }

@@ -1,5 +1,5 @@
-//! Recognises a strategy that was written with blanks. A shell then passes the strategy as several words, and clap (the
-//! library that parses the arguments) does not expect the second word.
+//! Recognises a strategy that was written with blanks. A shell passes such a strategy as several words, and
+//! clap (the library that parses the arguments) does not expect the second word.
 
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};

@@ -34,7 +34,8 @@ enum Action {
 }
 
 /// The output of `raycl cache show --json` and `raycl cache clear --json`. With `show`, `entries` and `bytes`
-/// are the number and the size of the cache's entries; with `clear`, those of the removed entries.
+/// are the number and the size of the cache's entries; with `clear`, they are the number and the size of the
+/// removed entries.
 #[derive(Serialize)]
 struct Shown {
     /// The path of the cache's folder. Null if the cache has no folder; raycl then stores nothing between runs.
@@ -112,7 +113,8 @@ impl Shown {
         }
     }
 
-    /// Returns a text with the number of entries, their size and the cache's limit.
+    /// Returns a text with the number of the cache's entries, the size that counts towards the limit, and the
+    /// limit.
     fn size(&self) -> String {
         let counted_bytes = self.counted_bytes.unwrap_or(self.bytes);
         let [taken, limit] = [counted_bytes, self.limit_bytes].map(readable);

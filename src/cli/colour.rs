@@ -23,8 +23,8 @@ pub enum Colour {
 /// The choice made by [`choose`]: 1 means `always`, 2 means `never`, and 0 means `auto`, or that nothing was chosen.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// Decides for the whole process when colours are used. An option takes precedence over `NO_COLOR`, and `NO_COLOR` over
-/// a setting.
+/// Decides for the whole process when colours are used. The option `--color` takes precedence over the
+/// environment variable `NO_COLOR`, and `NO_COLOR` takes precedence over the user's settings.
 pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let code = match preferred(option, refused, setting) {
@@ -35,7 +35,7 @@ pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     CHOSEN.store(code, Ordering::Relaxed);
 }
 
-/// Returns the choice that takes precedence. `refused` is true if `NO_COLOR` is set.
+/// Returns the choice of colours that takes precedence. `refused` is true if `NO_COLOR` is set.
 fn preferred(option: Option<Colour>, refused: bool, setting: Option<Colour>) -> Option<Colour> {
     option.or(refused.then_some(Colour::Never)).or(setting)
 }
@@ -62,8 +62,8 @@ pub(super) fn of_clap() -> ColorChoice {
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })
 }
 
-/// Returns the last valid value of `--color` on the command line. The value also applies to messages about mistakes in
-/// the arguments, so raycl needs it before it parses the arguments.
+/// Returns the last valid value of `--color` on the command line. The value also applies to messages about
+/// mistakes in the arguments, so raycl needs the value of `--color` before it parses the arguments.
 pub(super) fn typed(words: &[OsString]) -> Option<Colour> {
     let mut words =
         words.iter().map(|word| word.to_str().unwrap_or_default()).take_while(|word| *word != "--");

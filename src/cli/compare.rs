@@ -65,7 +65,7 @@ pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
     fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number of at least 0, such as 5"))
 }
 
-/// Compares two folders. A folder without results is a user error.
+/// Compares two folders of results. A folder without results is a user error.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
@@ -102,7 +102,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Returns the advice of the error about regressions in the folder `after`. If points of this folder failed,
-/// the advice names the file with the reasons; otherwise, the advice is to repeat both runs.
+/// the advice names the file with the reasons. If no point failed, the advice is to repeat both runs.
 fn remedy(comparison: &Comparison, after: &Path) -> String {
     match comparison.broken.is_empty() {
         true => "repeat both runs, one after the other, to find out whether the programs differ or the machine was \
@@ -113,8 +113,8 @@ fn remedy(comparison: &Comparison, after: &Path) -> String {
 }
 
 /// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Returns no
-/// error if `limit_percent` is `None`. The error's message has the text `between` between the number of
-/// regressions and their list.
+/// error if `limit_percent` is `None`. In the error's message, the text `between` stands between the number
+/// and the list of the regressions.
 pub(super) fn refuse_regressions(
     comparison: &Comparison,
     limit_percent: Option<f64>,

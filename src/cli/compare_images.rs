@@ -46,7 +46,7 @@ fn decibels(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("'{text}' is not a number of decibels, such as 40"))
 }
 
-/// The result of the comparison. With `--json`, raycl prints it as a JSON object with these fields.
+/// The result of comparing two pictures. With `--json`, raycl prints this result as a JSON object.
 #[derive(Debug, Serialize)]
 struct Report {
     /// The peak signal-to-noise ratio in decibels. Null if the pictures are equal (`equal` is true), or if a value of a
@@ -206,7 +206,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
 }
 
 /// Returns the report as text. `values` says for each picture whether it has displayed values or radiance. If
-/// both have displayed values, the text also gives the largest error as a number of 255 (white).
+/// both have displayed values, the text also gives the largest error on a scale on which white is 255.
 fn text(report: &Report, values: [Values; 2]) -> String {
     let mut lines = Vec::new();
     match (report.psnr_db, report.largest_error_at) {

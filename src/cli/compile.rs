@@ -71,7 +71,8 @@ struct Compilation {
     program_hash: String,
     build_ms: f64,
     binary_is_ptx: bool,
-    /// The folder of `--cl-dir`, which only the page names.
+    /// The folder of `--cl-dir` (the user's kernel files). Only the page [`MICROSCOPE`] names this folder;
+    /// made.json leaves it out.
     #[serde(skip)]
     cl_dir: Option<PathBuf>,
     kernels: Vec<CompiledKernel>,
@@ -84,9 +85,10 @@ struct Compilation {
 /// With PoCL, raycl casts a frame, and a frame of one pixel takes little time even in a large scene.
 const IMAGE_SIZE: [u32; 2] = [1, 1];
 
-/// Builds the program of every strategy. Prints what the compiler made, and writes it to the folder of
-/// `--out`. If one of several programs cannot be built, prints the error and continues with the other
-/// strategies. After the last strategy, returns an error if a program could not be built.
+/// Builds the program of every strategy. Prints the numbers of registers and instructions, and writes the
+/// compiler's output to the folder of `--out`. If one of several programs cannot be built, prints the error
+/// and continues with the other strategies. After the last strategy, returns an error if a program could not
+/// be built.
 pub fn run(args: Args) -> Result<()> {
     disable_caches();
     let scene = load_scene(&args.scene)?.scene;
@@ -126,8 +128,8 @@ pub fn run(args: Args) -> Result<()> {
     refuse_not_compiled(&failed, strategies.len())
 }
 
-/// Returns the line that names the folder of `--out`; `None` without such a folder, with `--json`, or if none of the
-/// programs could be compiled. `made` is the number of programs that were compiled.
+/// Returns the line that names the folder of `--out`; `None` without `--out`, with `--json`, or if none of
+/// the programs could be compiled. `made` is the number of programs that were compiled.
 fn written(out: Option<&Path>, as_json: bool, made: usize) -> Option<String> {
     out.filter(|_| !as_json && made > 0).map(|out| format!("Written to {}", out.display()))
 }
@@ -161,8 +163,8 @@ fn refuse_not_compiled(failed: &[(&str, u8)], all: usize) -> Result<()> {
 const FILES: [&str; 7] =
     [MICROSCOPE, "source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
 
-/// Returns the folder to write to. Unless `--force` is given, returns an error if a file that would be replaced was not
-/// written by raycl, or was changed later.
+/// Returns the folder of `--out`. Unless `--force` is given, returns an error if a file that would be
+/// replaced was not written by raycl, or was changed later.
 fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     let out = OutFolder::open(path, Choice::new(args.force, "--out DIR"))?;
     for strategy in &args.strategy {

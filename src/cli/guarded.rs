@@ -30,8 +30,8 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
 
-/// The number of the first process of a system or a container. Signals that end other processes by default do not end
-/// this process.
+/// The number of the first process of a system or a container. Signals that end any other process by default
+/// do not end the process with this number.
 const FIRST_PROCESS: u32 = 1;
 
 /// Returns true if this process is the child process that [`run`] starts.
@@ -39,7 +39,8 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// The properties of a command that decide how it runs in a child process, and what may have crashed it.
+/// The properties of a command that decide how it runs in a child process, and what may have crashed the
+/// child process.
 pub struct Guarded<'a> {
     /// True if the command reads standard input. Such a command cannot run again, since standard input can be
     /// read only once.
@@ -74,8 +75,8 @@ impl Guarded<'_> {
 }
 
 /// Runs this process's command line in a child process; `command` describes it. If the child's exit code is
-/// 0, returns; otherwise, ends this process with the child's exit code. If a driver ends the child process,
-/// raycl runs the command line again without the drivers that fail.
+/// 0, returns. For any other exit code, ends this process with the child's exit code. If a driver ends the
+/// child process, raycl runs the command line again without the drivers that fail.
 ///
 /// # Errors
 ///
@@ -92,9 +93,9 @@ pub fn run(command: &Guarded<'_>) -> Result<()> {
     end_as(without_broken(status, command, &parent)?)
 }
 
-/// Tries the drivers one by one. If some of them fail, runs the command again without them. If none fails,
-/// continues with [`with_all_drivers`]. Returns the exit status of the second attempt. `status` is the exit
-/// status of the first attempt.
+/// Tries the drivers one by one. If some drivers fail, runs the command again without these drivers. If no
+/// driver fails, continues with [`with_all_drivers`]. Returns the exit status of the second attempt. `status`
+/// is the exit status of the first attempt.
 fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
@@ -166,8 +167,8 @@ fn with_all_drivers(
 }
 
 /// Runs the command again in a new child process. The new process compiles its programs again and removes the
-/// stored programs from raycl's cache, since one of them may have crashed the driver. Returns the exit status
-/// of the new process, or `None` if a driver ended the new process too. If raycl cannot use the cache,
+/// stored programs from raycl's cache, since a stored program may have crashed the driver. Returns the exit
+/// status of the new process, or `None` if a driver ended the new process too. If raycl cannot use the cache,
 /// returns `None` without running the command. `cause` says how the first process ended.
 fn ended_afresh(cause: &str, parent: &Parent) -> Result<Option<ExitStatus>> {
     if !Cache::of_user().is_usable() {
@@ -197,8 +198,8 @@ fn why_broken(driver: &Driver) -> Result<Option<String>> {
     why_devices_are_not_listed(&alone)
 }
 
-/// This process, which runs the command in child processes. On systems other than Unix, it has no handlers of signals
-/// and restores no terminal.
+/// This process, which runs the command in child processes. On systems other than Unix, this process has no
+/// handlers of signals and restores no terminal.
 #[cfg(not(unix))]
 struct Parent;
 
@@ -222,8 +223,8 @@ impl Parent {
 /// a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
 /// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
-    // Only this process can tell the user about the signal. The child process has ended, and the shell sees only that
-    // this process exits.
+    // The child process has ended, and the shell sees only that this process exits. So only this process can
+    // tell the user which signal ended the child process.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }
@@ -237,7 +238,8 @@ fn end_as(status: ExitStatus) -> Result<()> {
     }
 }
 
-/// Returns true if SIGINT ended a process, and therefore ends the process with the number `own` too.
+/// Returns true if the process with the number `own` must end itself with SIGINT, because SIGINT ended the
+/// child process with the exit status `status`.
 fn ends_with_sigint(status: ExitStatus, own: u32) -> bool {
     own != FIRST_PROCESS && signal(status).is_some_and(|(_, name)| name == "SIGINT")
 }
@@ -247,7 +249,8 @@ fn ends_with_sigint(status: ExitStatus, own: u32) -> bool {
 #[cfg(target_os = "linux")]
 pub fn ends_with_its_parent() {
     use rustix::process::{Signal, set_parent_process_death_signal};
-    // If the system does not support this signal, the work continues after the parent's end.
+    // If the system cannot send a signal at the parent's end, this process continues after its parent has
+    // ended.
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
     if is_orphan(std::env::var(GUARDED).ok().as_deref(), std::os::unix::process::parent_id()) {
         std::process::exit(1);
@@ -262,7 +265,7 @@ fn is_orphan(guarded: Option<&str>, parent: u32) -> bool {
     guarded.and_then(|number| number.parse::<u32>().ok()).is_some_and(|number| number != parent)
 }
 
-/// Does nothing on systems other than Linux: the work continues after the parent's end.
+/// Does nothing on systems other than Linux: there, this process continues after its parent has ended.
 #[cfg(not(target_os = "linux"))]
 pub fn ends_with_its_parent() {}
 

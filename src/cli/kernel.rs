@@ -63,7 +63,7 @@ impl Args {
     }
 }
 
-/// Prints the program.
+/// Prints a strategy's program as the compiler sees it.
 pub fn run(args: Args) -> Result<()> {
     let sources = Sources::of(args.cl_dir.clone())?;
     let strategy = parse_strategy(&args.strategy)?;

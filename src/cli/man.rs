@@ -35,7 +35,7 @@ const FIRST_SECTION: &str = "\n.SH NAME\n";
 /// line. A hyphenated file name or option would not be what the user has to type.
 const AS_WRITTEN: &str = "\n.if n .ad l\n.nh";
 
-/// A page's name, and its text in roff.
+/// The name of a man page, and the page's text in roff (the markup language of man pages).
 type Page = (String, Vec<u8>);
 
 /// Prints one page, or writes all pages to a folder.

@@ -1,5 +1,6 @@
-//! Functions for commands that measure several things, such as devices or points. Some of these measurements may fail.
-//! The functions decide what such a command stores, and what it tells the user.
+//! Functions for commands that measure several things, such as devices or points. Some of the measurements
+//! may fail. The functions of this file decide what the command stores after a failed measurement, and what
+//! the command tells the user.
 
 use crate::error::{Error, Result};
 use crate::output::Target;
@@ -38,7 +39,7 @@ pub fn failures(records: &[Record]) -> Option<String> {
     (failed > 0).then(|| format!("{} failed", counted_of(failed, records.len(), "point")))
 }
 
-/// Returns an error with this remedy if points failed ([`failures`]).
+/// Returns an error with the remedy `remedy` if points failed ([`failures`]).
 pub fn refuse_failed(records: &[Record], remedy: impl Into<String>) -> Result<()> {
     failures(records).map_or(Ok(()), |message| Err(Error::run(message).with_help(remedy)))
 }

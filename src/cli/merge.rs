@@ -49,15 +49,16 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Parses the number of seconds between two readings of the processes' counters. Each running process increases its
-/// counter once per second. On a busy machine an increase may be late, so the counter of a running process may stay the
-/// same for almost 2 s. Less than 2 s is therefore refused.
+/// Parses the number of seconds between two readings of the processes' counters. Each running process
+/// increases its counter once per second. On a busy machine an increase may be late, so the counter of a
+/// running process may stay the same for almost 2 s. A time of less than 2 s between the readings is
+/// therefore refused.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
     let wrong = || format!("'{text}' is not a number of seconds from 2 to 3600");
     text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
-/// Merges the existing results. Returns an error if points are missing or failed.
+/// Merges the results that the shards have written so far. Returns an error if points are missing or failed.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
@@ -80,7 +81,7 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Merges the attempts in the folder `out`, and reads the merged folder. A point's 95% interval depends on
 /// the samples of all launches, but a process that measured a shard had only the samples of its own launches.
-/// So this function computes the intervals again.
+/// So this function computes the intervals again, from the merged samples.
 fn merged(out: &Path, devices: &[String]) -> Result<(Merged, Folder)> {
     let merged = merge(out, devices)?;
     let folder = Folder::read(out)?;

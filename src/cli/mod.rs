@@ -202,7 +202,7 @@ impl Command {
     }
 
     /// Returns the folder of `--cl-dir` for commands that start drivers in their own process. Returns `None`
-    /// for other commands, and if `--cl-dir` is not given.
+    /// for commands that start no drivers in their own process, and if `--cl-dir` is not given.
     fn cl_dir(&self) -> Option<&Path> {
         match self {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
@@ -222,7 +222,7 @@ impl Command {
 #[cfg(unix)]
 fn outlive_large_files() {
     use std::sync::{Arc, atomic::AtomicBool};
-    // If the handler cannot be installed, the signal ends the process, as it would without this call.
+    // If the handler cannot be installed, the signal SIGXFSZ ends the process, as it would without this call.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
@@ -256,8 +256,8 @@ impl Cli {
         outlive_large_files();
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
-        // The value of `--color` also applies to a message about a mistake in the arguments, so it is read
-        // before clap parses the arguments.
+        // The value of `--color` also applies to a message about a mistake in the arguments, so this value is
+        // read before clap parses the arguments.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words);
         let explained =
@@ -341,8 +341,8 @@ pub(crate) fn prepare_for_drivers(measures: bool) {
 }
 
 /// Returns `command`, changed so that every option with a value accepts a negative number. By default, clap
-/// (the library that parses the arguments) reports the `-3` of `--samples -3` as an unknown option. With this
-/// change, clap's message says which values are expected.
+/// (the library that parses the arguments) reports the `-3` of `--samples -3` as an unknown option. If
+/// options accept negative numbers, clap's message about `-3` says which values are expected.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let allow = |arg: clap::Arg| match !arg.is_positional() && arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),
@@ -417,7 +417,8 @@ mod tests {
             if !line.starts_with("raycl render ") && !line.starts_with("raycl view ") {
                 continue;
             }
-            // README.md's own file, my_test.cl, is a copy of moller_trumbore.cl.
+            // The ray-triangle test `my-test` in README.md is a copy of moller_trumbore.cl, made by the
+            // command `cp`.
             let line = &line.replace("=my-test", "=moller-trumbore");
             let cli = Cli::parse_words(&words(line)).unwrap_or_else(|error| panic!("{line}: {error}"));
             let subject = match &cli.command {
@@ -514,8 +515,8 @@ mod tests {
     }
 
     /// If an option A requires an option B, clap (the library that parses the arguments) reports that B is
-    /// missing. clap does not report this if B conflicts with a given option C. Then A would be accepted
-    /// without any effect, so A must itself conflict with C.
+    /// missing. clap does not report this if B conflicts with a given option C. If C is given and B is
+    /// missing, A would be accepted without any effect, so A must itself conflict with C.
     #[test]
     fn an_option_conflicts_with_all_that_conflicts_with_the_option_that_it_requires() {
         let mut all = with_any_values(Cli::command());

@@ -39,8 +39,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// The names and contents of the experiment's files. They are built into raycl, so that the command needs no other
-/// files.
+/// The names and contents of the experiment's files. The experiment's files are built into raycl, so that
+/// `raycl noise` needs no other files.
 const FILES: [(&str, &str); 2] = [
     ("configs/noise.toml", include_str!("../../configs/noise.toml")),
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
@@ -101,8 +101,8 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns the lines about each device. If several devices have the same common name, the lines use names
-/// that differ.
+/// Returns the lines about each device's noise. If several devices have the same common name, the lines use
+/// names that differ.
 fn texts(all: &[Noise]) -> Vec<String> {
     let names = common_names(all.iter().map(|noise| noise.device.as_str()));
     all.iter().map(|noise| text(noise, &names[noise.device.as_str()])).collect()

@@ -59,7 +59,7 @@ fn help_of_capability() -> String {
     )
 }
 
-/// The default local sizes: those of the paper's Figure 5.
+/// The default local sizes, which are the local sizes of the paper's Figure 5.
 const LOCAL_SIZES: [&str; 9] = ["2x2", "4x4", "6x6", "8x8", "10x10", "12x12", "14x14", "16x16", "32x32"];
 
 /// Returns the number of work-items in a work-group of this size.
@@ -90,7 +90,7 @@ impl Question {
     }
 }
 
-/// Prints the table. An unknown compute capability is a user error.
+/// Prints a table of predicted occupancy. An unknown compute capability is a user error.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);
@@ -110,7 +110,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(question_text(&question, &args.local_sizes))
 }
 
-/// Returns what the arguments say about a kernel, for a multiprocessor.
+/// Returns the inputs of the predictions: the kernel's resources that the arguments state, and the
+/// multiprocessor.
 fn question_of(args: &Args, sm: &'static Multiprocessor) -> Question {
     let Args { registers, local_bytes, local_bytes_per_item, .. } = *args;
     Question { sm, registers, local_bytes, local_bytes_per_item }

@@ -53,10 +53,10 @@ pub struct Args {
     pub(super) cl_dir: Option<PathBuf>,
 }
 
-/// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the
-/// file of `--out`, if one is given. If a device fails, the rates of the devices before it are printed. If
-/// the file of `--out` does not exist yet, these rates are also written to the file; an existing file keeps
-/// its earlier rates.
+/// Measures the peak rates of the devices, one device after another, and prints the rates. Also writes the
+/// rates to the file of `--out`, if this option is given. If a device fails, the rates of the devices before
+/// it are printed. If the file of `--out` does not exist yet, these rates are also written to the file; an
+/// existing file keeps its earlier rates.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out FILE");
     let target = args.out.as_ref().map(|path| Target::new(path, choice));
@@ -94,7 +94,7 @@ fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
 
 /// Returns a note for each rate in the file `target` that will be lost. A rate is lost if `all`, the file's
 /// new rates, contains no rate of the same device with the same driver and in the same state. If the file
-/// contains no rates, there are no notes.
+/// contains no rates, returns no notes.
 fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     if target.is_standard_output() {
         return Vec::new();
@@ -165,13 +165,14 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
         };
         let mut command = own_program()?;
-        // The child's messages go to the user: they say which process the child waits for, or why the child failed.
+        // The child's messages go to the user, since these messages say which process the child waits for, or
+        // why the child failed.
         command.args(self.arguments(pattern)).stderr(Stdio::inherit());
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
         let output = ended.map_err(|error| failed(&error))?;
         let peaks = output.as_ref().and_then(complete);
-        // A child process that succeeded has printed no reason.
+        // A child process that succeeded has printed no reason for a failure.
         let why = match output.is_some_and(|finished| finished.status.success()) {
             true => "`raycl peak` printed no valid JSON",
             false => "the reason is above",
@@ -188,8 +189,9 @@ impl Wanted<'_> {
     }
 }
 
-/// Returns the peak rates that a child process printed. Returns `None` if there is no valid JSON. Also returns
-/// `None` if the child process failed, since it may then have printed only the rates of its first devices.
+/// Returns the peak rates that a child process printed. Returns `None` if there is no valid JSON. Also
+/// returns `None` if the child process failed, since a failed child process may have printed only the rates
+/// of its first devices.
 fn complete(output: &Output) -> Option<Vec<Peak>> {
     let printed = output.status.success().then(|| String::from_utf8_lossy(&output.stdout))?;
     listed(&printed)
@@ -261,7 +263,7 @@ mod tests {
         assert_eq!((listed(""), listed("[\nno list")), (None, None));
     }
 
-    /// A process that fails at its second device prints the rates of the first one.
+    /// A process that fails at its second device has printed the rates of its first device.
     #[test]
     #[cfg(unix)]
     fn the_rates_that_a_process_printed_before_it_failed_are_not_used() {

@@ -82,20 +82,22 @@ impl Observer for Bar {
 }
 
 /// Prints a line to standard error for every finished point. All points of a group (points that are compared
-/// with each other) are finished at the same time, after the group's last launch. So a long time can pass
-/// before the next point is finished. After each minute without a line, a line about the current work is
+/// with each other) are finished at the same time, after the group's last launch. A long time can therefore
+/// pass before the next point is finished. After each minute without a line, a line about the current work is
 /// printed.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
     done: usize,
-    /// Number of points that earlier sessions have finished, as far as this is known.
+    /// Number of points that earlier sessions have finished; with several runs (stages), only those of the
+    /// runs that have begun.
     earlier: usize,
     /// Number of steps of all points; a step is the measurement of one point in one launch. `taken` is the number of
     /// finished steps.
     steps: usize,
     taken: usize,
-    /// When this run's first point began, and the number of steps finished by then; `None` if no point has begun.
+    /// When this run's first point began, and the number of steps that were finished at that time; `None` if
+    /// no point has begun.
     since: Option<(Instant, usize)>,
     /// Number of steps that this run has finished for points that were never timed.
     untimed: usize,
@@ -122,8 +124,9 @@ impl Lines {
         format!(", about {:#} left", HumanDuration(left))
     }
 
-    /// Returns a line about the points that earlier sessions have finished; `None` if there are none. `done` is the
-    /// number of all finished points: with several runs (stages), some of them were finished just now.
+    /// Returns a line about the points that earlier sessions have finished; `None` if there are none. `done`
+    /// is the number of all finished points: with several runs (stages), this session itself has finished
+    /// some of these points.
     fn earlier_line(&mut self, done: usize) -> Option<String> {
         self.earlier += done.saturating_sub(self.done);
         (self.earlier > 0).then(|| format!("{} of {} points are done already", self.earlier, self.points))
@@ -199,7 +202,7 @@ impl Stages {
         Self { inner, points, steps, done: 0, taken: 0, stage: String::new(), begun: false }
     }
 
-    /// Begins the next run, which the progress calls `stage`.
+    /// Begins the next run, which has the name `stage` in the printed progress.
     pub fn enter(&mut self, stage: String) {
         self.inner.enters(&stage);
         self.stage = stage;
@@ -210,7 +213,7 @@ impl Stages {
         self.done
     }
 
-    /// Tells `inner` that the last run has ended.
+    /// Tells the observer `inner` that the last run has ended.
     pub fn end(&mut self) {
         self.inner.ends();
     }
@@ -251,8 +254,8 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// Shows no progress. Prints only the lines that a run prints at once, such as the line which says that the
-/// run waits for another process.
+/// Shows no progress. Prints only the lines that a run prints immediately, such as the line which says that
+/// the run waits for another process.
 struct Notes;
 
 impl Observer for Notes {
@@ -263,9 +266,9 @@ impl Observer for Notes {
 }
 
 /// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows no
-/// progress. If `verbose` is true, the observer prints a line per point. It also does so if standard error
-/// cannot show a bar, because standard error is no terminal or the terminal cannot move its cursor.
-/// Otherwise, the observer shows a bar.
+/// progress. If `verbose` is true, the observer prints a line per point. The observer also prints a line per
+/// point if standard error cannot show a bar, because standard error is no terminal or the terminal cannot
+/// move its cursor. In all other cases, the observer shows a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(Notes);
@@ -489,7 +492,7 @@ mod tests {
         lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 6));
         lines.taken = 12;
         assert_eq!(lines.left(), ", about 3m left");
-        // The steps of a point with a time were timed, so they still count.
+        // The finished point has a median time, so its steps were timed and still count for the estimate.
         lines.finished(&Record { median_ms: Some(1.0), ..Record::default() });
         assert_eq!(lines.left(), ", about 3m left");
         // A point that does not fit on the device finishes all its three steps at once.
@@ -498,7 +501,8 @@ mod tests {
         assert_eq!(lines.left(), ", about 3m left");
         lines.taken = 30;
         assert_eq!(lines.left(), "");
-        // After one of several runs (a stage) has ended, its time says nothing about the time of the next run.
+        // After one of several runs (a stage) has ended, the time per step of this run says nothing about the
+        // next run.
         lines.resumes(5, 15);
         assert_eq!(lines.left(), "");
     }

@@ -58,7 +58,8 @@ mod tests {
             assert_eq!(error.to_string().matches("tip:").count(), 1, "{error}");
             assert!(error.to_string().contains(new), "{error}");
         }
-        // `--limits` is an old name of `--peak`. If a command has no option `--peak`, the error does not suggest it.
+        // `--limits` is an old name of `--peak`. If a command has no option `--peak`, the error does not
+        // suggest `--peak`.
         let other =
             explain(Cli::try_parse_from(["raycl", "render", "a.toml", "--limits"]).expect_err("no option"));
         assert!(!other.to_string().contains("--peak"), "{other}");

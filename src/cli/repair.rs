@@ -33,7 +33,7 @@ pub struct Args {
 
 /// Removes damaged lines from the folder's journals: records, samples, ends of launches, rounds, samples of
 /// the anchor and records of control points. A copy of each changed file's original stays in the same folder.
-/// Other files, such as plan.json, cannot be repaired. If one of them cannot be read, the command says what
+/// Other files, such as plan.json, cannot be repaired. If such a file cannot be read, the command says what
 /// to do. If the folder is that of an experiment in shards, the journals of all attempts are repaired too,
 /// except those of attempts that may be running. A running attempt increases a counter once per second. If
 /// some attempts have not reported their end, the repair reads the counters of all attempts twice, five
@@ -89,8 +89,8 @@ impl Findings {
                 self.repaired.extend(repair(&attempt)?);
                 self.unreadable.extend(unreadable(&attempt));
             }
-            // The attempt may be running: it has neither ended nor been lost, or another process holds the lock of its
-            // folder.
+            // The attempt may be running: it has not ended and was not lost, or another process holds the
+            // lock of the attempt's folder.
             None | Some(Err(Error::Input(_))) => self.running.push(attempt),
             Some(Err(error)) => return Err(error),
         }
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use crate::shard::{About, End};
 
-    /// A folder of shards need not have been merged, so it may lack a journal of records.
+    /// A folder of shards that has not been merged yet has no journal of records.
     #[test]
     fn the_journals_of_attempts_are_repaired_unless_an_attempt_is_running() {
         let folder_of_results = tempfile::tempdir().unwrap();
@@ -215,7 +215,8 @@ mod tests {
             assert!(message.unwrap().contains(&file), "{json}");
             assert_eq!(lines[index], format!("{}; {}", message.unwrap(), remedy.unwrap()));
         }
-        // An unreadable file in an attempt's folder is reported too, since `raycl merge` would refuse it.
+        // An unreadable file in an attempt's folder is reported too, since `raycl merge` would refuse the
+        // folder.
         files.iter().for_each(|file| std::fs::remove_file(file).unwrap());
         std::fs::write(out.join("shards.json"), serde_json::to_string(&ShardPlan::default()).unwrap())
             .unwrap();
@@ -245,7 +246,7 @@ mod tests {
     #[test]
     fn an_attempt_whose_lock_cannot_be_opened_is_an_error_and_not_taken_for_running() {
         let folder = tempfile::tempdir().unwrap();
-        // A folder has the name of the lock's file.
+        // A folder has the name of the lock's file, so the lock cannot be opened.
         std::fs::create_dir(folder.path().join(".lock")).unwrap();
         let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
         let error = findings.repair(folder.path().to_owned(), true).unwrap_err();

@@ -163,7 +163,7 @@ fn say_where(args: &Args, page: &Path) -> Result<()> {
     super::print(format!("Reproduction: {}", page.display()))
 }
 
-/// Each config has a folder of results. Returns the folders that have a file of records.
+/// Returns those folders of results, one per config of the paper, that contain a file of records.
 fn present(out: &Path) -> Result<Vec<PathBuf>> {
     let mut present = Vec::new();
     for folder in CONFIGS.iter().map(|(name, _)| out.join(name)) {
@@ -174,9 +174,9 @@ fn present(out: &Path) -> Result<Vec<PathBuf>> {
     Ok(present)
 }
 
-/// Returns an error that says what is wrong if the folder does not exist, is a folder of results itself, or contains
-/// folders of results that are not named after the paper's configs. Call this function only if no folder of results in
-/// `out` is named after one of these configs.
+/// Returns an error that says what is wrong if the folder does not exist, is a folder of results itself, or
+/// contains folders of results that are not named after the paper's configs. Call this function only if no
+/// folder of results in `out` is named after one of the paper's configs.
 fn refuse_without_results(out: &Path) -> Result<()> {
     if !existing::exists(out)? {
         return Err(no_results(format!("there is no folder {}", out.display())));
@@ -203,7 +203,8 @@ fn holds_none(out: &Path) -> String {
     format!("{} holds no results of the paper's configs", out.display())
 }
 
-/// Returns the error for a page without results. Its help says which folder `--out` must name.
+/// Returns the error if there are no results for the page. The error's help says which folder `--out` must
+/// name.
 fn no_results(message: String) -> Error {
     let names = CONFIGS.map(|(name, _)| name).join(", ");
     Error::input(message).with_help(format!(

@@ -17,7 +17,8 @@ use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The default number of rounds. Each candidate strategy is timed in every round, and its shortest time counts.
+/// The default number of rounds. Each candidate strategy is timed once in every round, and the shortest of
+/// these times counts.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
@@ -140,9 +141,10 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
     case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
 
-/// Loads a case's scene. Returns an error if the kinds that the case states are not those that follow from its scene
-/// and image size. Three kinds are checked: few triangles, an eye inside the scene, many triangles per pixel. The kind
-/// `watertight` is not checked, because it does not follow from the scene and the image size.
+/// Loads a case's scene. Returns an error if the kinds that the case states differ from the kinds that follow
+/// from its scene and image size. Three kinds are checked: few triangles, an eye inside the scene, many
+/// triangles per pixel. The kind `watertight` is not checked, because it does not follow from the scene and
+/// the image size.
 fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
     let scene = last.of(case, path)?;
     let task = case.task(&scene);

@@ -70,7 +70,7 @@ fn after_help() -> String {
     )
 }
 
-/// The report at the end of the command. With `--json`, raycl prints an object with these fields.
+/// The report at the end of the command. With `--json`, raycl prints this report as a JSON object.
 #[derive(Serialize)]
 struct Report {
     scene: String,
@@ -85,17 +85,17 @@ struct Report {
     frames: u32,
     /// The time from the first frame to the last.
     seconds: f64,
-    /// The number of frames after the first, divided by `seconds`; null if there are none.
+    /// The number of frames after the first frame, divided by `seconds`; null if there are no such frames.
     frames_per_s: Option<f64>,
     /// The number of frames that were cast since the strategy, the local size, the device, the picture's size or a file
     /// changed last.
     timed_frames: usize,
-    /// The median device time of the frames that `timed_frames` counts; null if there are none.
+    /// The median device time of the frames that `timed_frames` counts; null if `timed_frames` is 0.
     frame_ms: Option<f64>,
-    /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device time of
-    /// these frames; null if there are none.
+    /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device
+    /// time of these frames; null if `timed_frames` is 0.
     rays_per_s: Option<f64>,
-    /// Notes about the scene from when it was last read, for example that a file could not be read.
+    /// Notes from the last time that the scene was read, for example that a file could not be read.
     notes: Vec<String>,
 }
 

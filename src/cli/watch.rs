@@ -12,30 +12,31 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
 use std::time::{Duration, Instant, SystemTime};
 
-/// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are not listed:
-/// a picture counts only if raycl has read it, for example as a texture. So pictures that other commands write cause no
-/// new rendering.
+/// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are
+/// not listed: a picture counts only if raycl has read it, for example as a texture. Pictures that other
+/// commands write therefore cause no new rendering.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
-/// Editors write a file in several steps. A file counts as complete if this much time has passed since the last step.
+/// A changed file counts as complete if this much time has passed since its last change, since editors write
+/// a file in several steps.
 const QUIET: Duration = Duration::from_millis(80);
 /// The interval at which a waiting command checks whether watched folders have been replaced.
 const LOOK_UP: Duration = Duration::from_millis(500);
 
-/// Files that are watched.
+/// The files and folders that a command watches for changes.
 pub struct Watched {
-    /// The times of changes.
+    /// Receives the time of each change of a watched file.
     changes: Receiver<Instant>,
     /// The time of the last change that has not been reported yet; `None` if every change has been reported.
     changed_at: Option<Instant>,
-    /// The watcher. Files are watched until this value is dropped.
+    /// The watcher. Files are watched until `watcher` is dropped.
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
     folders: Vec<Folder>,
     /// The number of folders that were given to [`Watched::new`]. The given folders come first in `folders`;
     /// the folders of files that raycl has read follow.
     given: usize,
-    /// The folders of files that raycl has read. Each of them is watched by itself, or is covered by the watch on a
-    /// given folder.
+    /// The folders of files that raycl has read. Each of these folders is watched by itself, or is covered by
+    /// the watch on a given folder.
     of_inputs: BTreeSet<PathBuf>,
     inputs: &'static Inputs,
 }
@@ -44,7 +45,7 @@ pub struct Watched {
 struct Folder {
     path: PathBuf,
     depth: RecursiveMode,
-    /// The identity of the folder when the watch began; `None` if there was no folder.
+    /// The identity of the folder when the watch began; `None` if the folder did not exist then.
     identity: Option<Identity>,
 }
 
@@ -76,7 +77,7 @@ impl Watched {
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
         if let Err(error) = check_thread(&changes) {
-            // Without its thread, the watcher would panic when it is dropped.
+            // A watcher whose thread was refused panics when it is dropped, so this watcher is never dropped.
             std::mem::forget(watcher);
             return Err(error);
         }
@@ -100,15 +101,15 @@ impl Watched {
     fn follow(&mut self) {
         for folder in &mut self.folders {
             if folder.identity != identity(&folder.path) {
-                // The old watch may have ended with its folder. If the folder is missing now, watching fails, and a
-                // later call watches the folder once it exists.
+                // The watch on the replaced folder may have ended together with that folder. If the folder is
+                // missing now, watching fails, and a later call watches the folder once it exists.
                 let _ = self.watcher.unwatch(&folder.path);
                 let _ = folder.watch(&mut self.watcher);
                 self.changed_at = Some(Instant::now());
             }
         }
         // Each new folder is compared only with the given folders: the folders of `inputs` are a set without
-        // duplicates, so no other watched folder can be the same.
+        // duplicates, so a new folder can equal no other watched folder.
         let of_inputs = self.inputs.folders();
         for path in of_inputs.difference(&self.of_inputs) {
             if !self.folders[..self.given].iter().any(|watched| watched.covers(path)) {
@@ -161,7 +162,7 @@ impl Folder {
 /// may give the number of a removed folder to a new folder.
 type Identity = ([u64; 2], Option<SystemTime>);
 
-/// Returns the identity of the folder that has this path now; `None` if there is none.
+/// Returns the identity of the folder that now has the path `folder`; `None` if there is no such folder.
 fn identity(folder: &Path) -> Option<Identity> {
     let metadata = folder.metadata().ok()?;
     Some((numbers(&metadata), metadata.created().ok()))
@@ -236,9 +237,9 @@ fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, no
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
 }
 
-/// Returns an error if the system has refused the thread of the watcher that sends `changes`. In this case,
-/// the crate notify reports no error, but panics when the watcher is used. This function recognises a watcher
-/// without its thread by the dropped sender of `changes`.
+/// Returns an error if the system has refused the thread of the watcher that sends `changes`. If the thread
+/// is refused, the crate notify reports no error, but panics when the watcher is used. This function
+/// recognises a watcher without its thread by the dropped sender of `changes`.
 fn check_thread(changes: &Receiver<Instant>) -> Result<()> {
     match changes.try_recv() {
         Err(TryRecvError::Disconnected) => {
@@ -408,8 +409,8 @@ mod tests {
             );
             assert!(error.remedy().starts_with("check the path of the scene"), "{}", error.remedy());
         }
-        // The remedy suggests the folder `misssing`. It does not suggest `missin`, whose name is as similar, since
-        // `missin` is a file.
+        // The remedy suggests the folder `misssing`. It does not suggest `missin`: the name is equally
+        // similar, but `missin` is a file.
         std::fs::write(folder.path().join("missin"), "").expect("a file");
         let meant = folder.path().join("misssing");
         std::fs::create_dir(&meant).expect("a folder");

@@ -14,9 +14,9 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Scenes with fewer triangles than this have the kind `Few`.
+/// Scenes with fewer triangles than this number have the kind `Few`.
 const FEW: usize = 50;
-/// Scenes with more triangles per pixel than this have the kind `Dense`.
+/// Scenes with more triangles per pixel than this number have the kind `Dense`.
 const DENSE: usize = 4;
 
 /// Kinds of devices.
@@ -28,13 +28,13 @@ const SIZES: RangeInclusive<u32> = 1..=65536;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// Fewer than 50 triangles.
+    /// The scene has fewer than 50 triangles.
     Few,
     /// Surfaces lie all around the eye.
     Inside,
     /// No ray may slip between triangles at their edges and corners.
     Watertight,
-    /// More than 4 triangles per pixel.
+    /// The scene has more than 4 triangles per pixel of the image.
     Dense,
 }
 
@@ -49,8 +49,8 @@ pub struct Case {
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// The kinds to which the case belongs. `raycl rule` and a test check that these are exactly the kinds that follow
-    /// from the scene and the image size. Only `Watertight` is not checked.
+    /// The kinds to which the case belongs. `raycl rule` and a test check that the listed kinds are exactly
+    /// the kinds that follow from the scene and the image size. Only the kind `Watertight` is not checked.
     pub kinds: Vec<Kind>,
     /// The kinds of device on which the case is measured.
     pub devices: Vec<String>,
@@ -144,8 +144,8 @@ impl Case {
     }
 
     /// Returns true if the scene that was loaded for `other` is also this case's scene. If `is_framed` is
-    /// true, raycl placed the scene's camera for the shape of the images of `other`, so the images must have
-    /// the same shape.
+    /// true, raycl placed the scene's camera for the shape of the images of `other`, so the images of both
+    /// cases must have the same shape (ratio of width to height).
     fn has_scene_of(&self, other: &Self, is_framed: bool) -> bool {
         let is_same = (&self.scene, &self.set) == (&other.scene, &other.set);
         is_same && (!is_framed || have_one_shape(self.size, other.size))
@@ -169,8 +169,8 @@ impl Case {
 }
 
 /// The scene that was loaded last. The cases of a scene in several image sizes follow each other in the file,
-/// so their scene is loaded only once. It is loaded again if raycl places the camera for the shape of the
-/// images, and the shape changes.
+/// so their scene is loaded only once. The scene is loaded again if raycl has placed the camera for the shape
+/// of the images, and the next case's images have another shape.
 #[derive(Debug, Default)]
 pub struct LastScene(Option<Held>);
 
@@ -185,7 +185,7 @@ struct Held {
 }
 
 impl LastScene {
-    /// Returns the case's scene. Loads the scene only if the previous call did not return the same scene.
+    /// Returns the case's scene. Does not load the scene again if the previous call returned the same scene.
     /// `cases` is the file that lists the cases, and must be the same in all calls.
     pub fn of(&mut self, case: &Case, cases: &Path) -> Result<Arc<Scene>> {
         if let Some(last) = &self.0
@@ -193,7 +193,7 @@ impl LastScene {
         {
             return Ok(Arc::clone(&last.scene));
         }
-        // The last scene may be large, so its memory is freed first.
+        // The last scene may be large, so its memory is freed before the next scene is loaded.
         self.0 = None;
         let Loaded { scene, is_framed, .. } = case.load(cases)?;
         let scene = Arc::new(scene);

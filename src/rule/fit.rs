@@ -5,13 +5,13 @@
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
-/// The largest ratio of a choice's time to the best time. Greater ratios, and choices that a device refused, count as
-/// this ratio.
+/// The largest ratio of a choice's time to the best time. A greater ratio counts as this ratio, and so does a
+/// choice that a device refused.
 const REFUSED: f64 = 100.0;
 /// A constant is changed only if the sum that [`loss_of`] returns decreases by more than this number.
 const GAIN: f64 = 1e-3;
-/// If the values of two cases differ by less than this factor, no constant gets a value between the two
-/// values.
+/// The rule compares a value of each case with a constant. If these values of two cases differ by less than
+/// this factor, the constant gets no value between the two.
 const ALIKE: f64 = 1.01;
 /// Largest number of rounds. In a round, each constant is fitted once. Several rounds are needed, since the best value
 /// of a constant depends on the other constants.
@@ -67,7 +67,7 @@ fn values_to_try(
         seen.extend(cases.map(|case| constants.of(&case.task, sweep.compute_units)[index].2));
     }
     seen.sort_unstable_by(f64::total_cmp);
-    // No value is placed between cases that are nearly equal.
+    // No value is tried between two cases whose values are nearly equal.
     seen.dedup_by(|next, last| *next < *last * ALIKE);
     let between = seen.windows(2).map(|pair| between(pair[0], pair[1])).filter(|value| value.is_finite());
     [0.0, f64::INFINITY].into_iter().chain(between).collect()
@@ -173,9 +173,9 @@ mod tests {
     #[test]
     fn a_constant_has_few_digits_and_is_above_the_lower_case() {
         assert_eq!(between(4.0, 9.0), 6.0);
-        // The mean 6.0498 is 6.0 with two digits, but the lower case must stay below the constant.
+        // The mean 6.0498 is 6.0 with two digits, but the constant must be above the lower value, 6.0.
         assert_eq!(between(6.0, 6.1), 6.05);
-        // The mean 5.095 is 5.1 with two digits. A constant may equal the upper case.
+        // The mean 5.095 is 5.1 with two digits. A constant may equal the upper value, 5.1.
         assert_eq!([between(5.09, 5.1), between(0.0, 7.3)], [5.1, 7.3]);
     }
 
@@ -189,8 +189,9 @@ mod tests {
 
     #[test]
     fn constants_are_fitted_to_sweeps_of_their_own_class_only() {
-        // With the constants that raycl uses, the rule does not choose exhaustive casting for a million triangles. The
-        // times of this sweep require the opposite, so fitting must change the constants of the sweep's class.
+        // With the constants that raycl uses, the rule does not choose exhaustive casting for a million
+        // triangles. In this sweep, exhaustive casting is the fastest, so fitting must change the constants
+        // of the sweep's class.
         let times = [("exhaustive", 1.0), ("tiles", 2.0), ("single", 3.0)];
         let of_cpu = [sweep(&[(1_000_000, 400_000, &times)])];
         for (class, moves) in [(Class::TilesInVectors, true), (Class::SharedTiles, false)] {

@@ -21,7 +21,7 @@ const MOST_TESTED: usize = 2000;
 /// Largest number of frames in a sample, even if the sample then takes less time than `SAMPLE_MS`.
 const MOST_FRAMES: f64 = 200.0;
 
-/// The measurements on one device.
+/// A sweep: the times of the candidate strategies for all cases on one device.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sweep {
     /// The device's label.
@@ -41,7 +41,7 @@ pub struct Sweep {
     pub cases: Vec<Measured>,
 }
 
-/// A case's times.
+/// The times of the candidate strategies for one case.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Measured {
     /// The case's name.
@@ -57,7 +57,7 @@ pub struct Measured {
 /// The rule's choice for a case, compared with the fastest candidate.
 #[derive(Clone, Debug)]
 pub struct Verdict {
-    /// The chosen candidate.
+    /// The candidate strategy that the rule chooses.
     pub choice: Candidate,
     /// The choice's time in milliseconds; `None` if the choice was not measured, since the device or the host refused
     /// it.
@@ -74,8 +74,8 @@ impl Verdict {
 }
 
 impl Measured {
-    /// Compares the choice of a rule with the constants `constants` with the fastest candidate, on a device
-    /// with `compute_units` compute units. Returns `None` if no candidate has a time.
+    /// Compares the rule's choice with the fastest candidate. `constants` are the rule's constants, and the
+    /// device has `compute_units` compute units. Returns `None` if no candidate has a time.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
         let choice = constants.choice(&self.task, compute_units);
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;

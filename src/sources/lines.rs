@@ -20,7 +20,7 @@ enum Within {
     Code,
     LineComment,
     BlockComment,
-    /// A string or a character, with its quote.
+    /// A string or character literal, which ends with the given quotation mark.
     Literal(char),
 }
 
@@ -79,7 +79,7 @@ fn is_directive(code: &str) -> bool {
     code.trim_start().starts_with(['#', '%'])
 }
 
-/// Returns true if a line's code makes a compiler read another file. `%:` means `#`.
+/// Returns true if a line's code makes a compiler read another file. In C, `%:` is another spelling of `#`.
 fn is_reading(code: &str) -> bool {
     let code = code.trim_start();
     let directive = code.strip_prefix('#').or_else(|| code.strip_prefix("%:")).map(str::trim_start);
@@ -115,7 +115,7 @@ impl Within {
                 Self::Literal(quote) => {
                     let end = [*quote, '\\'];
                     let Some(at) = rest.find(end) else { return code.push_str(rest) };
-                    // A backslash hides the character after it.
+                    // Within a literal, the character after a backslash does not end the literal.
                     let escapes = rest[at..].starts_with('\\');
                     let hidden = rest[at + 1..].chars().next().filter(|_| escapes);
                     if !escapes {
@@ -188,7 +188,7 @@ mod tests {
         for text in after {
             assert_eq!(includes(&format!("{text}#include \"b.cl\"\n")), ["b.cl"], "{text}");
         }
-        // A backslash also hides a character of several bytes.
+        // The character after a backslash may have several bytes in UTF-8.
         assert_eq!(includes("\"\\é\" /*\n*/\n#include \"b.cl\"\n"), ["b.cl"]);
     }
 

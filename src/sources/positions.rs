@@ -14,8 +14,9 @@ pub fn in_files(log: &str, text: &str) -> String {
     log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
 }
 
-/// Returns the file and the number in this file of line `number` of a text, according to the text's
-/// directives `#line`. Lines are counted from 1. Returns `None` if no directive precedes the line.
+/// Returns the file from which line `number` of a text comes, and the line's number in this file, according
+/// to the text's directives `#line`. Lines are counted from 1. Returns `None` if no directive precedes the
+/// line.
 fn position_of_line(text: &str, number: usize) -> Option<(&str, usize)> {
     let mut next = None;
     for line in text.lines().take(number.checked_sub(1)?) {

@@ -1,17 +1,18 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! The [`Reference`] also casts each pixel with small changes. Some of these changes are nudges, which change the
-//! direction of the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges turn it by
-//! about as much as rounding. Other small changes concern, for example, the shadow bias. A pixel is certain if no small
-//! change alters its value noticeably. A certain pixel of the image must agree with the reference within
-//! [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within one 8-bit step per channel as displayed. The value of
-//! any other pixel should lie within the pixel's range, which consists of its values under all small changes except
-//! wide nudges. If only wide nudges alter a pixel noticeably, no value in this range differs from the reference by more
-//! than the relative limit. Such a pixel is judged almost like a certain one.
-//! Pixels outside their range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of
-//! pixels that hit something must also lie in the range that the reference allows, since the result
-//! `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of certain pixels must
-//! agree with the reference too.
+//! The [`Reference`] also casts each pixel with small changes. Some of these changes are nudges, which change
+//! the direction of the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges
+//! turn it by about as much as rounding. Small changes other than nudges concern, for example, the shadow
+//! bias. A pixel is certain if no small change alters its value noticeably. A certain pixel of the image must
+//! agree with the reference within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within one 8-bit
+//! step per channel as displayed. The value of any other pixel should lie within the pixel's range, which
+//! consists of its values under all small changes except wide nudges. If only wide nudges alter a pixel
+//! noticeably, no value in this range differs from the reference by more than the relative limit. A pixel
+//! that only wide nudges alter is therefore judged almost like a certain pixel. Pixels outside their range
+//! are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of pixels that hit
+//! something must also lie in the range that the reference allows, since the result `shadow_rays_per_s` is
+//! computed from this number. If the background is transparent, the alpha of certain pixels must agree with
+//! the reference too.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -24,14 +25,15 @@ const STEPS_OF_256: u8 = 1;
 /// The result of comparing an image with its reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The largest relative difference over certain pixels and pixels that are not finite; `None` if there is no such
-    /// pixel. Infinite if a pixel is not finite, or if the image has another size than the reference.
+    /// The largest relative difference over certain pixels and pixels that are not finite; `None` if there
+    /// are no such pixels. Infinite if a pixel is not finite, or if the image has another size than the
+    /// reference.
     pub max_difference: Option<f64>,
     /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel
     /// is wrong. Only certain pixels and pixels that are not finite are compared; `None` if none of these
     /// pixels differs from the reference, or if the image has another size than the reference.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of uncertain pixels of the reference, without the nearly certain ones.
+    /// Number of uncertain pixels of the reference, without the nearly certain pixels.
     pub uncertain_pixels: usize,
     /// Number of pixels that are not certain and lie outside their range (see the [module](self)). If the
     /// image has another size than the reference, all uncertain pixels are counted.
@@ -80,8 +82,9 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     }
 }
 
-/// Returns why the alpha of certain pixels is wrong; `None` if it is right, or if one of the two pictures has no alpha.
-/// The samples of a certain pixel certainly hit or miss, so the pixel's alpha does not depend on rounding.
+/// Returns why the alpha of certain pixels is wrong; `None` if the alpha is right, or if the image or the
+/// reference has no alpha. The samples of a certain pixel certainly hit or miss, so the pixel's alpha does
+/// not depend on rounding.
 fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
     let alphas = image.coverage.iter().zip(&reference.radiance.coverage);
     let certain = alphas.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
@@ -119,7 +122,8 @@ pub fn unexplained_limit(judged: usize) -> usize {
 /// `None` if at least one in ten is certain or nearly certain. Judged pixels that hit nothing do not count,
 /// because even an image with wrong surfaces shows the background where the reference does. If no pixel hits
 /// anything, all judged pixels count. Each argument has a number of uncertain pixels and a number of pixels.
-/// The first argument counts all judged pixels, and the second argument those that hit something.
+/// The first argument counts all judged pixels, and the second argument counts the judged pixels that hit
+/// something.
 pub fn hardly_verified(
     [uncertain_pixels, judged]: [usize; 2],
     [uncertain_hits, hits]: [usize; 2],
@@ -138,9 +142,10 @@ pub fn hardly_verified(
     })
 }
 
-/// Returns why the number of pixels that hit something is wrong; `None` if it is right, or if the reference has cast
-/// only some pixels. The number may lie outside the reference's range by as many pixels as [`unexplained_limit`]
-/// permits, since the same number of pixels may have values that no small change explains.
+/// Returns why the number of pixels that hit something is wrong; `None` if the number is right, or if the
+/// reference has cast only some pixels. The number may lie outside the reference's range by as many pixels as
+/// [`unexplained_limit`] permits, since the same number of pixels may have values that no small change
+/// explains.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;
@@ -159,7 +164,7 @@ struct Finding {
     wrong: bool,
     actual: [f32; 3],
     expected: [f32; 3],
-    /// The displayed colours: actual, expected.
+    /// The pixel's displayed colours: first in the image, then in the reference.
     shown: [[u8; 3]; 2],
 }
 

@@ -8,21 +8,22 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// The least angle between the view direction and the vertical, in radians: in a vertical view,
 /// left and right would have no meaning.
 const POLE: f64 = 0.02;
-/// The least and the greatest distance of the eye from the point around which it orbits, as factors of the distance of
-/// the scene's own camera.
+/// The least and the greatest distance of the eye from the pivot (the point towards which the eye zooms), as
+/// factors of the distance of the scene's own camera.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
-/// An eye that is nearer to the centre of its orbit than this part of the scene's radius counts as being in the centre.
+/// An eye counts as being in the centre of its orbit if its distance from the centre is less than this
+/// fraction of the scene's radius.
 const CENTRAL: f64 = 1e-3;
 
 /// A position of the eye relative to the scene's own camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// The angle around the scene's axis, in radians.
+    /// The angle by which the eye is moved around the scene's vertical axis, in radians.
     pub turn: f64,
-    /// The angle upwards, in radians.
+    /// The angle by which the eye is moved upwards around the centre of its orbit, in radians.
     pub tilt: f64,
-    /// The distance from the pivot (the point around which the eye orbits; the function `pivot`), as a factor of the
-    /// distance of the scene's own camera.
+    /// The distance from the pivot (the point towards which the eye zooms; see the function `pivot`), as a
+    /// factor of the distance of the scene's own camera.
     pub distance: f64,
     /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's distance from the
     /// pivot.
@@ -30,7 +31,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The scene's own camera.
+    /// The position of the scene's own camera.
     pub const START: Self = Self { turn: 0.0, tilt: 0.0, distance: 1.0, aside: [0.0; 2] };
 
     /// Moves the eye around the scene, by angles to the right and upwards in radians, but never over the scene's top or
@@ -38,7 +39,8 @@ impl Pose {
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
         let most = FRAC_PI_2 - POLE;
-        // If the scene's own camera is closer to the vertical than `POLE` allows, the eye may stay there.
+        // If the scene's own camera is closer to the vertical than `POLE` allows, the eye may stay at the
+        // position of this camera.
         let (low, high) = ((-most - elevation).min(0.0), (most - elevation).max(0.0));
         self.tilt = (self.tilt + up).clamp(low, high);
     }
@@ -82,9 +84,9 @@ impl Pose {
 }
 
 /// Returns the pivot: the point towards which the eye zooms. The eye pans by fractions of its distance from
-/// the pivot. Usually, the pivot is the centre of the eye's orbit. If the eye itself is in this centre, as in
-/// a panorama, orbiting only turns the eye. In this case, the pivot lies one radius of the scene ahead of the
-/// eye.
+/// the pivot. Usually, the pivot is the centre of the eye's orbit. If the eye itself is in the centre of its
+/// orbit, as in a panorama, orbiting only turns the eye, and the pivot lies one radius of the scene ahead of
+/// the eye.
 fn pivot(camera: &Camera, orbit: &Orbit) -> DVec3 {
     let position = camera.position.as_dvec3();
     if position.distance(orbit.centre) < CENTRAL * orbit.radius {

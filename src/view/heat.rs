@@ -9,8 +9,9 @@ use crate::scene::{Camera, Light, Scene};
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
-/// The sides, in pixels, of the blocks into which the map divides the picture. All pixels of a block show one count.
-/// The map begins with large blocks; while nothing moves, it is computed again with smaller blocks.
+/// The sides, in pixels, of the blocks into which the map divides the picture. All pixels of a block show the
+/// same number of tests. The map begins with large blocks. While nothing moves, the map is computed again
+/// with smaller blocks.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
 /// The heat map of one scene, which becomes finer step by step.
@@ -22,7 +23,7 @@ pub struct Heat {
     steps: usize,
 }
 
-/// A map, and the largest number of ray-triangle tests for the rays of one of its pixels.
+/// A heat map, and the largest number of ray-triangle tests for the rays of one of its pixels.
 pub struct Map {
     pub picture: RgbImage,
     pub most: u32,
@@ -39,7 +40,7 @@ impl Heat {
         Ok(Self { of: Arc::clone(scene), scene: scene.as_ref().clone(), tree, steps: 0 })
     }
 
-    /// Returns true if the map is of this scene.
+    /// Returns true if this heat map was made for the scene `scene`.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.of, scene)
     }
@@ -49,10 +50,10 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next map for this camera and these lights. The map is finer than the last one; `None` if
-    /// the last map was the finest. If the strategy casts exhaustively, the map counts the tests of an
-    /// exhaustive search. For any other strategy, the map counts the tests in a tree. Rays miss the faces
-    /// that the strategy culls.
+    /// Returns the next heat map for this camera and these lights. This map is finer than the last one;
+    /// returns `None` if the last map was already the finest. If the strategy casts exhaustively, the map
+    /// counts the tests of an exhaustive search. For any other strategy, the map counts the tests in a tree.
+    /// Rays miss the faces that the strategy culls.
     pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
@@ -113,7 +114,8 @@ mod tests {
             let mut heat = Heat::new(live.scene()).expect("a small scene");
             heat.next(&live, live.view(&Pose::START)).expect("a map").most
         };
-        // The primary ray is tested against the only triangle. Only a ray that hits it has a shadow ray.
+        // The primary ray is tested against the only triangle. A shadow ray is cast only if the primary ray
+        // hits the triangle.
         assert_eq!([most("naive", "culling=none"), most("naive", "culling=back")], [2, 1]);
         assert_eq!(most("bvh", "culling=back"), 1);
     }

@@ -29,11 +29,13 @@ pub enum Action {
     Zoom(f64),
     /// Let the eye go around the scene, or stop it.
     Spin,
-    /// Take the strategy that is this number of steps further in the list, or back if the number is negative.
+    /// Change to the strategy that is this number of steps further in the list, or back if the number is
+    /// negative.
     Strategy(isize),
-    /// Take the local size that is this number of steps further in the list, or back if the number is negative.
+    /// Change to the local size that is this number of steps further in the list, or back if the number is
+    /// negative.
     LocalSize(isize),
-    /// Take the next device.
+    /// Change to the next device.
     Device,
     /// Show the heat map of triangle tests, or hide it.
     Tests,
@@ -123,11 +125,13 @@ pub fn action(key: Key) -> Option<Action> {
     KEYS.iter().flat_map(|row| row.keys).find(|(known, _)| *known == key).map(|(_, action)| *action)
 }
 
-/// Returns the actions of keys that arrived together, for example because a program was being compiled when they were
-/// pressed. If one of the keys ends the view, no other key counts. Otherwise, several steps from strategy to strategy
-/// become one action, so that the user does not wait for the compilation of the programs between; likewise for the
-/// local size. Several changes of the device count as one. Only steps without a change of another kind between them
-/// become one action, because a new strategy has its own local size, and a new device its own strategy.
+/// Returns the actions of keys that arrived together, for example because a program was being compiled when
+/// they were pressed. If one of the keys ends the view, no other key counts. Several steps from strategy to
+/// strategy become one action, so that the user does not wait while strategies are compiled that are only
+/// passed on the way. Likewise, several steps from local size to local size become one action, and several
+/// changes of the device count as one change. Changes of one of the three (strategy, local size, device) stay
+/// separate if a change of another of the three lies between them: a new strategy also sets another local
+/// size, and a new device also sets another strategy.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
     let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
     if all.contains(&Action::Quit) {
@@ -141,8 +145,8 @@ pub fn actions(keys: &[Key]) -> Vec<Action> {
     waiting
 }
 
-/// Adds an action to those that wait. If it is of the same kind as the last one that changes the program, both become
-/// one action.
+/// Adds the action `wanted` to the list `waiting`. If `wanted` changes the strategy, the local size or the
+/// device, and the last such change in the list is of the same kind, the two become one action.
 fn add(waiting: &mut Vec<Action>, wanted: Action) {
     let changes =
         |action: &&mut Action| matches!(action, Action::Strategy(_) | Action::LocalSize(_) | Action::Device);
@@ -205,7 +209,8 @@ mod tests {
             of("s+dds"),
             [Action::Strategy(1), Action::Zoom(1.0), Action::Device, Action::Strategy(1)]
         );
-        // The other keys count as often as they are pressed; the key `x` has no action.
+        // Keys that change neither the strategy, the local size nor the device count as often as they are
+        // pressed; the key `x` has no action.
         assert_eq!(of("++x  "), [Action::Zoom(1.0), Action::Zoom(1.0), Action::Spin, Action::Spin]);
         assert_eq!(of("sqw"), [Action::Quit]);
     }

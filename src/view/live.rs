@@ -68,7 +68,7 @@ type Ready = (Prepared, Caster);
 
 impl Casting {
     /// Opens a device and prepares it for the first frame, with the user's strategy and local size. If the
-    /// user has named no strategy or no local size, the device's usual one takes its place.
+    /// user has named no strategy or no local size, the device's usual strategy or local size is used.
     fn usual_on(device: Device, wanted: &Wanted<'_>) -> Result<Self> {
         let queue = Queue::open(&device)?;
         let selection = usual(wanted.subject, &device, wanted.scene)?;
@@ -91,7 +91,7 @@ impl Casting {
     }
 
     /// Changes to this strategy and local size, and to the picture's size in `subject`. If the device cannot
-    /// cast in this way, everything stays as it was.
+    /// cast with them, `self` stays unchanged.
     fn change(&mut self, subject: &Subject, selection: Selection) -> std::result::Result<(), Refused> {
         (self.prepared, self.caster) = ready(subject, &mut self.session, &selection)?;
         (self.strategies, self.local_sizes) = selection;
@@ -133,8 +133,8 @@ impl Live {
         self.casting.strategies.taken()
     }
 
-    /// Returns the strategy to which [`Self::next_strategy`] changes if the device can use it; the present strategy if
-    /// there is no other.
+    /// Returns the strategy to which [`Self::next_strategy`] changes if the device can use it; the present
+    /// strategy if the list has no other strategy.
     pub fn strategy_after(&self, steps: isize) -> Strategy {
         self.casting.strategies.others(steps).next().map_or_else(|| self.strategy(), |next| next.taken())
     }
@@ -155,7 +155,8 @@ impl Live {
         self.subject.size()
     }
 
-    /// Returns the number of samples per pixel that have been cast so far, and the number when all are cast.
+    /// Returns the number of samples per pixel that have been cast so far, and the number of samples per
+    /// pixel that will be cast in all.
     pub fn progress(&self) -> [usize; 2] {
         self.sum.progress()
     }
@@ -223,11 +224,11 @@ impl Live {
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Changes to the strategy that is `steps` steps further in the list, or back if `steps` is negative. If the device
-    /// cannot use this strategy, changes to the first usable one after it (before it, if `steps` is negative).
-    /// The local size becomes the one that the user has named on the command line. If the user has named no
-    /// local size, or if the device cannot use the named one with the new strategy, the local size becomes
-    /// the new strategy's usual one.
+    /// Changes to the strategy that is `steps` steps further in the list, or back if `steps` is negative. If
+    /// the device cannot use this strategy, changes to the first usable strategy after it (before it, if
+    /// `steps` is negative). The local size becomes the local size that the user has named on the command
+    /// line. If the user has named no local size, or if the device cannot use the named local size with the
+    /// new strategy, the local size becomes the usual local size of the new strategy.
     ///
     /// # Errors
     ///
@@ -246,8 +247,9 @@ impl Live {
         self.take(selections.collect())
     }
 
-    /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative. If the
-    /// device cannot use this local size, changes to the first usable one after it (before it, if `steps` is negative).
+    /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative.
+    /// If the device cannot use this local size, changes to the first usable local size after it (before it,
+    /// if `steps` is negative).
     ///
     /// # Errors
     ///
@@ -259,8 +261,8 @@ impl Live {
         self.take(selections.collect())
     }
 
-    /// Returns the strategy and the local size with which the device casts first: those that the user has
-    /// named on the command line. raycl chooses a strategy or a local size that the user has not named.
+    /// Returns the strategy and the local size with which the device casts first: the strategy and the local
+    /// size that the user has named on the command line. raycl chooses whatever the user has not named.
     fn first(&self) -> Result<(Strategy, [u32; 2])> {
         self.subject.strategy(self.device(), self.subject.task(&self.scene, 1))
     }
@@ -284,8 +286,8 @@ impl Live {
     }
 
     /// Changes to the next device, with the strategy and the local size that the user has named on the
-    /// command line. If the user has named no strategy or no local size, the next device's usual one takes
-    /// its place.
+    /// command line. If the user has named no strategy or no local size, the next device's usual strategy or
+    /// local size is used.
     ///
     /// # Errors
     ///
@@ -306,8 +308,9 @@ impl Live {
         Ok(())
     }
 
-    /// Casts pictures of another size from now on. Each of these pictures shows at least the part of the scene that a
-    /// picture of the first size shows. If the device cannot cast pictures of this size, everything stays as it was.
+    /// Casts pictures of another size from now on. Each of these pictures shows at least the part of the
+    /// scene that a picture of the first size shows. If the device cannot cast pictures of this size, `self`
+    /// stays unchanged.
     pub fn resize(&mut self, [width, height]: [u32; 2]) -> Result<()> {
         let subject = Subject { width, height, ..self.subject.clone() };
         let changed = self.casting.change(&subject, self.casting.selection());
@@ -318,7 +321,7 @@ impl Live {
     }
 
     /// Reads the scene and the kernels again, and keeps the strategy and the local size. If the reload fails,
-    /// everything stays as it was.
+    /// `self` stays unchanged.
     pub fn reload(&mut self) -> Result<()> {
         let sources = Sources::of(self.subject.cl_dir.clone())?;
         let [width, height] = self.framed;
@@ -335,8 +338,8 @@ impl Live {
     }
 }
 
-/// Returns the usable device that follows this one, or the first usable device if this one is the last; `None` if there
-/// is no other usable device.
+/// Returns the usable device that follows the device `current`, or the first usable device if `current` is
+/// the last; `None` if there is no other usable device.
 fn after<'a>(current: &DeviceInfo, devices: &'a [Device]) -> Option<&'a Device> {
     let usable: Vec<&Device> = devices.iter().filter(|device| device.info.unusable.is_none()).collect();
     let same = |device: &&Device| device.info.identity() == current.identity();
@@ -351,9 +354,9 @@ fn only(device: &DeviceInfo) -> Error {
 }
 
 /// Opens a session, that is, prepares a scene to be cast on a device. The new session is opened before the
-/// old one is closed. If the user changes from a device to its twin (a second device with the same
-/// properties), the sessions of both are therefore open for a moment. For this reason, the two devices need
-/// programs of their own.
+/// old session is closed. If the user changes from a device to its twin (a second device with the same
+/// properties), the sessions of both devices are therefore open for a moment, and each of the two devices
+/// needs a program of its own.
 fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
     Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
         .among_twins(device.info.program_twin())
@@ -395,8 +398,8 @@ fn ready(
 
 /// Returns a camera for pictures of `size`, made from `camera`, which was placed for pictures of the size
 /// `framed`. If the new pictures are wider in proportion to their height, the vertical field of view stays
-/// the same. Otherwise, the horizontal field of view stays the same. So everything that was visible stays
-/// visible.
+/// the same. If they are narrower, the horizontal field of view stays the same. Everything that was visible
+/// stays visible in both cases.
 fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
     if aspect == old_aspect {

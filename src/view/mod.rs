@@ -38,13 +38,13 @@ const SPIN: f64 = std::f64::consts::TAU / 360.0;
 /// While there is nothing to cast, the view sleeps for this time before it looks for the user's input again.
 const REST: Duration = Duration::from_millis(8);
 
-/// The limits after which the view ends.
+/// The number of frames and the time after which the view ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Until {
     /// The number of frames; `None` if frames are not limited. With this limit, the view also ends if nothing is left
     /// to cast.
     pub frames: Option<u32>,
-    /// The time; `None` if the time is not limited.
+    /// The time after which the view ends; `None` if the time is not limited.
     pub time: Option<Duration>,
 }
 
@@ -57,7 +57,8 @@ pub struct Viewer<S: Screen> {
     rate: Rate,
     /// The heat map of ray-triangle tests, if it is shown instead of the picture.
     heat: Option<Heat>,
-    /// The largest number of ray-triangle tests for the rays of one pixel, in the last heat map; 0 before the first one.
+    /// The largest number of ray-triangle tests for the rays of one pixel, in the last heat map; 0 before the
+    /// first heat map.
     most_tests: u32,
     /// The drawing of the list of keys; `None` if the list is hidden.
     help: Option<RgbImage>,
@@ -69,12 +70,12 @@ pub struct Viewer<S: Screen> {
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// The mistake in the files that were read last; `None` if these files have no mistake, or if a key has since
-    /// switched to another strategy, local size or device. If the files have a mistake, the scene is cast as it was
-    /// before.
+    /// The mistake in the files that were read last; `None` if these files have no mistake, or if a key has
+    /// since switched to another strategy, local size or device. While the files have a mistake, the scene is
+    /// cast as it was before the mistake.
     mistake: Option<String>,
-    /// The answer to the last key or the last change of the screen's size: the reason why it had no effect, or the list
-    /// of keys; `None` if there is nothing to tell.
+    /// The answer to the last key or the last change of the screen's size: the reason why the key or the
+    /// change had no effect, or the list of keys; `None` if there is nothing to tell.
     answer: Option<String>,
     /// The first note about the scene, with the number of the other notes. The note is shown in three cases:
     /// at the start, after the scene was read again, and after the picture's size has changed.
@@ -195,9 +196,9 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the keys if the picture is too small for their drawing: as lines of text over the picture. If
-    /// the screen writes no text over pictures, the line beside the picture shows the keys, unless it shows
-    /// another answer.
+    /// Shows the list of keys as lines of text over the picture. The function is called if the picture is too
+    /// small for the drawing of the list. If the screen writes no text over pictures, the line beside the
+    /// picture shows the keys, unless this line already tells the user something else.
     fn list_keys(&mut self) -> Result<()> {
         let lines: Vec<String> = keys::lines().collect();
         if !self.screen.write_over(&lines)? && self.answer.is_none() {
@@ -319,7 +320,7 @@ impl<S: Screen> Viewer<S> {
     /// shown and no key is obeyed, so the line beside the picture first names the strategy.
     fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) {
         // If the screen cannot show the line, it cannot show the next picture either. The error about the
-        // picture ends the view.
+        // next picture then ends the view.
         let _ = self.screen.tell_at_once(&title::compiling(&strategy));
         self.tried(change);
     }
@@ -341,8 +342,9 @@ impl<S: Screen> Viewer<S> {
         self.stale = true;
     }
 
-    /// Reads changed files. If this succeeds, the first note about the scene is shown again, since the change may
-    /// have added or removed notes. Otherwise, keys that move the eye do not remove the message about the mistake.
+    /// Reads the scene and the kernels again after a file has changed. If reading succeeds, the first note
+    /// about the scene is shown again, since the change may have added or removed notes. If a file has a
+    /// mistake, the message about the mistake stays even if the user moves the eye.
     fn reload(&mut self) {
         if self.live.has_own_kernels() {
             let same = self.live.strategy();
@@ -388,8 +390,9 @@ impl<S: Screen> Viewer<S> {
     }
 }
 
-/// Returns the first note about the scene, with the number of the other notes; `None` if there are no notes. All notes
-/// would be too long for a line. The report at the end has all of them.
+/// Returns the first note about the scene, with the number of the other notes; `None` if there are no notes.
+/// All notes together would be too long for one line. The report at the end of the command contains all
+/// notes.
 fn of_scene(live: &Live) -> Option<String> {
     let (first, others) = live.loaded().notes.split_first()?;
     match others.len() {
@@ -398,8 +401,9 @@ fn of_scene(live: &Live) -> Option<String> {
     }
 }
 
-/// Returns how the eye goes around the scene if the pointer is dragged. The eye goes to the left if the pointer goes to
-/// the right, and up if the pointer goes down, so that the scene seems to follow the pointer.
+/// Returns how the eye goes around the scene if the pointer is dragged. The eye goes to the left if the
+/// pointer goes to the right, and up if the pointer goes down, so that the scene seems to move with the
+/// pointer.
 fn dragged(input: &Input) -> Action {
     Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]])
 }

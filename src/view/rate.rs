@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 /// The time after which the line of text beside the picture is renewed.
 const PERIOD: Duration = Duration::from_millis(250);
 
-/// Counts frames since the start, and since the line beside the picture was last renewed.
+/// Counts the frames since the start, and the frames since the line of text beside the picture was last
+/// renewed.
 pub struct Rate {
     first: Option<Instant>,
     last: Instant,
@@ -35,8 +36,8 @@ impl Recent {
 }
 
 /// The numbers that `raycl view` reports at its end. Device times and rays are counted only since the last
-/// switch: a change of the strategy, the local size, the device, the picture's size or the files. The time of
-/// one strategy is therefore not counted for another strategy.
+/// switch: a change of the strategy, the local size, the device, the picture's size or the files. So the
+/// frames of one strategy do not count in the times of another strategy.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
     /// The number of frames that were shown from the start to the end of the view.
@@ -45,7 +46,8 @@ pub struct Total {
     pub seconds: f64,
     /// The number of frames after the first, divided by `seconds`; `None` if `seconds` is 0.
     pub frames_per_s: Option<f64>,
-    /// The number of frames that the device cast since the last switch.
+    /// The number of frames that the device cast since the strategy, the local size, the device, the
+    /// picture's size or a file last changed.
     pub timed_frames: usize,
     /// The median device time of the frames that `timed_frames` counts; `None` if there are none.
     pub frame_ms: Option<f64>,
@@ -91,8 +93,8 @@ impl Rate {
         self.rays = 0.0;
     }
 
-    /// Returns frames per second and rays per second of device time. The last value is true if these rates
-    /// are new since the last call.
+    /// Returns frames per second and rays per second of device time. The returned `bool` is true if these
+    /// rates have been computed since the last call.
     pub fn recent(&mut self) -> ([f64; 2], bool) {
         let elapsed = self.recent.since.elapsed();
         let is_over = elapsed >= PERIOD;

@@ -25,7 +25,7 @@ pub struct Input {
     pub keys: Vec<Key>,
     /// The drag that moves the eye around the scene: its distance to the right and down, in heights of the picture.
     pub orbit: [f64; 2],
-    /// The drag that moves the eye aside, in the units of `orbit`.
+    /// The drag that moves the eye aside: its distance to the right and down, in heights of the picture.
     pub pan: [f64; 2],
     /// The steps of the mouse wheel; steps away from the user are positive.
     pub wheel: f64,
@@ -41,7 +41,7 @@ pub struct Input {
     pub closed: bool,
 }
 
-/// A window, or a terminal.
+/// A window or a terminal that shows pictures and reads the user's input.
 pub trait Screen {
     /// Shows a picture.
     fn show(&mut self, picture: &RgbImage) -> Result<()>;
@@ -49,8 +49,8 @@ pub trait Screen {
     /// Shows a line of text beside the picture.
     fn tell(&mut self, line: &str) -> Result<()>;
 
-    /// Shows a line of text beside the picture at once. A window may otherwise show the line only with the next
-    /// picture.
+    /// Shows a line of text beside the picture at once. The function `tell` of a window may show the line
+    /// only with the next picture.
     fn tell_at_once(&mut self, line: &str) -> Result<()> {
         self.tell(line)
     }
@@ -69,7 +69,8 @@ pub trait Screen {
 mod tests {
     use super::*;
 
-    /// A screen that has only what every screen must have. It stores the lines that it shows.
+    /// A screen that implements only the functions that the trait `Screen` requires. It stores the lines that
+    /// it shows.
     #[derive(Default)]
     struct Plain(Vec<String>);
 

@@ -10,13 +10,13 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// Makes an empty sum for this number of samples per pixel. The samples are those that `render --samples`
-    /// casts.
+    /// Makes an empty sum for this number of samples per pixel. The view casts the same samples as `render
+    /// --samples`.
     pub fn of(samples: u32) -> Self {
         Self { samples: pixel_samples(samples), cast: 0 }
     }
 
-    /// Forgets all samples, because something has changed.
+    /// Forgets all samples, because the next frame will differ, for example after a movement of the eye.
     pub fn restart(&mut self) {
         self.cast = 0;
     }
@@ -26,7 +26,8 @@ impl Sum {
         self.samples.get(self.cast).copied()
     }
 
-    /// Returns the number of samples per pixel that have been cast so far, and the number when all are cast.
+    /// Returns the number of samples per pixel that have been cast so far, and the number of samples per
+    /// pixel that will be cast in all.
     pub fn progress(&self) -> [usize; 2] {
         [self.cast, self.samples.len()]
     }

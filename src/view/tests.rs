@@ -24,7 +24,8 @@ fn live_in(size: [&str; 2], options: &[&str], samples: u32) -> Live {
     live_of(&scene, size, options, samples)
 }
 
-/// Returns a scene in a picture of this size, cast by PoCL; with the strategy `naive`, unless the options name another.
+/// Returns a scene in a picture of this size, cast by PoCL; with the strategy `naive`, unless the options
+/// name another strategy.
 pub(super) fn live_of(scene: &Path, [width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
     let scene = scene.to_str().expect("UTF-8");
     let usual = ["view", scene, "--device", "cpu", "--width", width, "--height", height];
@@ -96,8 +97,8 @@ fn the_users_input_moves_the_eye() {
     let mut after = |input: Input| (viewer.obey(&input), viewer.pose);
     let (ends, pose) = after(Input { wheel: 10.0, ..Input::default() });
     assert_eq!((ends, pose), (false, Pose { distance: 0.5, ..Pose::START }));
-    // The field of view is 90 degrees across, and the picture is half as high as wide. So the picture's height equals
-    // the distance to its plane, and the scene moves as far as the pointer.
+    // The field of view is 90 degrees across, and the picture is half as high as wide. At the distance of the
+    // pivot, the picture's height therefore equals this distance, and the scene moves as far as the pointer.
     let (_, pose) = after(Input { pan: [0.1, 0.2], ..Input::default() });
     let [right, up] = pose.aside;
     assert!((right + 0.1).abs() < 1e-6 && (up - 0.2).abs() < 1e-6, "{pose:?}");
@@ -340,11 +341,11 @@ fn a_mistake_in_a_scene_that_changed_is_reported_with_its_file_and_line() {
     std::fs::write(&path, format!("# mine\n\npositon = 1\n{own}")).expect("a file");
     viewer.reload();
     let begin = format!("{}:3: unknown key `positon`", path.display());
-    // Keys that move the eye leave the message as it is.
+    // A key that moves the eye does not remove the message about the mistake.
     viewer.obey(&Input { keys: vec![Key::Left], ..Input::default() });
     let is_shown = viewer.mistake.as_ref().is_some_and(|mistake| mistake.starts_with(&begin));
     assert!(is_shown && viewer.answer.is_none(), "{:?} {:?}", viewer.mistake, viewer.answer);
-    // A new size of the window does so, too.
+    // A new size of the window does not remove the message about the mistake either.
     viewer.fit(Some([48, 24]));
     assert!(viewer.mistake.is_some() && viewer.live.size() == [48, 24]);
     viewer.tell().expect("it tells");
@@ -364,8 +365,8 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
     let pictures = all(&mut viewer);
     viewer.act(Action::Tests);
     let maps = all(&mut viewer);
-    // Each pixel's primary ray is tested against the triangle; if it hits, the shadow ray is tested too. So a pixel has
-    // at most two tests.
+    // Each pixel's primary ray is tested against the triangle; if the primary ray hits, the shadow ray is
+    // tested too. A pixel therefore has at most two tests.
     assert_eq!((pictures.len(), maps.len(), viewer.most_tests), (2, 3, 2));
     assert!(maps.iter().all(|map| !pictures.contains(map)));
     viewer.tell().expect("it tells");

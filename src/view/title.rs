@@ -29,7 +29,7 @@ pub fn line(
     printer::line(&line).into_owned()
 }
 
-/// Returns the line while the program of a strategy is compiled.
+/// Returns the line that is shown while the program of a strategy is compiled.
 pub fn compiling(strategy: &Strategy) -> String {
     printer::line(&format!("compiling {} ...", short(strategy))).into_owned()
 }

@@ -72,7 +72,7 @@ mod tests {
             let error = refuse_option(key, value).expect_err(key);
             assert_eq!((error.exit_code(), error.remedy()), (2, &*format!("{key} is an option: {option}")));
         }
-        // The first three keys are names of options, but also keys of a scene.
+        // `background`, `two_sided` and `crease` are names of options, but also keys of a scene.
         for key in ["background", "two_sided", "crease", "name", "camera.up", "object.0.seed", "wdith"] {
             assert!(refuse_option(key, "1").is_ok(), "{key}");
         }

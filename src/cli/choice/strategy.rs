@@ -56,9 +56,9 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 /// Returns the error for `part`, a part of a strategy's text that should be the value of an axis but has no
 /// `=`. `named` is the preset at the beginning of the text, if there is one, and `axes` are all parts of the
 /// text except this preset. The advice depends on `part`. If `part` is a second preset, the advice says that
-/// a strategy has only one. If `part` is a preset but the text begins with none, the advice is to write
-/// `part` at the beginning. If `part` is the name of an axis, the advice lists the values of this axis.
-/// Otherwise, the advice shows the form of a strategy.
+/// a strategy has only one preset. If `part` is a preset but the text begins with none, the advice is to
+/// write `part` at the beginning. If `part` is the name of an axis, the advice lists the values of this axis.
+/// In all other cases, the advice shows the form of a strategy.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -66,8 +66,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // The suggestion leaves out all other parts without `=`, because they are further presets or
-            // mistakes.
+            // The suggested option `--strategy` leaves out all other parts without `=`, because these parts
+            // are further presets or mistakes.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }
@@ -121,8 +121,8 @@ pub fn chosen_strategy(
 /// Returns the advice in the error message if `chosen`, the strategy that raycl chose, does not allow the
 /// values in `set` (the values of `--set`). `chosen` may differ from every preset, for example in its width,
 /// so the advice calls `chosen` by the name of the most similar preset. The advice also names a preset that
-/// allows the values in `set`: `deferred`, if possible. If no preset allows them, the advice is to change the
-/// values.
+/// allows the values in `set`: `deferred`, if possible. If no preset allows these values, the advice is to
+/// change the values.
 fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
     let own = chosen.axes();
     let differences =

@@ -15,9 +15,10 @@ pub fn drivers_doing(status: ExitStatus) -> Option<String> {
     Some(format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
 }
 
-/// Returns true if raycl itself can end a process with this exit code: 0, 1 and 2, 101 after a panic, and 128 or more
-/// after a signal. (`HUNG` is treated before.) With any other code, a library has ended the process: Mesa's compiler of
-/// SPIR-V ends it with 8 if it does not know an instruction.
+/// Returns true if raycl itself can end a process with this exit code: 0, 1 and 2, 101 after a panic, and 128
+/// or more after a signal. The caller handles the exit code [`HUNG`] itself. With any other code, a library
+/// has ended the process. For example, Mesa's compiler of SPIR-V ends the process with 8 if the compiler does
+/// not know an instruction.
 fn is_own(code: i32) -> bool {
     matches!(code, 0..=2 | 101 | 128..)
 }
@@ -39,7 +40,7 @@ pub fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {
     Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or("a signal without a name")))
 }
 
-/// Returns `None`: a process on this system is not ended by a signal.
+/// Returns `None`: on systems other than Unix, no signal ends a process.
 #[cfg(not(unix))]
 pub fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None

@@ -1,4 +1,5 @@
-//! The errors, with their remedies, if a child process crashed, hung, was ended by a signal or could not be run.
+//! The errors, with their remedies, for a child process that crashed, hung, was ended by a signal or could
+//! not be run.
 
 use super::ending::{crash, signal};
 use crate::device::drivers::Driver;
@@ -13,7 +14,7 @@ use std::process::ExitStatus;
 const OWN_KERNELS: &str = "a mistake in a kernel file of yours is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
 /// The first remedy after a crash of a process that opens a window.
 const WINDOW: &str = "if no window opened, the display may be the cause: a window needs a display with 24-bit colours; --terminal shows the scene in this terminal instead";
-/// The remedy after SIGKILL.
+/// The remedy if SIGKILL ended the child process.
 const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`dmesg` then says so): a smaller picture or scene needs less memory";
 /// The remedy after a signal from outside the process other than SIGKILL and SIGINT, for example SIGTERM.
 const FROM_OUTSIDE: &str =
@@ -24,7 +25,7 @@ const FROM_OUTSIDE: &str =
 /// kernel files in the folder equal built-in files. The message names the first few added or changed files,
 /// and the number of the others. A named file need not be part of the crashed program: this process does not
 /// know which files the program includes. If `opens_window` is true, the library that opens the window may
-/// have crashed instead, so the remedy names this cause too.
+/// have crashed instead of the kernels, so the remedy also names the window as a possible cause.
 pub fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
     let sources = Sources::Folder(cl_dir?.to_owned());
@@ -43,7 +44,7 @@ pub fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bo
 }
 
 /// Returns the error for drivers that list their devices when each driver is loaded alone, but fail when all
-/// are loaded together. `cause` says how the process ended.
+/// drivers are loaded together. `cause` says how the process ended.
 pub fn not_together(cause: &str, drivers: &[Driver]) -> Error {
     let names: Vec<_> = drivers.iter().map(ToString::to_string).collect();
     Error::run(format!("{cause}: the drivers {} cannot be loaded together", names.join(", "))).with_help(
@@ -53,9 +54,9 @@ pub fn not_together(cause: &str, drivers: &[Driver]) -> Error {
 
 /// Returns the error if every one of these drivers lists its devices when it is loaded alone. `cause` says
 /// how the process ended. If the process crashed and `opens_window` is true, the library that opens the
-/// window (the crate minifb) may have crashed: it frees memory twice on a display whose pixels do not have 32
-/// bits. raycl opens no window on a display if it knows that the display's pixels do not have 32 bits, but
-/// raycl cannot ask every display.
+/// window (the crate minifb) may have crashed: minifb frees memory twice on a display whose pixels do not
+/// have 32 bits. raycl opens no window on a display if it knows that the display's pixels do not have 32
+/// bits, but raycl cannot ask every display.
 pub fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = advice_for(drivers, folder_advice());
     match crash(status).filter(|_| opens_window) {

@@ -1,4 +1,5 @@
-//! Runs the command in child processes, and ends such a process if this process gets a signal that ends processes.
+//! Runs the command in child processes, and ends the running child process if this process gets a signal such
+//! as SIGTERM.
 
 use super::errors::{not_awaited, not_handled, not_started};
 use super::terminal::LentTerminal;
@@ -19,18 +20,20 @@ const ENDING: [i32; 4] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM];
 
 /// This process, which runs the command in child processes, one after another.
 pub struct Parent {
-    /// The terminal that the child processes use, if it must be restored after each of them.
+    /// The terminal that the child processes use; `None` if no terminal must be restored after a child
+    /// process.
     terminal: Option<LentTerminal>,
-    /// True while no child process runs the command. While this value is true, a signal in [`ENDING`] ends this process
-    /// at once. `None` if this process needs no handlers of these signals: they end it at any time, and its child
-    /// process ends with it.
+    /// True while no child process runs the command. While `is_alone` is true, a signal in [`ENDING`] ends
+    /// this process at once. `None` if this process has no handlers of these signals: a signal then ends this
+    /// process at any time, and its child process ends with it.
     is_alone: Option<Arc<AtomicBool>>,
 }
 
 impl Parent {
-    /// Prepares this process for child processes that show pictures on this screen. If it lends them its terminal, or
-    /// if it is the first process of a container, it gets handlers of the signals in [`ENDING`]: the terminal must be
-    /// restored, and without handlers, the first process of a container does not get these signals.
+    /// Prepares this process for child processes that show pictures on this screen. This process gets
+    /// handlers of the signals in [`ENDING`] in two cases. First, if it lends its terminal to the child
+    /// processes, since it must restore the terminal before it ends. Second, if it is the first process of a
+    /// container, to which the system delivers only signals that have a handler.
     pub fn new(screen: Screen) -> Result<Self> {
         let terminal = if screen == Screen::Terminal { LentTerminal::new() } else { None };
         let has_handlers = terminal.is_some() || std::process::id() == FIRST_PROCESS;
@@ -43,9 +46,10 @@ impl Parent {
         self.terminal.is_some()
     }
 
-    /// Runs a child process to its end, then restores the terminal. If this process has handlers of the signals in
-    /// [`ENDING`], and gets one of these signals meanwhile, it goes on, but ends the child process. The returned status
-    /// then says that this signal ended the child process.
+    /// Runs a child process to its end, then restores the terminal. If this process has handlers of the
+    /// signals in [`ENDING`], and gets one of these signals while the child process runs, this process ends
+    /// the child process and continues. The returned status then says that this signal ended the child
+    /// process.
     ///
     /// # Errors
     ///
@@ -56,7 +60,8 @@ impl Parent {
             let mut child = command.spawn().map_err(|error| not_started(&error))?;
             return child.wait().map_err(not_awaited);
         };
-        // This comes before `is_alone` changes, so that no signal is lost.
+        // The signals are received from here on, before `is_alone` becomes false. In the reverse order, a
+        // signal between the two statements would be lost.
         let signals = Signals::new(ENDING).map_err(not_handled)?;
         is_alone.store(false, Ordering::SeqCst);
         let is_over = || {
@@ -75,9 +80,10 @@ impl Parent {
     }
 }
 
-/// Sets handlers of the signals in [`ENDING`]. While the returned flag is true, as it is at first, each of these
-/// signals ends this process. The first process of a container then exits with the code 128 plus the signal's number,
-/// since signals cannot end it as they end other processes. The system ends all other processes of the container.
+/// Sets handlers of the signals in [`ENDING`]. While the returned flag is true, as it is at first, each of
+/// these signals ends this process. The first process of a container then exits with the code 128 plus the
+/// signal's number, since signals cannot end this first process as they end other processes. The system ends
+/// all other processes of the container.
 fn handled() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(true));
     for signal in ENDING {
@@ -90,11 +96,11 @@ fn handled() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Waits until a child process has ended, then calls `is_over`. Meanwhile, the thread that `listener` starts waits for
-/// `signals`, and ends the child process after each of them. Returns the child's exit status or, if signals arrived, a
-/// status that says that the first of them ended the child process. If the thread cannot be started, kills
-/// the child process and returns an error. The child process's number stays in use until the thread has ended, so the
-/// thread never ends another process.
+/// Waits until a child process has ended, then calls `is_over`. Meanwhile, the thread that `listener` starts
+/// waits for `signals`, and ends the child process whenever a signal arrives. Returns the child's exit status
+/// or, if signals arrived, a status that says that the first signal ended the child process. If the thread
+/// cannot be started, kills the child process and returns an error. The child process's number stays in use
+/// until the thread has ended, so the thread never ends another process.
 fn wait_with(
     mut signals: Signals,
     child: &mut Child,
@@ -115,7 +121,7 @@ fn wait_with(
         };
         let listener = listener.spawn_scoped(scope, listen);
         if listener.is_err() {
-            // If the child process has ended meanwhile, it does not matter that it cannot be killed.
+            // If the child process has ended meanwhile, it cannot be killed; this failure does not matter.
             let _ = child.kill();
         }
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOWAIT;
@@ -136,10 +142,11 @@ mod tests {
 
     #[test]
     fn if_no_thread_can_wait_for_signals_the_child_process_is_killed() {
-        // No address space can hold such a stack.
+        // No address space can hold a stack of this size, so the system refuses the thread.
         let refused = Builder::new().stack_size(1 << (usize::BITS - 1));
         let mut child = Command::new("sleep").arg("1000").spawn().expect("it starts");
-        // A signal with a handler no longer ends the process of the tests, so this handler is for another signal.
+        // Once a signal has a handler, it no longer ends the process of the tests. Therefore this handler is
+        // for SIGURG, which ends no process anyway.
         let signals = Signals::new([SIGURG]).expect("a handler");
         let error = wait_with(signals, &mut child, refused, || ()).expect_err("there is no thread");
         assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");

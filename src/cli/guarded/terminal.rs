@@ -23,7 +23,7 @@ impl LentTerminal {
         std::io::stdout().is_terminal().then_some(Self { mode })
     }
 
-    /// Restores the terminal after a child process, unless that process has done so.
+    /// Restores the terminal after a child process, unless the child process has restored it.
     pub fn restore(&self) {
         if tcgetattr(stdin()).is_ok_and(|now| now.local_modes == self.mode.local_modes) {
             return;

@@ -14,8 +14,8 @@ const THREADS: u32 = 1536;
 /// The size in bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
 const VECTOR_BYTES: u32 = 108;
 
-/// Returns the number of threads per multiprocessor that Figure 5 predicts: the threads of as many whole work-groups as
-/// both limits allow.
+/// Returns the number of threads per multiprocessor that Figure 5 predicts: the threads of as many whole
+/// work-groups as [`GROUPS`] and [`THREADS`] allow.
 fn predicted(items: u32) -> u32 {
     GROUPS.min(THREADS / items.max(1)) * items
 }
@@ -158,7 +158,7 @@ mod tests {
         assert!(with_vectors < bare, "{row}");
     }
 
-    /// At 16x16, the three numbers of threads differ.
+    /// With the local size 16x16, the table's three numbers of threads differ from each other.
     #[test]
     fn each_number_of_threads_is_in_its_own_column_and_under_its_own_key() {
         let all = rows(&[[16, 16]]).unwrap();

@@ -15,8 +15,8 @@ use std::path::Path;
 /// prints one JSON object for each point. `path` is a folder of results or the records.jsonl in it. Three
 /// kinds of points are left out: points with an unknown number of registers, points with an unknown
 /// occupancy, and points of rasterisers, whose main kernel does not have work-groups of the point's local
-/// size. If `compute_capability` is given, the occupancy is predicted for this capability. Otherwise, raycl
-/// prints the recorded occupancy, which was predicted for the device's own capability.
+/// size. If `compute_capability` is given, the occupancy is predicted for this capability. If no capability
+/// is given, raycl prints the recorded occupancy, which was predicted for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -39,7 +39,8 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     super::super::print(text(&points))
 }
 
-/// Prints the notes on a folder: to standard error if `apart` is true, since standard output then has no table.
+/// Prints the notes on a folder. If `apart` is true, standard output contains JSON or nothing instead of a
+/// table, so the notes go to standard error.
 fn print_notes(notes: &[String], apart: bool) -> Result<()> {
     notes.iter().map(|note| format!("note: {note}")).try_for_each(|note| match apart {
         true => {
@@ -64,8 +65,8 @@ fn nothing_known(folder: &Folder, path: &Path, compute_capability: Option<&str>)
         .with_help(help(&folder.records, compute_capability))
 }
 
-/// Returns the advice for the user if no record has a prediction. If the number of registers of a kernel is known, only
-/// the compute capability is missing.
+/// Returns the advice for the user if no record has a prediction. If a record has the number of registers of
+/// its kernel, only the compute capability is missing for a prediction.
 fn help(records: &[Record], compute_capability: Option<&str>) -> String {
     let registers = |record: &Record| record.main_kernel_of_local_size()?.resources.registers;
     match records.iter().any(|record| registers(record).is_some()) {
@@ -211,7 +212,8 @@ mod tests {
         assert!(predicted(&record, Some("9.0")).is_some());
     }
 
-    /// The build log also counts the `__local` memory of inner functions, so its number counts before the driver's.
+    /// The build log also counts the `__local` memory of inner functions, so the build log's number takes
+    /// precedence over the number that the driver reports.
     #[test]
     fn the_local_memory_is_that_of_the_build_log_or_of_the_driver() {
         let local_bytes = |shared_bytes: Option<u64>| {

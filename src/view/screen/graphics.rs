@@ -28,7 +28,8 @@ pub enum Graphics {
 /// terminal answers the second question.
 /// <https://sw.kovidgoyal.net/kitty/graphics-protocol/#querying-support-and-available-transmission-mediums>
 const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
-/// Longest wait for the answer. A terminal behind a slow line may need a few tenths of a second.
+/// Longest wait for the terminal's answer, in milliseconds. A terminal behind a slow line may need a few
+/// tenths of a second.
 const PATIENCE_MS: u64 = 500;
 /// The feature in a terminal's answer that shows that the terminal draws sixels (DEC STD 070).
 const SIXELS: &str = "4";

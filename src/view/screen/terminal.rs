@@ -34,7 +34,7 @@ pub struct Terminal {
     /// Size of a character in pixels.
     cell_pixels: [u32; 2],
     graphics: Graphics,
-    /// True if a user can press keys.
+    /// True if standard input and standard output are terminals, so that a user can press keys.
     is_interactive: bool,
     /// True if the terminal is in raw mode and shows its alternate screen.
     is_entered: bool,
@@ -99,8 +99,8 @@ impl Terminal {
         [0, 1].map(|axis| self.size[axis].min(room[axis]))
     }
 
-    /// Changes the terminal to raw mode and to its alternate screen. Does nothing if this has been done, or
-    /// if no user can press keys.
+    /// Changes the terminal to raw mode and to its alternate screen. Does nothing if the terminal has already
+    /// been changed, or if no user can press keys.
     fn enter(&mut self) -> Result<()> {
         if !self.is_interactive || self.is_entered {
             return Ok(());
@@ -108,8 +108,8 @@ impl Terminal {
         // The terminal's size may have changed while the scene was loaded.
         let (cells, cell_pixels) = sizes();
         self.resized(cells, cell_pixels);
-        // `is_entered` is set before the following steps: even if one of them fails, all steps are undone when the
-        // terminal is dropped.
+        // `is_entered` is set before the following steps: even if one of these steps fails, all of them are
+        // undone when the terminal is dropped.
         self.is_entered = true;
         tell_panics(restore);
         terminal::enable_raw_mode().map_err(failed)?;
@@ -117,7 +117,7 @@ impl Terminal {
         execute!(self.out, screen.0, screen.1, screen.2).map_err(failed)
     }
 
-    /// Takes the new size of a terminal that has become larger or smaller.
+    /// Stores the new size of a terminal that has become larger or smaller.
     fn resized(&mut self, cells: [u16; 2], cell_pixels: Option<[u32; 2]>) {
         self.cells = cells;
         self.cell_pixels = cell_pixels.unwrap_or(self.cell_pixels);
@@ -156,8 +156,9 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        // The pointer counts as being at the pixel in the middle of the character. If there are two middle
-        // pixels, the pointer counts as being at the first; for half blocks, at the upper pixel.
+        // The pointer counts as being at the pixel in the middle of the character. If a character has two
+        // middle pixels, the pointer counts as being at the first of the two; with half blocks, at the upper
+        // pixel.
         let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
         self.pointer = (x < width && y < height).then_some([x, y]);
     }
@@ -173,8 +174,8 @@ impl Screen for Terminal {
         let picture = if picture.dimensions() == (visible[0], visible[1]) {
             Cow::Borrowed(picture)
         } else {
-            // The terminal has become smaller than the picture, so the picture is cut. Otherwise, the ends of its lines
-            // would appear at the beginning of the next lines.
+            // The terminal has become smaller than the picture, so the picture is cut. If the whole picture
+            // were written, the ends of its rows would appear at the beginning of the terminal's next lines.
             Cow::Owned(picture.view(0, 0, visible[0], visible[1]).to_image())
         };
         let shown = self.graphics.text(&picture, end)?;
@@ -191,8 +192,8 @@ impl Screen for Terminal {
     }
 
     fn write_over(&mut self, lines: &[String]) -> Result<bool> {
-        // Half blocks are characters, so the next picture replaces the text. A picture in pixels may leave
-        // the text.
+        // Half blocks are characters, so the next picture replaces the text. The next picture in pixels may
+        // leave the text on the screen.
         if !self.is_interactive || self.graphics != Graphics::Blocks {
             return Ok(false);
         }
@@ -241,7 +242,7 @@ pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
 }
 
 /// Restores the terminal if it is in raw mode. raycl calls this function when the crate `ocl` has panicked,
-/// before the process ends. The terminal's usual screen then shows the message.
+/// before the process ends. The message about the panic then appears on the terminal's usual screen.
 fn restore(_reason: &str) {
     if terminal::is_raw_mode_enabled().unwrap_or(false) {
         // If this output fails, the failure is ignored, since a message in the same terminal would fail too.
@@ -255,7 +256,8 @@ fn restore(_reason: &str) {
 fn asked() -> Result<Graphics> {
     terminal::enable_raw_mode().map_err(failed)?;
     let graphics = Graphics::of_terminal();
-    // The rest of the answer is read before raw mode ends. Otherwise, the terminal would show this rest as text.
+    // The rest of the terminal's answer is read before raw mode ends. After the end of raw mode, the terminal
+    // would show an unread rest as text.
     while event::poll(REST_OF_ANSWER).is_ok_and(|is_there| is_there) {
         let _ = event::read();
     }
@@ -291,8 +293,8 @@ fn failed(error: std::io::Error) -> Error {
         .with_help("without --terminal, raycl opens a window instead")
 }
 
-/// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; no other key has a meaning
-/// with Ctrl.
+/// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; all other keys are
+/// ignored together with Ctrl.
 fn pressed(input: &mut Input, key: KeyEvent) {
     if key.kind == KeyEventKind::Release {
         return;
@@ -382,8 +384,8 @@ mod tests {
         };
         assert_eq!((pointed([59, 9]), pointed([59, 10])), (Some([594, 189]), None));
         assert_eq!(terminal.input().expect("no input").room, Some([600, 200]));
-        // A terminal that has become larger has room for a larger picture, but shows the last picture until a larger
-        // one is cast.
+        // A terminal that has become larger has room for a larger picture, but shows the last picture until a
+        // larger picture is cast.
         terminal.pointer = Some([594, 189]);
         terminal.resized([100, 40], Some([20, 40]));
         assert_eq!(

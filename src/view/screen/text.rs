@@ -1,9 +1,9 @@
 //! Text in a terminal, in its last line and over the picture.
 
-/// Returns the codes that write a text into the last line of a terminal of this size. Some characters are two columns
-/// wide, so a text may be wider than the terminal although it has no more characters than the terminal has columns.
-/// Therefore the terminal's line wrapping is off while the text is written: the last line would otherwise wrap, and the
-/// picture would be scrolled up.
+/// Returns the codes that write a text into the last line of a terminal of this size. Some characters are two
+/// columns wide, so a text may be wider than the terminal although it has no more characters than the
+/// terminal has columns. The terminal's line wrapping is off while the text is written, since a wrapped last
+/// line would scroll the picture up.
 pub fn last_line(text: &str, [across, down]: [u16; 2]) -> String {
     let shown = cut(text, usize::from(across));
     format!("\x1b[{down};1H\x1b[0m\x1b[K\x1b[?7l{shown}\x1b[?7h")
@@ -20,8 +20,8 @@ pub fn over(lines: &[String], [across, down]: [usize; 2]) -> String {
     format!("\x1b[0m{shown}")
 }
 
-/// Returns the text, or its beginning and `…` if the text has more characters than there are columns. A number that has
-/// no room is left out, because its first digits would look like another number.
+/// Returns the text, or its beginning and `…` if the text has more characters than there are columns. A
+/// number that does not fit as a whole is left out, because its first digits would look like another number.
 fn cut(text: &str, columns: usize) -> String {
     let characters: Vec<char> = text.chars().collect();
     if characters.len() <= columns {

@@ -31,7 +31,7 @@ pub struct Window {
     keys: Receiver<Key>,
     /// The pixels that are shown. The bytes of each pixel, from the highest, are 0, red, green and blue.
     pixels: Vec<u32>,
-    /// The position of the pointer when the drag was last read; `None` if no button was down then.
+    /// The position of the pointer when the drag was last read; `None` if no button was down at that time.
     dragged: Option<[f64; 2]>,
     /// The events of the pointer; `None` if only its position can be asked for, as on other systems than X11.
     #[cfg(unix)]
@@ -45,8 +45,8 @@ impl Window {
     ///
     /// # Errors
     ///
-    /// Returns a user error if there is no display, if the display's pixels do not have 32 bits, if a display has no
-    /// windows of this size, or if the window's libraries are missing.
+    /// Returns a user error if there is no display, if the display's pixels do not have 32 bits, if the
+    /// display supports no windows of this size, or if the window's libraries are missing.
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
         // The connection to the display must stay open until the window is open.
         let display = checked_display(size)?;
@@ -144,7 +144,7 @@ impl Screen for Window {
 
     fn tell_at_once(&mut self, line: &str) -> Result<()> {
         self.window.set_title(line);
-        // Before the first picture, there are no pixels to show.
+        // Before the first picture is cast, the window has no pixels to show.
         if self.pixels.is_empty() { Ok(()) } else { self.present() }
     }
 
@@ -204,13 +204,13 @@ fn orbit_and_pan(by: [f64; 2], pans: bool) -> [[f64; 2]; 2] {
     if pans { [[0.0; 2], by] } else { [by, [0.0; 2]] }
 }
 
-/// Returns a connection to the display if windows need an X11 display, and if the display could be asked how it stores
-/// pixels.
+/// Returns a connection to the X11 display. Returns `None` on macOS, whose windows need no X11 display, and
+/// if the display does not say how it stores pixels.
 ///
 /// # Errors
 ///
-/// Returns a user error if there is no display, if X11 has no windows of this size, or if the display's pixels do not
-/// have the 32 bits that minifb needs.
+/// Returns a user error if there is no display, if X11 supports no windows of this size, or if the display's
+/// pixels do not have the 32 bits that minifb needs.
 #[cfg(unix)]
 fn checked_display(size: [u32; 2]) -> Result<Option<XServer>> {
     if cfg!(target_os = "macos") {
@@ -235,7 +235,8 @@ fn checked_display(_size: [u32; 2]) -> Result<Option<std::convert::Infallible>> 
     Ok(None)
 }
 
-/// Returns a user error if X11 has no windows of this size. Without this check, Xlib ends the process.
+/// Returns a user error if X11 supports no windows of this size. Without this check, Xlib would end the
+/// process.
 #[cfg(unix)]
 fn check_size([width, height]: [u32; 2]) -> Result<()> {
     let sides = [("--width", width), ("--height", height)];
@@ -262,8 +263,8 @@ fn too_few_colours(display: &str, depth: u8, bits: u8) -> Error {
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
-    /// True if the key of the last call of `set_key_state` is being held: it is down, and was already down
-    /// before.
+    /// True if the key of the last call of `set_key_state` is being held: the key is down, and was already
+    /// down at the previous call for this key.
     is_held: bool,
 }
 
@@ -274,8 +275,8 @@ impl Typed {
 
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
-            // `send` fails only if the receiver was dropped, together with its window. The key does not matter
-            // then.
+            // `send` fails only if the receiver was dropped, together with its window. After the window has
+            // closed, a lost key does not matter.
             let _ = self.sender.send(key);
         }
     }
@@ -324,8 +325,8 @@ mod tests {
     fn a_tap_counts_and_only_movement_repeats() {
         let (sender, keys) = channel();
         let mut typed = Typed::new(sender);
-        // The first press is a tap. The next two are reports of one key that is held: X11 reports a held key again and
-        // again.
+        // The first press is a tap. The next two presses are reports of one key that is held: X11 reports a
+        // held key again and again.
         for is_down in [true, false, true, true] {
             typed.set_key_state(minifb::Key::S, is_down);
             if is_down {

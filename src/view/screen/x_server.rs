@@ -21,8 +21,8 @@ pub struct XServer {
 
 impl XServer {
     /// Connects to the server of a display, such as `:0` or `localhost:10.0`. Returns `None` if the server
-    /// does not answer, or does not let this program in. In these cases, nothing is known about the server's
-    /// pixels.
+    /// does not answer, or does not let this program in. Without a connection, nothing is known about the
+    /// server's pixels.
     pub fn of(display: &str) -> Option<Self> {
         let (connection, screen) = RustConnection::connect(Some(display)).ok()?;
         let setup = connection.setup();
