@@ -56,6 +56,7 @@ mod report;
 mod reproduce;
 mod resuming;
 mod run;
+mod sampled_experiments;
 mod samples;
 mod scenes;
 mod schemas;

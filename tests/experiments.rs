@@ -53,7 +53,7 @@ fn the_experiments_page_has_every_key_with_its_default() {
             }
         }
     }
-    assert_eq!(defaults, 10, "defaults that are numbers or booleans");
+    assert_eq!(defaults, 11, "defaults that are numbers or booleans");
 }
 
 #[test]

@@ -414,7 +414,7 @@ fn without_a_terminal_progress_is_plain_lines_and_the_table_comes_last() {
 #[test]
 fn configs_state_their_question_and_plan_on_any_device() {
     let (folder, device) = (WorkFolder::new(), device());
-    for name in ["quick", "figure-6", "figure-7", "figure-8", "next-steps", "beyond"] {
+    for name in ["quick", "figure-6", "figure-7", "figure-8", "next-steps", "beyond", "samples"] {
         let config = repository(&format!("configs/{name}.toml"));
         let text = folder.output(&["run", config.to_str().expect("UTF-8"), "--dry-run", "--device", &device]);
         has(&text, &["points, ", "Nothing was compiled"]);

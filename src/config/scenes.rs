@@ -1,16 +1,20 @@
 //! The scenes of a config: scene files, and scene files with changed values.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
 use toml::{Spanned, Value};
 
 use super::document::Document;
+use super::numbers::whole;
 use super::types::SceneChoice;
-use super::wire::{Experiment, SceneEntry, SceneValues};
+use super::wire::{Experiment, Numbers, SceneEntry, SceneValues};
 use crate::error::{Error, Result, nearest_file};
 use crate::filetype::{Opened, Wanted};
 use crate::scene::Setting;
+
+/// Range of the number of samples per pixel.
+pub(super) const SAMPLES: RangeInclusive<i64> = 1..=64;
 
 /// Returns the scenes of the config without repetitions: first the unchanged scene files, then those with
 /// changed values.
@@ -58,7 +62,7 @@ fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> O
     filetype.refusal(&format!("{}: {}", document.location_of(name.span()), path.display()), Wanted::Scene)
 }
 
-/// Returns a scene for every combination of the values in a `[[scene]]` entry.
+/// Returns a scene for every combination of the values and the numbers of samples in a `[[scene]]` entry.
 fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec<SceneChoice>> {
     let mut choices = vec![find(document, &entry.file, folder)?];
     for change in entry.set.iter().flat_map(|(key, values)| changes(key, values.get_ref())) {
@@ -72,7 +76,24 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
             |choice: &SceneChoice| values.iter().map(|value| with(choice, &location, path, value)).collect();
         choices = choices.iter().flat_map(|choice| -> Vec<_> { vary(choice) }).collect();
     }
-    Ok(choices)
+    let samples = samples(document, entry)?;
+    let sampled = |choice: &SceneChoice| -> Vec<_> {
+        samples.iter().map(|&samples| choice.clone().with_samples(samples)).collect()
+    };
+    Ok(choices.iter().flat_map(sampled).collect())
+}
+
+/// Returns the numbers of samples per pixel of a `[[scene]]` entry: 1 if the entry states none.
+fn samples(document: &Document, entry: &SceneEntry) -> Result<Vec<u32>> {
+    let Some(numbers) = &entry.samples else { return Ok(vec![1]) };
+    let check = |number: i64, span| whole(document, number, span, "samples", &SAMPLES);
+    match numbers.get_ref() {
+        Numbers::One(number) => Ok(vec![check(*number, numbers.span())?]),
+        Numbers::List(list) if list.is_empty() => {
+            Err(document.error(numbers.span(), "'samples' is empty", "expected at least one number"))
+        }
+        Numbers::List(list) => list.iter().map(|number| check(*number.get_ref(), number.span())).collect(),
+    }
 }
 
 /// A path in a scene, and the values to set there.

@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 
+use super::scenes::SAMPLES;
 use super::sizes::{IMAGE_SIDE, LOCAL_SIDE};
 use super::types::Baseline;
 use super::wire::StrategyEntry;
@@ -21,6 +22,8 @@ pub struct BaselineName;
 pub struct ImageSize;
 /// The width and height of a work-group.
 pub struct LocalSize;
+/// A number of samples per pixel, or a list of such numbers.
+pub struct SampleNumbers;
 /// Any value.
 pub struct Anything;
 
@@ -30,12 +33,19 @@ schema_by_hand! {
     Anything => json_schema!({});
     ImageSize => size(&IMAGE_SIDE);
     LocalSize => size(&LOCAL_SIDE);
+    SampleNumbers => numbers(&SAMPLES);
     StrategyEntry => strategy();
 }
 
 fn size(side: &RangeInclusive<i64>) -> Schema {
     let side = json!({ "type": "integer", "minimum": side.start(), "maximum": side.end() });
     json_schema!({ "anyOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
+}
+
+/// Returns the schema of a whole number in `range`, or of a list of such numbers.
+fn numbers(range: &RangeInclusive<i64>) -> Schema {
+    let number = json!({ "type": "integer", "minimum": range.start(), "maximum": range.end() });
+    json_schema!({ "anyOf": [number, { "type": "array", "items": number, "minItems": 1 }] })
 }
 
 /// Returns the schema of a `[[strategy]]` entry: its own keys, such as `preset`, and a key for every axis.

@@ -447,6 +447,45 @@ fn a_scene_entry_is_checked_at_its_position() {
 }
 
 #[test]
+fn a_scene_is_taken_with_each_number_of_samples() {
+    let of = |entry: &str, overrides: &[(&str, &str)]| -> Vec<(String, u32)> {
+        let text = format!("{GOOD}[[scene]]\nfile = \"../scenes/gourd.toml\"\n{entry}\n");
+        let scenes = load_with(&text, overrides).unwrap().scenes;
+        scenes[1..].iter().map(|scene| (scene.label(), scene.samples)).collect()
+    };
+    let named = |name: &str, samples| (name.to_owned(), samples);
+    let (one, four) = (named("gourd", 1), named("gourd+samples=4", 4));
+    assert_eq!(of("", &[]), of("samples = 1", &[]));
+    assert_eq!(of("samples = 4", &[]), [four.clone()]);
+    assert_eq!(
+        of("samples = [4, 1, 4]", &[]),
+        [four.clone(), one.clone()],
+        "a repeated number adds no scene"
+    );
+    assert_eq!(of("", &[("scene.0.samples", "[1, 4]")]), [one, four]);
+    assert_eq!(of("samples = 64", &[]), [named("gourd+samples=64", 64)]);
+    let labels = [
+        "gourd+seed=1+samples=2",
+        "gourd+seed=1+samples=3",
+        "gourd+seed=2+samples=2",
+        "gourd+seed=2+samples=3",
+    ];
+    let all = of("set = { seed = [1, 2] }\nsamples = [2, 3]", &[]);
+    assert_eq!(all.into_iter().map(|(label, _)| label).collect::<Vec<_>>(), labels);
+    for (value, words) in [
+        ("0", ["samples 0 is out of range", "expected a whole number from 1 to 64", "9:11"]),
+        ("65", ["samples 65 is out of range", "from 1 to 64", "9:11"]),
+        ("[4, -1]", ["samples -1 is out of range", "from 1 to 64", "9:15"]),
+        ("[]", ["'samples' is empty", "expected at least one number", "9:11"]),
+        ("\"4\"", ["string \"4\"", "expected a whole number or a list of whole numbers", "9:11"]),
+        ("4.0", ["floating point 4.0", "expected a whole number or a list", "9:11"]),
+        ("[4, \"x\"]", ["string \"x\"", "expected a whole number", "9:15"]),
+    ] {
+        refuses(&format!("{GOOD}[[scene]]\nfile = \"../scenes/gourd.toml\"\nsamples = {value}\n"), &words);
+    }
+}
+
+#[test]
 fn overrides_are_toml_or_else_strings_and_make_tables() {
     let overrides = [
         ("timing.seed", "7"),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::device::{DeviceKind, DeviceLimits};
 use crate::error::Result;
-use crate::scene::{Loaded, Setting, Shot, load_scene_named_in};
+use crate::scene::{Loaded, Sampling, Scene, Setting, Shot, load_scene_named_in};
 use crate::strategy::Strategy;
 
 /// A question, and the scenes, devices, image sizes and strategies whose combinations are measured to answer it.
@@ -96,7 +96,7 @@ impl PartialEq for DeviceWord {
     }
 }
 
-/// A scene file, and values to change in it.
+/// A scene file, values to change in it, and the number of samples per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneChoice {
     /// The file.
@@ -105,6 +105,8 @@ pub struct SceneChoice {
     pub named_in: PathBuf,
     /// The values to set in the scene file, with their locations in the config.
     pub overrides: Vec<Setting>,
+    /// The number of samples per pixel.
+    pub samples: u32,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
     /// The largest number of triangles that a tree can index. Loading fails if the scene has more. The limit is set
@@ -114,8 +116,8 @@ pub struct SceneChoice {
     /// The scene's name in results, which differs from the names of the experiment's other scenes; `None` before the
     /// scenes are loaded.
     pub name: Option<String>,
-    /// The hashes of the scene's content: if raycl places the camera, one hash for each shape of the images, otherwise
-    /// a single hash. Empty before the scenes are loaded.
+    /// The hashes of the scene ([`Self::hash`]): if raycl places the camera, one hash for each shape of the images,
+    /// otherwise a single hash. Empty before the scenes are loaded.
     pub hashes: Vec<String>,
     /// Notes on other scenes of the config with the same content.
     pub notes: Vec<String>,
@@ -128,11 +130,40 @@ impl SceneChoice {
             path: path.into(),
             named_in: PathBuf::new(),
             overrides: Vec::new(),
+            samples: 1,
             suffix: String::new(),
             most_triangles: None,
             name: None,
             hashes: Vec::new(),
             notes: Vec::new(),
+        }
+    }
+
+    /// Sets the number of samples per pixel. If there are several, the scene's name states their number.
+    #[must_use]
+    pub(super) fn with_samples(mut self, samples: u32) -> Self {
+        self.samples = samples;
+        if samples > 1 {
+            self.suffix.push_str(&format!("+samples={samples}"));
+        }
+        self
+    }
+
+    /// Returns how many samples each pixel gets.
+    pub fn sampling(&self) -> Sampling {
+        Sampling::all(self.samples)
+    }
+
+    /// Returns the hash that identifies the loaded `scene` in results. With one sample per pixel, it is the hash of the
+    /// scene's content, as in records of versions that always cast one sample. With several, it also covers their
+    /// number, since scenes with different numbers of samples are different scenes in results.
+    pub fn hash(&self, scene: &Scene) -> String {
+        let content = scene.content_hash();
+        match self.samples {
+            1 => content,
+            samples => {
+                blake3::hash(format!("{content} {samples} samples").as_bytes()).to_hex()[..16].to_owned()
+            }
         }
     }
 

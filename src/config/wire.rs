@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use toml::Spanned;
 
-use super::schema::{Anything, BaselineName, ImageSize, LocalSize, PresetName};
+use super::schema::{Anything, BaselineName, ImageSize, LocalSize, PresetName, SampleNumbers};
 use super::validate::{MOST_LAUNCHES, MOST_SAMPLES};
 use crate::strategy::AXES;
 
@@ -81,6 +81,10 @@ pub struct SceneEntry {
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, Anything>")]
     pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
+    /// Samples per pixel, as of `raycl render --samples`; a list makes one scene per number [default: 1]. With several
+    /// samples, lights with a radius cast soft shadows.
+    #[schemars(with = "Option<SampleNumbers>")]
+    pub samples: Option<Spanned<Numbers>>,
 }
 
 /// One value or a list of values. A value that is itself a list must be inside another list: `[[0, 1, 2]]`.
@@ -141,6 +145,12 @@ pub enum Size {
     List(Vec<Spanned<i64>>),
 }
 
+/// A whole number, or a list of whole numbers.
+pub enum Numbers {
+    One(i64),
+    List(Vec<Spanned<i64>>),
+}
+
 /// A value of an axis: a name or a number.
 pub struct Choice(pub String);
 
@@ -177,6 +187,25 @@ impl<'de> Deserialize<'de> for Size {
             }
         }
         deserializer.deserialize_any(SizeVisitor)
+    }
+}
+
+impl<'de> Deserialize<'de> for Numbers {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumbersVisitor;
+        impl<'de> Visitor<'de> for NumbersVisitor {
+            type Value = Numbers;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a whole number or a list of whole numbers")
+            }
+            fn visit_i64<E: de::Error>(self, number: i64) -> Result<Numbers, E> {
+                Ok(Numbers::One(number))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Numbers, A::Error> {
+                Ok(Numbers::List(elements(&mut seq)?))
+            }
+        }
+        deserializer.deserialize_any(NumbersVisitor)
     }
 }
 

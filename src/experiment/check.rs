@@ -3,7 +3,7 @@
 
 use super::draft::Drafter;
 use super::protocol::Built;
-use super::ready::Ready;
+use super::ready::{Ready, cast_frames};
 use super::reference_cache::ReferenceCache;
 use super::{Pictures, Point, PointFailure, Work, host, views};
 use crate::anchor::Anchor;
@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::launch::{Queue, Refused, Session};
 use crate::program::BuiltProgram;
-use crate::record::Record;
-use crate::scene::Scene;
+use crate::record::{Outcome, Record};
+use crate::scene::{Sampling, Scene};
 use crate::strategy::{Culling, Requirements, Strategy};
 use crate::verify::verify;
 use std::sync::Arc;
@@ -65,14 +65,22 @@ impl<'a> Checker<'a> {
         self.session = None;
     }
 
-    /// Returns the scene on the device, with the limits of a smaller device if the experiment imitates one.
-    fn session(&mut self, scene: &Arc<Scene>) -> Option<&mut Session> {
+    /// Returns how many samples each pixel of a point gets.
+    fn sampling(&self, point: &Point) -> Sampling {
+        self.drafter.experiment.scenes[point.scene].sampling()
+    }
+
+    /// Returns the scene of a point on the device, with the limits of a smaller device if the experiment imitates one.
+    /// Each scene of the experiment is loaded by itself, so a session has the samples per pixel of its scene.
+    fn session(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<&mut Session> {
+        let sampling = self.sampling(point);
         let (device, queue) = self.device.as_ref()?;
         let Drafter { experiment, sources } = self.drafter;
         self.session.take_if(|session| !session.is_of(scene));
         Some(self.session.get_or_insert_with(|| {
             let session = Session::new(queue.clone(), &device.info, sources, Arc::clone(scene));
-            session.limited(experiment.emulate.apply(device.info.limits)).verifying(true)
+            let limits = experiment.emulate.apply(device.info.limits);
+            session.limited(limits).verifying(true).with_sampling(sampling)
         }))
     }
 
@@ -82,7 +90,7 @@ impl<'a> Checker<'a> {
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
-        build_kernel(self.session(scene)?, strategy, local_size).ok()
+        build_kernel(self.session(point, scene)?, scene, strategy, local_size).ok()
     }
 
     /// Casts a point once and compares its image with the reference. If the image has the hash `verified`, an
@@ -99,16 +107,19 @@ impl<'a> Checker<'a> {
         let cast = match point.work {
             Work::Kernel { strategy, local_size } => {
                 let strategy = &self.drafter.experiment.strategies[strategy].strategy;
-                match self.session(scene) {
-                    Some(session) => cast_kernel(session, strategy, local_size, record),
+                match self.session(point, scene) {
+                    Some(session) => cast_kernel(session, scene, (strategy, local_size), record),
                     None => return Ok(Err(PointFailure::no_device())),
                 }
             }
-            Work::Host(baseline) => Ok(cast_host(baseline, scene, point.image_size)),
+            Work::Host(baseline) => match host::refusal(baseline, &self.sampling(point)) {
+                Some(reason) => return Ok(Err(PointFailure::new(Outcome::Infeasible, reason))),
+                None => Ok(cast_host(baseline, scene, point.image_size)),
+            },
         };
         match cast {
             Ok(cast) if verified == Some(&*Pictures::hash(&cast.image)) => Ok(Ok(cast.ready)),
-            Ok(cast) => Ok(self.judge(&cast, point.scene, scene, record)?.map(|()| cast.ready)),
+            Ok(cast) => Ok(self.judge(&cast, point, scene, record)?.map(|()| cast.ready)),
             Err(Refused::Mistake(error)) => Err(error),
             Err(refused) => Ok(Err(PointFailure::of(&refused, self.device()))),
         }
@@ -119,12 +130,13 @@ impl<'a> Checker<'a> {
     fn judge(
         &mut self,
         cast: &Cast,
-        number: usize,
+        point: &Point,
         scene: &Scene,
         record: &mut Record,
     ) -> Result<std::result::Result<(), PointFailure>> {
         record.image_hash = Some(Pictures::hash(&cast.image));
-        let expected = self.references.reference(number, scene, record.image_size, cast.culling);
+        let sampled = (scene, &self.sampling(point));
+        let expected = self.references.reference(point.scene, sampled, record.image_size, cast.culling);
         let verdict = verify(&cast.image, cast.hits, expected, scene.display);
         // A caster on the host does not count shadow rays, so their number is computed from the reference's hits.
         record.shadow_rays.get_or_insert((expected.hits * scene.shadow_rays_per_hit()) as u64);
@@ -154,14 +166,14 @@ fn beside_frame_ms(launch_ms: f64, frame_ms: f64) -> f64 {
 
 fn build_kernel(
     session: &mut Session,
+    scene: &Scene,
     strategy: &Strategy,
     local_size: [u32; 2],
 ) -> std::result::Result<Built, Refused> {
     let prepared = session.prepare(strategy, SMALLEST, local_size)?;
     let start = Instant::now();
-    // If the kernel cannot be launched, no error is reported here; the later check of the point reports the
-    // error.
-    let frame = prepared.caster().map(|caster| caster.cast());
+    // If the kernel cannot be launched, the later check of the point reports the error.
+    let frame = prepared.caster().map(|caster| cast_frames(&caster, scene, &prepared.sampling, 1));
     let frame_ms = frame.ok().and_then(std::result::Result::ok).map_or(0.0, |frame| frame.frame_ms);
     let key = prepared.program.stored_as().map(str::to_owned);
     let launch_ms = beside_frame_ms(start.elapsed().as_secs_f64() * 1e3, frame_ms);
@@ -175,8 +187,8 @@ fn build_kernel(
 /// and the number of shadow rays to the record.
 fn cast_kernel(
     session: &mut Session,
-    strategy: &Strategy,
-    local_size: [u32; 2],
+    scene: &Scene,
+    (strategy, local_size): (&Strategy, [u32; 2]),
     record: &mut Record,
 ) -> std::result::Result<Cast, Refused> {
     let workload = session.workload(strategy, record.image_size, local_size)?;
@@ -193,10 +205,17 @@ fn cast_kernel(
     let caster = prepared.caster()?;
     record.records_ms = caster.records_ms();
     record.kernels = prepared.made(&caster, &prepared.program.log(), &prepared.program.ptx());
-    caster.cast().map_err(Refused::at("the launch"))?;
-    let (image, hits) = caster.read().map_err(Refused::at("reading the image"))?;
-    record.shadow_rays = Some((hits * (workload.lights + usize::from(workload.sky))) as u64);
-    Ok(Cast { image, hits: Some(hits), culling: strategy.culling, ready: Ready::Kernel(Box::new(caster)) })
+    let sampling = prepared.sampling;
+    cast_frames(&caster, scene, &sampling, 1).map_err(Refused::at("the launch"))?;
+    let reading = Refused::at("reading the image");
+    let (image, hits) = caster.read().map_err(&reading)?;
+    let hit_rays = match sampling.most {
+        1 => hits as u64,
+        samples => caster.read_sample_hits(samples).map_err(&reading)?,
+    };
+    record.shadow_rays = Some(hit_rays * (workload.lights + usize::from(workload.sky)) as u64);
+    let ready = Ready::Kernel(Box::new(caster), sampling);
+    Ok(Cast { image, hits: Some(hits), culling: strategy.culling, ready })
 }
 
 fn cast_host(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> Cast {
@@ -213,7 +232,8 @@ mod tests {
     use crate::config::Experiment;
     use crate::device::{Device, discover};
     use crate::program::Sources;
-    use crate::reference::reference;
+    use crate::reference::{all_pixels, reference, reference_of};
+    use crate::scene::Sample;
     use crate::strategy::Workload;
     use std::path::Path;
 
@@ -282,6 +302,57 @@ mod tests {
         assert!(outcome.is_ok() && again.max_difference.is_none() && again.image_hash.is_none());
         let (other, outcome, _) = checked(&experiment, &device, folder.path(), Some("another hash"));
         assert!(outcome.is_ok() && other.image_hash == record.image_hash);
+    }
+
+    /// The scene has a light with a radius and a sky, so each sample that hits something has two shadow rays.
+    #[test]
+    fn several_samples_per_pixel_are_verified_and_their_rays_are_counted() {
+        let device = discover(&Sources::Embedded).unwrap().remove(0);
+        let of = |preset: &str, samples: u32| {
+            let experiment = fixtures::experiment_of(&format!(
+                "[[scene]]\nfile = 'scenes/pyramid-upper.toml'\nsamples = {samples}\n\
+                 set = {{ \"light.0.radius\" = 0.3, \"sky.zenith\" = 1 }}\n\
+                 [[strategy]]\npreset = '{preset}'\nany_kind = true\nlocal_sizes = [1]"
+            ));
+            let folder = tempfile::tempdir().unwrap();
+            let (record, outcome, built) = checked(&experiment, &device, folder.path(), None);
+            outcome.unwrap();
+            assert!(built.is_some());
+            (record, experiment.scenes[0].clone())
+        };
+        for preset in ["bvh", "tile"] {
+            let [(one, _), (six, chosen)] = [of(preset, 1), of(preset, 6)];
+            let scene = chosen.load([8, 5]).unwrap().scene;
+            let hits_of = |sample: &Sample| {
+                reference_of(&scene, [8, 5], Culling::None, &all_pixels([8, 5]), (&[*sample], &|_| u32::MAX))
+                    .hits
+            };
+            let hits: usize = chosen.sampling().rounds().concat().iter().map(hits_of).sum();
+            let shadow_rays = six.shadow_rays.unwrap();
+            // Rounding may decide whether a sample at an edge hits something.
+            assert!(shadow_rays.abs_diff(2 * hits as u64) <= 4, "{preset}: {shadow_rays} {hits}");
+            assert!(shadow_rays > 5 * one.shadow_rays.unwrap(), "{preset}");
+            assert!(six.max_difference.is_some_and(|difference| difference < 1e-3), "{preset}");
+            assert!(one.image_hash != six.image_hash);
+        }
+    }
+
+    #[test]
+    fn a_baseline_does_not_cast_several_samples_per_pixel() {
+        let experiment = fixtures::experiment_of(
+            "baselines = ['serial']\n[[scene]]\nfile = 'scenes/triangle.toml'\nsamples = 4",
+        );
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let at = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
+        let point = Plan::new(&experiment, 0).points[0];
+        let mut record = drafter.draft(&point, None, &at).unwrap();
+        let mut checker = Checker::open(drafter, None, Pictures::of(Path::new("unused"))).unwrap();
+        let failure = checker.check(&point, &at.scene, None, &mut record).unwrap().map(drop).unwrap_err();
+        assert_eq!(failure.outcome, Outcome::Infeasible);
+        assert_eq!(
+            failure.reason,
+            "serial-f32 casts only one sample per pixel, but the scene has samples = 4"
+        );
     }
 
     /// A caster on the host counts no shadow rays. The scene has two lights, so each hit has two shadow rays.

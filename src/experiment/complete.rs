@@ -72,11 +72,11 @@ fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
 /// separate pass for primary rays, the rates of primary rays and of tests are computed from the time of the
 /// whole frame.
 fn rates(record: &mut Record) {
-    let pixels = record.pixels();
+    let rays = record.primary_rays();
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };
-    record.rays_per_s = Some(pixels / primary_ms * 1e3);
+    record.rays_per_s = Some(rays / primary_ms * 1e3);
     if record.tests_every_triangle() {
-        record.tests_per_s = record.triangles.map(|triangles| pixels * triangles as f64 / primary_ms * 1e3);
+        record.tests_per_s = record.triangles.map(|triangles| rays * triangles as f64 / primary_ms * 1e3);
     }
     if let (Some(rays), Some(ms)) = (record.shadow_rays, record.shadow_ms.filter(|ms| *ms > 0.0)) {
         record.shadow_rays_per_s = Some(rays as f64 / ms * 1e3);
@@ -186,13 +186,16 @@ mod tests {
             strategy: "traversal=exhaustive".into(),
             ..Record::default()
         };
-        let completed = |times: FrameTimes| {
+        let completed_as = |times: FrameTimes, record: &Record| {
             let mut record = record.clone();
             complete(&mut record, &[taken(times); 5], Some(StopReason::Precise));
             [record.rays_per_s, record.tests_per_s, record.shadow_rays_per_s]
         };
-        assert_eq!(completed(frame), [Some(20e3), Some(140e3), Some(15e3)]);
-        assert_eq!(completed(FrameTimes::whole(10.0, 10.1)), [Some(4e3), Some(28e3), None]);
+        assert_eq!(completed_as(frame, &record), [Some(20e3), Some(140e3), Some(15e3)]);
+        assert_eq!(completed_as(FrameTimes::whole(10.0, 10.1), &record), [Some(4e3), Some(28e3), None]);
+        // Each of a pixel's samples is a primary ray; `shadow_rays` counts the rays of all samples.
+        let sampled = Record { samples_per_pixel: Some(4), ..record };
+        assert_eq!(completed_as(frame, &sampled), [Some(80e3), Some(560e3), Some(15e3)]);
     }
 
     #[test]

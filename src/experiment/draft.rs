@@ -30,7 +30,7 @@ pub struct Hashed {
     pub scene: Arc<Scene>,
     /// Notes on what raycl ignored in the scene's file or replaced by defaults.
     pub notes: Vec<String>,
-    /// The scene's hash ([`Scene::content_hash`]).
+    /// The scene's hash ([`SceneChoice::hash`]).
     pub hash: String,
     /// The image size for whose shape raycl placed the camera; `None` if the camera suits images of all shapes.
     pub framed_for: Option<[u32; 2]>,
@@ -41,7 +41,7 @@ impl Hashed {
     pub fn load(choice: &SceneChoice, image_size: [u32; 2]) -> Result<Self> {
         let Loaded { scene, notes, is_framed, .. } = choice.load(image_size)?;
         let framed_for = is_framed.then_some(image_size);
-        Ok(Self { hash: scene.content_hash(), scene: Arc::new(scene), notes, framed_for })
+        Ok(Self { hash: choice.hash(&scene), scene: Arc::new(scene), notes, framed_for })
     }
 
     /// Returns true if the scene's camera suits images of this size.
@@ -90,6 +90,7 @@ impl Drafter<'_> {
     /// records have equal keys ([`Record::key`]) measure the same work in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
+        let chosen = &experiment.scenes[point.scene];
         let mut tree = "";
         let mut record = Record {
             image_size: point.image_size,
@@ -101,7 +102,7 @@ impl Drafter<'_> {
             device: device.map_or(HOST, |device| &device.label).to_owned(),
             device_kind: device.map(|device| device.kind.name().to_owned()),
             threads: device.and_then(|device| device.threads),
-            ..of_scene(&experiment.scenes[point.scene], at)
+            ..of_scene(chosen, at)
         };
         match point.work {
             Work::Host(baseline) => {
@@ -116,6 +117,7 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 describe_test(&mut record);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
+                let workload = workload.sampled(&at.scene, &chosen.sampling());
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
                 // The tree is not built yet, so the program's hash does not contain the tree's depth. The point's key
                 // is computed from the scene, the strategy and the code that builds trees, which together determine
@@ -153,8 +155,8 @@ impl Drafter<'_> {
     }
 }
 
-/// Returns a record that only identifies a scene: by its name, the hash of its content, its file, and the
-/// values that the config sets in the file.
+/// Returns a record that only identifies a scene: by its name, its hash, its file, the values that the config sets in
+/// the file, and the number of samples per pixel.
 pub(super) fn of_scene(chosen: &SceneChoice, at: &Hashed) -> Record {
     let value = |set: &Setting| format!("{} = {}", set.path, set.value);
     Record {
@@ -162,6 +164,7 @@ pub(super) fn of_scene(chosen: &SceneChoice, at: &Hashed) -> Record {
         scene_hash: Some(at.hash.clone()),
         scene_file: Some(chosen.path.display().to_string()),
         scene_values: chosen.overrides.iter().map(value).collect(),
+        samples_per_pixel: Some(chosen.samples).filter(|samples| *samples > 1),
         ..Record::default()
     }
 }
@@ -176,6 +179,7 @@ mod tests {
     use super::super::{Plan, asleep};
     use super::*;
     use crate::config;
+    use crate::scene::load_scene;
     use std::path::Path;
 
     /// Makes a config that ends with `lines`, and returns the key of the config's point.
@@ -205,6 +209,39 @@ mod tests {
         keys.sort();
         keys.dedup();
         assert_eq!(keys.len(), 4, "{keys:?}");
+    }
+
+    /// Records of versions that always cast one sample per pixel keep their keys.
+    #[test]
+    fn only_several_samples_per_pixel_are_in_the_key_and_in_the_record() {
+        let drafted = |lines: &str| {
+            let entry = format!("[[scene]]\nfile = 'scenes/triangle.toml'\n{lines}\n");
+            let experiment = super::super::fixtures::experiment_of(&format!(
+                "baselines = ['serial']\n{entry}[[strategy]]\npreset = 'naive'\nlocal_sizes = [4]"
+            ));
+            let at = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
+            let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+            let points = Plan::new(&experiment, 1).points;
+            let device = asleep::device(1.0);
+            [(0, None), (1, Some(&device))].map(|(index, of)| drafter.draft(&points[index], of, &at).unwrap())
+        };
+        let [usual, one, four, five] = ["", "samples = 1", "samples = 4", "samples = 5"].map(drafted);
+        assert_eq!(usual, one);
+        assert!(usual.iter().all(|record| record.samples_per_pixel.is_none()));
+        assert!(!serde_json::to_string(&usual[1]).unwrap().contains("samples_per_pixel"));
+        let content = load_scene(Path::new("scenes/triangle.toml")).unwrap().scene.content_hash();
+        assert_eq!(usual[1].scene_hash, Some(content));
+        for (own, samples) in [(&four, 4), (&five, 5)] {
+            assert!(own.iter().all(|record| record.samples_per_pixel == Some(samples)));
+            assert_eq!(own[1].scene, format!("triangle+samples={samples}"));
+        }
+        let mut keys: Vec<_> = [&one, &four, &five].into_iter().flatten().map(|record| &record.key).collect();
+        keys.sort();
+        keys.dedup();
+        assert_eq!(keys.len(), 6, "{keys:?}");
+        // The program does not contain the number of samples, but it is another one than for a single sample.
+        let programs = [&one, &four, &five].map(|records| records[1].program_hash.clone());
+        assert!(programs[0] != programs[1] && programs[1] == programs[2], "{programs:?}");
     }
 
     #[test]

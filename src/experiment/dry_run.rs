@@ -1,7 +1,7 @@
 //! Predicts what a run would do, without compiling anything.
 
 use super::pending::PendingPoint;
-use super::{Past, Plan, Run, Work};
+use super::{Past, Plan, Run, Work, host};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::strategy::{Afterwards, HostNeeds, Requirements};
@@ -16,7 +16,8 @@ pub struct Forecast {
     pub device: String,
     /// The bytes that the point needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
-    /// Why the point does not fit on the device or into the host's memory; `None` if the point fits.
+    /// Why the point does not fit on the device or into the host's memory, or why its strategy or baseline cannot cast
+    /// the scene; `None` if the point can be measured.
     pub refused: Option<String>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
@@ -35,13 +36,13 @@ pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     let done = run.done(points.iter().flatten(), past);
     let forecast = |pending: PendingPoint| {
         let kernels = run.kernels_of(&pending, &kernels);
-        let (needs, refused) = kernels.during(|| needs_of(&pending, run, &plan, &available)).unzip();
+        let (needs, refused) = kernels.during(|| needs_of(&pending, run, &plan, &available));
         Forecast {
             done: done.contains(&pending.record.key),
             label: pending.label,
             device: pending.record.device,
             needs,
-            refused: refused.flatten(),
+            refused,
             not_for: pending.not_for,
             scene_notes: pending.record.scene_notes,
         }
@@ -49,25 +50,30 @@ pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     Ok(points.into_iter().flatten().map(forecast).collect())
 }
 
-/// Returns the bytes that a point needs, and the reason why the point does not fit (`None` if it fits). For a
-/// caster on the host, returns `None` in place of the bytes and the reason.
+/// Returns the bytes that a point needs (`None` for a caster on the host), and the reason why the point does not
+/// fit or cannot be cast (`None` if it can be cast).
 fn needs_of(
     pending: &PendingPoint,
     run: &Run<'_>,
     plan: &Plan,
     available: &Available,
-) -> Option<(Requirements, Option<String>)> {
+) -> (Option<Requirements>, Option<String>) {
     let point = &plan.points[pending.point];
-    let Work::Kernel { strategy, .. } = point.work else { return None };
+    let strategy = match point.work {
+        Work::Kernel { strategy, .. } => strategy,
+        Work::Host(baseline) => {
+            return (None, host::refusal(baseline, &run.experiment.scenes[point.scene].sampling()));
+        }
+    };
     let strategy = &run.experiment.strategies[strategy].strategy;
-    let workload = pending.workload.as_ref()?;
-    let limits = run.experiment.emulate.apply(run.devices[point.device?].limits);
+    let Some((workload, device)) = pending.workload.as_ref().zip(point.device) else { return (None, None) };
+    let limits = run.experiment.emulate.apply(run.devices[device].limits);
     let afterwards = Afterwards { verified: true, layers: false };
     let host_needs = || HostNeeds::of(strategy, workload, limits.is_cpu, afterwards);
     let on_host = || host_needs().check(available, 0).err();
     let refused = Requirements::check(strategy, workload, &limits).err().or_else(on_host);
     let needs = Requirements::of(strategy, workload, limits.lane_operations);
-    Some((needs, refused.map(|infeasible| infeasible.reason)))
+    (Some(needs), refused.map(|infeasible| infeasible.reason))
 }
 
 #[cfg(test)]
@@ -97,6 +103,30 @@ mod tests {
         assert!(local.refused.as_ref().is_some_and(|reason| reason.contains("> 100 B")), "{local:?}");
         assert!(local.needs.as_ref().is_some_and(|needs| needs.local_bytes > 100) && local.not_for.is_none());
         assert!(wide.not_for.as_ref().is_some_and(|reason| reason.starts_with("meant for CPUs")), "{wide:?}");
+    }
+
+    #[test]
+    fn a_forecast_says_which_casters_do_not_take_several_samples() {
+        let experiment = fixtures::experiment_of(
+            "baselines = ['serial']\nlocal_sizes = [4]\nstrategies = ['bvh', 'raster']\n[[scene]]\n\
+             file = 'scenes/triangle.toml'\nsamples = [1, 4]\nset = { \"light.0.radius\" = 0.2 }",
+        );
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let all = dry_run(&fixtures::run(&experiment, &devices, &locks), &Past::default()).unwrap();
+        let [one, four] = [&all[..3], &all[3..]];
+        assert!(one.iter().all(|forecast| forecast.refused.is_none()), "{one:?}");
+        let [host, bvh, raster] = four else { panic!("{four:?}") };
+        assert_eq!(bvh.label, "triangle+radius=0.2+samples=4 8x5 bvh 4x4");
+        assert!(bvh.refused.is_none(), "{bvh:?}");
+        assert!(host.refused.as_ref().is_some_and(|why| why.starts_with("serial-f32 casts only one sample")));
+        assert!(
+            raster.refused.as_ref().is_some_and(|why| why.contains("lights with a radius")),
+            "{raster:?}"
+        );
+        // The buffers for several samples are counted.
+        let bytes = |forecast: &Forecast| forecast.needs.as_ref().unwrap().global_bytes;
+        assert!(bytes(bvh) > bytes(&one[1]));
     }
 
     #[test]

@@ -302,7 +302,7 @@ impl<'a> ByName<'a> {
 /// these tests per millisecond, and the host a tenth of that number.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
-    let rays = draft.pixels() * (1.0 + draft.lights.unwrap_or(1) as f64);
+    let rays = draft.primary_rays() * (1.0 + draft.lights.unwrap_or(1) as f64);
     let triangles = draft.triangles.unwrap_or(1) as f64;
     let tests = if draft.walks_tree() { 30.0 * (triangles + 1.0).log2() } else { triangles };
     let sample_ms = rays * tests / if draft.is_baseline() { 0.1 * TESTS_PER_MS } else { TESTS_PER_MS };

@@ -7,7 +7,7 @@ use crate::image::Radiance;
 use crate::launch::FrameTimes;
 use crate::record::{HOST, Host};
 use crate::reference::{cast_parallel_f32, cast_serial_f32, cast_serial_f64, fingerprint};
-use crate::scene::Scene;
+use crate::scene::{Sampling, Scene};
 use std::time::Instant;
 
 /// The machine and the program, as part of a baseline's key.
@@ -39,7 +39,14 @@ pub fn host_identity() -> String {
     format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])
 }
 
-/// Casts one frame on the host. Returns the picture and the frame's times.
+/// Returns why a baseline does not cast a scene with this sampling; `None` if it casts the scene.
+pub fn refusal(baseline: Baseline, sampling: &Sampling) -> Option<String> {
+    let (name, samples) = (baseline.strategy(), sampling.most);
+    (samples > 1)
+        .then(|| format!("{name} casts only one sample per pixel, but the scene has samples = {samples}"))
+}
+
+/// Casts one frame on the host, with one sample per pixel. Returns the picture and the frame's times.
 pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, FrameTimes) {
     let caster = match baseline {
         Baseline::Serial => cast_serial_f32,

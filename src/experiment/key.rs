@@ -4,7 +4,7 @@
 /// The texts that make up a key; [`key`] hashes them in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct KeyParts<'a> {
-    /// The scene's hash ([`Scene::content_hash`](crate::scene::Scene::content_hash)).
+    /// The scene's hash ([`SceneChoice::hash`](crate::config::SceneChoice::hash)), which covers several samples per pixel.
     pub scene_hash: &'a str,
     /// The platform, its version, the device and the driver. For a baseline: the word "host" and the processor's model.
     pub device: &'a str,

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::memory::Available;
 use crate::program::Sources;
 use crate::record::{Outcome, PlannedPoint, Record};
-use crate::scene::Scene;
+use crate::scene::{Sampling, Scene};
 use crate::strategy::{Requirements, Values, Workload};
 use std::collections::HashMap;
 
@@ -147,7 +147,8 @@ impl Run<'_> {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else {
             return Room::UNLIMITED;
         };
-        let workload = Workload::of(scene, SMALLEST, local_size);
+        let sampling = self.experiment.scenes[point.scene].sampling();
+        let workload = Workload::of(scene, SMALLEST, local_size).sampled(scene, &sampling);
         let strategy = &self.experiment.strategies[strategy].strategy;
         let processes = [self.devices.len(), self.all_sources().count()];
         Room::of(strategy, &workload, &device.limits, available_bytes, processes)
@@ -177,7 +178,8 @@ impl Run<'_> {
                 let point = &plan.points[number];
                 let at = held.of(self.experiment, point)?;
                 let device = point.device.map(|device| self.devices[device]);
-                let workload = workload_of(point, &at.scene);
+                let sampling = self.experiment.scenes[point.scene].sampling();
+                let workload = workload_of(point, (&at.scene, sampling));
                 for (folder_index, kernels) in of_point(&kernels, point).iter().enumerate() {
                     let drafter = &kernels.drafter;
                     let draft =
@@ -211,9 +213,11 @@ impl Run<'_> {
 }
 
 /// Returns the sizes and features on which a point's needs depend; `None` for a caster on the host.
-fn workload_of(point: &Point, scene: &Scene) -> Option<Workload> {
+fn workload_of(point: &Point, (scene, sampling): (&Scene, Sampling)) -> Option<Workload> {
     match point.work {
-        Work::Kernel { local_size, .. } => Some(Workload::of(scene, point.image_size, local_size)),
+        Work::Kernel { local_size, .. } => {
+            Some(Workload::of(scene, point.image_size, local_size).sampled(scene, &sampling))
+        }
         Work::Host(_) => None,
     }
 }

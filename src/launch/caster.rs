@@ -180,6 +180,18 @@ impl Caster {
         Ok(times.and(&half.apply(&self.queue)?))
     }
 
+    /// Casts the picture of [`Self::cast_samples`] `pictures` times. Returns the mean times per picture.
+    pub fn cast_samples_batch(
+        &self,
+        camera: &Camera,
+        sampling: &Sampling,
+        pictures: u32,
+    ) -> Result<FrameTimes, LaunchError> {
+        let add =
+            |total: FrameTimes, _| Ok::<_, LaunchError>(total.and(&self.cast_samples(camera, sampling)?));
+        Ok((0..pictures).try_fold(FrameTimes::default(), add)?.per_frame(pictures))
+    }
+
     /// Casts and reads the parts of a picture with soft light at half resolution. Returns `None` if soft light is not
     /// cast at half resolution.
     pub fn cast_parts(

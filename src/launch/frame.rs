@@ -91,6 +91,21 @@ impl FrameTimes {
         }
     }
 
+    /// Returns the mean times per frame of `frames` frames, whose total times are `self`.
+    #[must_use]
+    pub fn per_frame(&self, frames: u32) -> Self {
+        let mean = |total_ms: f64| total_ms / f64::from(frames.max(1));
+        Self {
+            frame_ms: mean(self.frame_ms),
+            primary_ms: self.primary_ms.map(mean),
+            shadow_ms: self.shadow_ms.map(mean),
+            shade_ms: self.shade_ms.map(mean),
+            host_ms: mean(self.host_ms),
+            batch: (frames > 1).then_some(frames),
+            ..Self::default()
+        }
+    }
+
     /// Returns how long the sample took by the host's clock, in milliseconds: the time of all frames of the
     /// sample's batch.
     pub fn elapsed_ms(&self) -> f64 {
@@ -169,6 +184,15 @@ mod tests {
         };
         assert_eq!(first.and(&second), both);
         assert_eq!(FrameTimes::default().and(&first), first);
+        let mean = FrameTimes {
+            primary_ms: Some(2.25),
+            shadow_ms: Some(0.5),
+            shade_ms: Some(4.0),
+            batch: Some(4),
+            ..whole(6.75, 9.0)
+        };
+        assert_eq!(both.per_frame(4), mean);
+        assert_eq!(both.per_frame(1), both);
     }
 
     #[test]

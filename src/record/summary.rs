@@ -108,6 +108,11 @@ impl<'a> Group<'a> {
         self.best_where(Record::is_naive)
     }
 
+    /// Returns the number of samples per pixel, which is the same for all records of a scene.
+    pub fn samples(&self) -> u32 {
+        self.records.first().and_then(|record| record.samples_per_pixel).unwrap_or(1)
+    }
+
     /// Returns the baselines of the group among `groups`: the host's records with a time for the same scene and image
     /// size.
     pub fn baselines(&self, groups: &[Self]) -> Vec<&'a Record> {

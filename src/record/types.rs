@@ -27,7 +27,8 @@ pub struct Record {
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
-    /// A hash of everything in the scene that affects the picture. Equal hashes mean equal scenes.
+    /// A hash of everything in the scene that affects the picture, and of the number of samples per pixel if it is
+    /// larger than 1. Equal hashes mean equal scenes.
     #[serde(default)]
     pub scene_hash: Option<String>,
     /// The scene's file, as named in the config.
@@ -80,6 +81,9 @@ pub struct Record {
     pub triangles: Option<u64>,
     /// Number of lights in the scene.
     pub lights: Option<u64>,
+    /// Number of samples per pixel; absent if it is 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_per_pixel: Option<u32>,
     /// Notes on the scene. A note names a part of the scene's file that was ignored or replaced by a default,
     /// such as missing normals. Another kind of note names a scene of the experiment that has the same
     /// content and was therefore not measured.
@@ -149,8 +153,8 @@ pub struct Record {
     /// are different quantities, so no page shows this field; summaries in CSV contain it. See
     /// [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
-    /// Number of shadow rays of a frame: one per light for every pixel whose ray hits something, and one more per such
-    /// pixel if the scene has a sky.
+    /// Number of shadow rays of a frame: one per light for every primary ray that hits something, and one more per such
+    /// ray if the scene has a sky.
     pub shadow_rays: Option<u64>,
     /// Shadow rays per second, if passes are separate.
     pub shadow_rays_per_s: Option<f64>,
@@ -362,19 +366,24 @@ impl Record {
 
     /// Returns the primary rays per second of the primary pass; `None` if passes are fused.
     pub fn primary_rays_per_s(&self) -> Option<f64> {
-        Some(self.pixels() / positive(self.primary_ms)? * 1e3)
+        Some(self.primary_rays() / positive(self.primary_ms)? * 1e3)
     }
 
     /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in seconds.
     /// This rate can be compared between all strategies. Returns `None` if the shadow rays were not counted,
     /// as for baselines in records of earlier versions of raycl.
     pub fn frame_rays_per_s(&self) -> Option<f64> {
-        Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
+        Some((self.primary_rays() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }
 
     /// Returns the number of pixels of the image.
     pub fn pixels(&self) -> f64 {
         self.image_size.iter().map(|side| f64::from(*side)).product()
+    }
+
+    /// Returns the number of primary rays of a frame: one for each sample of each pixel.
+    pub fn primary_rays(&self) -> f64 {
+        self.pixels() * f64::from(self.samples_per_pixel.unwrap_or(1))
     }
 
     /// Returns the point's local size as it follows the strategy's name in a sentence: " at 16 x 16". Returns an empty
@@ -422,7 +431,12 @@ mod tests {
         let separate = Record { primary_ms: Some(4.0), shadow_ms: Some(6.0), ..fused.clone() };
         assert_eq!([&fused, &separate].map(Record::frame_rays_per_s), [Some(6e7), Some(6e7)]);
         assert_eq!([&fused, &separate].map(Record::primary_rays_per_s), [None, Some(1e8)]);
-        assert_eq!(Record { shadow_rays: None, ..fused }.frame_rays_per_s(), None);
+        assert_eq!(Record { shadow_rays: None, ..fused.clone() }.frame_rays_per_s(), None);
+        // Every sample of a pixel has a primary ray.
+        let [fused, separate] =
+            [fused, separate].map(|record| Record { samples_per_pixel: Some(4), ..record });
+        assert_eq!(fused.frame_rays_per_s(), Some(1.8e8));
+        assert_eq!(separate.primary_rays_per_s(), Some(4e8));
     }
 
     #[test]

@@ -22,13 +22,16 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
-/// Plots times over the number of triangles, at the image size with the most scenes. Returns `None` if all
-/// measured scenes of this image size have the same number of triangles.
+/// Plots times over the number of triangles, at the image size and the number of samples per pixel with the most scenes.
+/// Returns `None` if all these scenes have the same number of triangles.
 fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
-    let size = most_common(own.iter().map(|group| group.image_size))?;
-    let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
+    let case = |group: &&Group<'_>| (group.image_size, group.samples());
+    let most = most_common(own.iter().map(case))?;
+    let same: Vec<_> = own.iter().copied().filter(|group| case(group) == most).collect();
+    let (size, samples) = most;
+    let samples = if samples > 1 { format!(" with {samples} samples per pixel") } else { String::new() };
     let labels = Labels {
-        title: format!("Time against the number of triangles, at {}: {device}", by(size)),
+        title: format!("Time against the number of triangles, at {}{samples}: {device}", by(size)),
         x: "triangles in the scene",
         file: numbered("triangles", index),
         besides: " The scenes differ in more than the number of triangles, and these other differences also affect the times.",
@@ -316,6 +319,25 @@ mod tests {
         assert!(plots[2].caption.ends_with("these other differences also affect the times."));
         assert!(plots[3].caption.contains("There are no fitted lines"), "{}", plots[3].caption);
         assert!(plots[3].svg.contains("class=\"line\""), "without a fit, marks are joined");
+    }
+
+    #[test]
+    fn scenes_of_one_plot_have_equally_many_samples_per_pixel() {
+        let sampled = |record: Record| Record {
+            key: format!("{} sampled", record.key),
+            scene: format!("{}+samples=4", record.scene),
+            samples_per_pixel: Some(4),
+            ..record
+        };
+        let of = |triangles: u64| record(triangles, [800, 500], "naive", triangles as f64);
+        let mut records = vec![of(1_000), of(10_000)];
+        records.extend([1_000, 10_000, 100_000].map(|triangles| sampled(of(triangles))));
+        let records = judged(records);
+        let groups = groups(&records);
+        let plots = growth(&groups, &Looks::of(&groups));
+        let [plot] = plots.as_slice() else { panic!("{} plots", plots.len()) };
+        assert!(plot.svg.contains("at 800 x 500 with 4 samples per pixel: gpu"), "{}", plot.svg);
+        assert!(plot.caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", plot.caption);
     }
 
     /// A fitted line ends at the first and the last mark, so the marks must be in the order of x.

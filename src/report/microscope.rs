@@ -100,10 +100,11 @@ pub fn microscope_page(
 
 /// Returns the command (`raycl compile`) that writes this page for a record's point on `device`. Returns
 /// `None` if the record has no local size, if the record does not name the scene's file, or if the run
-/// changed values of the scene. Also returns `None` if the run compared two folders of kernels, since records
-/// do not contain the paths of these folders.
+/// changed values of the scene or cast several samples per pixel. Also returns `None` if the run compared two
+/// folders of kernels, since records do not contain the paths of these folders.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
-    let is_plain = record.scene_values.is_empty() && record.kernels_of.is_none();
+    let is_plain =
+        record.scene_values.is_empty() && record.samples_per_pixel.is_none() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;
     let [x, y] = record.local_size?;
     let (size, axes) = (format!("{x}x{y}"), record.strategy.replace(' ', ","));
@@ -316,6 +317,7 @@ mod tests {
         let preset = Record { preset: Some("bvh".into()), ..record.clone() };
         assert!(command(&preset).is_some_and(|text| text.ends_with("--strategy bvh --out compiled")));
         assert_eq!(command(&Record { kernels_of: Some("built in".into()), ..record.clone() }), None);
+        assert_eq!(command(&Record { samples_per_pixel: Some(4), ..record.clone() }), None);
         assert_eq!(command(&Record { scene_values: vec!["a = 1".into()], ..record }), None);
     }
 }

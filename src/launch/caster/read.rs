@@ -82,6 +82,13 @@ impl Caster {
         program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
     }
 
+    /// Returns how many samples of the last picture hit something. Each of its pixels has `count` samples.
+    pub fn read_sample_hits(&self, count: u32) -> Result<u64, LaunchError> {
+        // A share is the mean of zeros and ones, so the product is nearly a whole number.
+        let hits = |share: f32| f64::from(share * count as f32).round() as u64;
+        Ok(self.read_hit_shares()?.into_iter().map(hits).sum())
+    }
+
     /// Reads the share of each pixel's samples that hit something.
     pub(in crate::launch) fn read_hit_shares(&self) -> Result<Vec<f32>, LaunchError> {
         let [width, height] = self.size.map(|side| side as usize);

@@ -102,7 +102,10 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
             "a sky",
             "remove [sky] and any `radius` of a light from the scene, or render a bare mesh with --plain",
         ),
-        false => ("lights with a radius", "--samples 1 treats these lights as points"),
+        false => (
+            "lights with a radius",
+            "with one sample per pixel (samples = 1, or --samples 1), these lights are points",
+        ),
     };
     Err(Infeasible::lacking(format!(
         "{} does not support {has}, which the scene has: {remedy}",
