@@ -27,6 +27,8 @@ fn foreign() -> Vec<(Vec<u8>, &'static str)> {
         (b"\x89PNG\r\n\x1a\n\0\0".to_vec(), "a PNG picture"),
         (b"<COLLADA>".to_vec(), "a COLLADA scene"),
         (b"newmtl a\n".to_vec(), "an MTL material file"),
+        (b"$MeshFormat\n4.1 0 8\n".to_vec(), "a Gmsh mesh (MSH)"),
+        (b"AC3Db\n".to_vec(), "an AC3D model"),
         (b"\xff\xfev\0".to_vec(), "UTF-16 or UTF-32 text"),
         (b"\0\x01\x02\x03".to_vec(), "a binary file"),
     ]
@@ -111,6 +113,15 @@ fn empty_files_and_other_text() {
     );
     has(&folder.mistake(&["run", "a.txt"], 2), &["a.txt:1", "not TOML", "reads experiments (TOML)"]);
     has(&folder.mistake(&["render", "a.obj"], 2), &["a.obj:1", "the file is empty", "`f 1 2 3`"]);
+    for (name, format) in
+        [("a.ply", "a PLY mesh"), ("a.stl", "an STL mesh"), ("a.glb", "a binary glTF scene")]
+    {
+        std::fs::write(folder.path(name), "").expect("a file");
+        has(
+            &message_of(&folder, &["render", name]),
+            &[&format!("{name} is empty; expected {format}"), "help"],
+        );
+    }
 }
 
 #[test]

@@ -9,7 +9,11 @@ const ENDINGS: &[(&[&str], &str, &str)] = &[
     (&["xyz", "xyzrgb"], "a list of points or atoms (XYZ)", POINTS),
     (&["pts", "ptx", "asc", "pcd", "las", "laz", "e57"], "a point cloud", POINTS),
     (&["csv", "tsv"], "a table (CSV), such as a list of points", POINTS),
-    (&["splat", "ksplat", "spz"], "a scene of Gaussian splats", "export it as a mesh, from a program for splats"),
+    (
+        &["splat", "ksplat", "spz"],
+        "a scene of Gaussian splats",
+        "export it as a mesh, from a program for splats",
+    ),
     (&["off"], "an OFF mesh", EXPORT),
     (&["3ds"], "a 3DS scene", EXPORT),
     (&["fbx"], "an FBX scene", EXPORT),
@@ -37,11 +41,19 @@ const ENDINGS: &[(&[&str], &str, &str)] = &[
     (&["brep", "brp", "fcstd"], "a FreeCAD model", CAD),
     (&["sat", "sab", "x_t", "x_b", "jt"], "a CAD model", CAD),
     (&["sldprt", "sldasm", "ipt", "iam", "prt", "catpart", "catproduct"], "a CAD model", CAD),
-    (&["msh", "mesh", "meshb", "node", "ele", "inp", "bdf", "nas", "unv", "cgns"], "a mesh for simulations", CONVERT),
+    (
+        &["msh", "mesh", "meshb", "node", "ele", "inp", "bdf", "nas", "unv", "cgns"],
+        "a mesh for simulations",
+        CONVERT,
+    ),
     (&["geo"], "a Gmsh or Houdini geometry", "make a mesh (STL) of it, with Gmsh or Houdini"),
     (&["vtk", "vtp", "vtu", "vts", "vti", "vtr", "pvd"], "a VTK file", CONVERT),
     (&["nii", "mrc", "nrrd", "nhdr", "mha", "mhd", "dcm", "vdb", "raw"], "a volume", SURFACE),
-    (&["pdb", "cif", "mol", "mol2", "sdf"], "a molecule", "export its surface as OBJ, with PyMOL or ChimeraX"),
+    (
+        &["pdb", "cif", "mol", "mol2", "sdf"],
+        "a molecule",
+        "export its surface as OBJ, with PyMOL or ChimeraX",
+    ),
 ];
 
 /// Returns the format that a name's extension stands for, without a final `.gz`; `None` for an extension that is

@@ -124,14 +124,16 @@ fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     if of_contents == FileType::Unclear {
         return foreign_text(head, path).map_or(FileType::Unclear, FileType::Foreign);
     }
-    let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };
+    let FileType::Foreign(Foreign { name, remedy }) = of_contents else { return of_contents };
     let has_more = length > head.len() as u64;
+    // Some formats are archives of other files, or packed: a newer Blender file may be a zstd archive.
+    let is_vague = name == UNKNOWN || remedy == signatures::UNPACK;
+    if let Some(foreign) = endings::foreign(path).filter(|_| is_vague) {
+        return FileType::Foreign(foreign);
+    }
     match MeshFormat::from_ending(path) {
         Some(MeshFormat::Stl) if name == UNKNOWN => FileType::Mesh(MeshFormat::Stl),
         Some(MeshFormat::Gltf) if name == JSON && has_more => FileType::Mesh(MeshFormat::Gltf),
-        None if name == UNKNOWN && endings::foreign(path).is_some() => {
-            endings::foreign(path).map_or(of_contents, FileType::Foreign)
-        }
         _ if name == UNKNOWN && stl::is_cut_off(head, length) => FileType::Mesh(MeshFormat::Stl),
         _ => of_contents,
     }
@@ -143,10 +145,8 @@ fn foreign_text(head: &[u8], path: &Path) -> Option<Foreign> {
     if head.trim_ascii().is_empty() || MeshFormat::from_ending(path).is_some() {
         return None;
     }
-    let points = Foreign {
-        name: "a list of numbers, such as points without triangles",
-        remedy: signatures::POINTS,
-    };
+    let points =
+        Foreign { name: "a list of numbers, such as points without triangles", remedy: signatures::POINTS };
     endings::foreign(path).or_else(|| text::is_list_of_numbers(head).then_some(points))
 }
 

@@ -16,7 +16,7 @@ pub(super) const POINTS: &str = "make triangles of its points, with MeshLab for 
 pub(super) const SURFACE: &str = "extract a surface (PLY or STL), with ParaView for example";
 /// The advice that leads to a mesh.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
-const UNPACK: &str = "unpack it first";
+pub(super) const UNPACK: &str = "unpack it first";
 /// The advice for an error page in place of a file.
 pub(super) const DOWNLOAD: &str = "download the file again, with the address of the file itself";
 

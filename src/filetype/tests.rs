@@ -130,11 +130,14 @@ fn text_and_bytes_without_a_signature_are_named_by_their_extension_or_as_numbers
         assert_eq!(opened("a.txt", text.as_bytes()), numbers, "{text}");
         assert_eq!(opened("a.obj", text.as_bytes()), "unclear", "{text}");
     }
-    for text in ["", "\n", "3\n", "1 2\n3 4\n", "x y z\na b c\n", "some text of words\n1 2 3\n", "0 0 1\n0 0 x\n"] {
+    for text in
+        ["", "\n", "3\n", "1 2\n3 4\n", "x y z\na b c\n", "some text of words\n1 2 3\n", "0 0 1\n0 0 x\n"]
+    {
         assert_eq!(opened("a.txt", text.as_bytes()), "unclear", "{text}");
     }
     assert_eq!(opened("a.xyz", b"C 0 0 1\n"), "a list of points or atoms (XYZ)");
     assert_eq!(opened("a.splat", b"\x01\x02\0\x03"), "a scene of Gaussian splats");
+    assert_eq!(opened("a.blend", b"\x28\xb5\x2f\xfd\x04\0"), "a Blender file");
     assert_eq!(opened("a.splat", b"GIF8"), "a GIF picture");
     assert_eq!(opened("a.xyz", b" \n"), "unclear", "empty files have a message of their own");
 }

@@ -346,6 +346,23 @@ fn a_dressed_mesh_stands_on_a_ground_unless_its_background_is_given() {
 }
 
 #[test]
+fn a_dressed_mesh_whose_backs_are_seen_has_a_note_although_its_ground_is_seen_from_the_front() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n")
+        .unwrap();
+    let shot = Shot { dressed: true, ..Shot::SQUARE };
+    let averted = |values: &[Setting]| {
+        let notes = load_scene_for(&path, values, shot).unwrap().notes;
+        notes.into_iter().find(|note| note.contains("faces away"))
+    };
+    assert_eq!(averted(&[]), None);
+    let note = averted(&[Setting::new("two_sided", Value::Boolean(false))]).unwrap();
+    assert!(note.starts_with("100% of the visible surface beside the ground faces away"), "{note}");
+    assert!(note.contains("--two-sided"), "{note}");
+}
+
+#[test]
 fn the_shadow_bias_is_a_ten_thousandth_of_the_diagonal_unless_it_is_given() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");

@@ -90,6 +90,11 @@ pub(in crate::scene) fn read(
     let unreadable = |error| Error::unreadable("mesh", path, &error, "give the path of a mesh");
     let bytes = opened.bytes(Kind::Mesh).map_err(unreadable)?;
     let (name, folder) = (path.display().to_string(), path.parent().unwrap_or(Path::new("")));
+    // The reader of OBJ files has a message of its own.
+    if bytes.is_empty() && format != MeshFormat::Obj {
+        let message = format!("{name} is empty; expected {}", format.name());
+        return Err(Error::input(message).with_help("copy, download or export the file again"));
+    }
     let reach = Reach { folder, permitted };
     let named = Named { name: &name, quotes: permitted.quotes };
     let mut file = match format {
@@ -103,7 +108,7 @@ pub(in crate::scene) fn read(
             "{name}: no triangles; the file is {} without a face",
             format.name()
         ))
-        .with_help("a mesh needs triangles: point clouds and lines are not drawn"));
+        .with_help("a mesh needs triangles: point clouds and lines are not drawn; MeshLab, for example, makes triangles of points"));
     }
     file.notes.extend(invisible(&file.mesh));
     Ok(file)

@@ -83,7 +83,8 @@ fn strip(value: &mut Value) {
 }
 
 /// The advice for files of another version.
-const CONVERT: &str = "export the file as glTF 2.0; `gltf-pipeline -i OLD.gltf -o NEW.gltf` converts version 1.0";
+const CONVERT: &str =
+    "export the file as glTF 2.0; `gltf-pipeline -i OLD.gltf -o NEW.gltf` converts version 1.0";
 
 /// Returns the error for text that is not valid glTF 2.0.
 fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
