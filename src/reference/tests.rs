@@ -87,7 +87,7 @@ fn with_smooth_shadows_a_coarse_sphere_is_lit_wherever_it_faces_the_light() {
             let (ray, hit) = caster.look(x, y);
             let Some(hit) = hit.filter(|hit| hit.triangle < ground) else { return false };
             let [point, normal] = shade::surface_at(&scene, &ray, &hit);
-            let mut sights = shade::sights(&seen, point, normal);
+            let mut sights = shade::sights::<f64>(&seen, point, normal);
             sights.any(|sight| sight.w_i.dot(normal) > 0.01 && !caster.reaches(&sight, bias))
         };
         (0..count(size)).filter(is_shadowed).count()
