@@ -68,11 +68,10 @@ fn points_with_several_samples_are_verified_timed_and_named_and_show_what_render
             (&"measured".into(), Some(5))
         );
         assert!(number(record, "max_difference") < 1e-3);
-        let primary_rays = number(record, "rays_per_s") * number(record, "median_ms") / 1e3;
+        let primary_rays = number(record, "rays_per_s") * number(record, "primary_ms") / 1e3;
         assert!((primary_rays / (33.0 * 20.0 * samples) - 1.0).abs() < 1e-9, "{record}");
     }
     assert!(number(four, "shadow_rays") > 3.5 * number(one, "shadow_rays"));
-    // The ground is white in the penumbra: the picture is another one.
     assert_ne!((&one["key"], &one["image_hash"]), (&four["key"], &four["image_hash"]));
     for (record, samples) in [(one, "1"), (four, "4")] {
         let rendered = format!("{samples}.png");
