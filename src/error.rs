@@ -40,7 +40,7 @@ pub enum Error {
     Interrupted {
         /// How far the command got before the interruption.
         message: String,
-        /// The way to continue.
+        /// The remedy: how to continue the command.
         #[help]
         help: String,
     },
@@ -93,7 +93,7 @@ pub fn limit_advice(error: &std::io::Error) -> Option<&'static str> {
         .map(|(_, remedy)| remedy)
 }
 
-/// Returns `None`: raycl recognises errors about these limits only on Unix.
+/// Returns `None`: raycl recognises errors about limits on open files and on the sizes of files only on Unix.
 #[cfg(not(unix))]
 pub fn limit_advice(_: &std::io::Error) -> Option<&'static str> {
     None
@@ -173,7 +173,8 @@ impl Error {
     }
 
     /// Returns an error for a mistake in a file whose text must not be shown, since the file may belong to
-    /// another user. Such a file is not named on the command line, but by a file in another folder.
+    /// another user. A file may belong to another user if it is not named on the command line, but by a file
+    /// in another folder.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \

@@ -51,7 +51,8 @@ pub struct Watch {
     before: Option<Ticks>,
 }
 
-/// The shortest interval, in milliseconds. Shorter intervals have too few ticks for a result.
+/// The shortest interval between two readings, in milliseconds. Shorter intervals contain too few clock ticks
+/// for a result.
 const SHORTEST_MS: f64 = 200.0;
 
 impl Watch {

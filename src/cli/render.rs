@@ -156,7 +156,8 @@ fn written(args: &Args) -> Vec<PathBuf> {
     targets(args).iter().map(|target| target.path().to_owned()).collect()
 }
 
-/// Returns the files of a picture: those of its layers, then the picture itself.
+/// Returns the files that are written for a picture: first the files of its layers, then the file of the
+/// picture itself.
 fn targets(args: &Args) -> Vec<Target> {
     let picture = target(args);
     let mut targets = layer_files(args, &picture).unwrap_or_default();
@@ -217,9 +218,9 @@ fn render(args: &Args) -> Result<()> {
 }
 
 /// Tests the device's lane operations, by which work-items exchange values. The lane operations are not
-/// tested if `hurry` may choose the strategy. In this case, the picture is cast with the preset
-/// [`hurry::QUICK`], which uses no lane operations, or with a program that an earlier start of raycl compiled
-/// after it had tested the lane operations.
+/// tested if `hurry` may choose the strategy: the picture is then cast with the preset [`hurry::QUICK`],
+/// which uses no lane operations, or with a program that an earlier start of raycl compiled after it had
+/// tested the lane operations.
 fn test_lanes(
     args: &Args,
     device: &mut Device,
@@ -263,9 +264,8 @@ fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; to standard error if the picture goes to standard output. Then returns the error
-/// `wrong` if there is one, that is, if the picture is wrong. If the picture is right and `--watch` is not
-/// given, ends the process.
+/// Prints the report; to standard error if the picture goes to standard output. If the picture is wrong, then
+/// returns the error `wrong`. If the picture is right and `--watch` is not given, ends the process.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>) -> Result<()> {
     let streams = target(args).is_standard_output();
     super::print_report(report, || report.text(device), streams, (args.json, args.quiet))?;
@@ -328,14 +328,15 @@ fn target(args: &Args) -> Target {
         _ => "picture".as_ref(),
     };
     let choice = Choice::new(args.force, "-o FILE");
-    // `with_extension` would replace the last part of a stem with dots, such as `part.v1`.
+    // For the stem `part.v1`, `with_extension` would return `part.png` instead of `part.v1.png`.
     let mut default = stem.to_owned();
     default.push(".png");
     Target::new(args.output.clone().unwrap_or_else(|| default.into()), choice)
 }
 
-/// Returns the files of `--layers`, if requested. The .png file of a layer must not have the path of the picture. The
-/// .exr file of all layers may have this path, since it also contains the picture.
+/// Returns the files of `--layers`, if requested. The .png file of a layer must not have the path of the
+/// picture. The .exr file of all layers may have the path of the picture, since the .exr file also contains
+/// the picture.
 fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     let choice = Choice::new(args.force, "--layers FILE");
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
@@ -355,9 +356,10 @@ fn may_replace(args: &Args, frames: u32) -> bool {
 
 /// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame. For a still
 /// picture, fails if a file of the picture is a file of the scene. For a moving picture that may replace
-/// files, also finds the pictures (such as textures) that only later frames of the scene use, for the same check in
-/// `motion`. For a still picture, raycl does not look for the pictures of later frames: these pictures may be large,
-/// and with `--watch`, raycl would have to read them before every picture.
+/// files, also finds the image files (such as textures) that only later frames of the scene use, so that
+/// `motion` can check that no frame replaces one of these image files. For a still picture, raycl does not
+/// look for the image files of later frames: these files may be large, and with `--watch`, raycl would have
+/// to read them before every picture.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation
@@ -377,10 +379,10 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns true if a bare mesh without lights gets soft light, a sky and usually a ground. With `--plain`, a bare mesh
-/// never gets these. With `--devices`, a bare mesh gets these only if `--samples` is given. Without `--samples`, the
-/// pixels of such a picture have different numbers of samples, and raycl cannot divide such a picture among several
-/// devices.
+/// Returns true if a bare mesh without lights gets soft light, a sky and usually a ground. With `--plain`, a
+/// bare mesh never gets soft light, a sky or a ground. With `--devices`, a bare mesh gets soft light only if
+/// `--samples` is given: without `--samples`, the pixels of a bare mesh in soft light have different numbers
+/// of samples, and raycl cannot divide a picture with different numbers of samples among several devices.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }
@@ -396,8 +398,8 @@ fn sampling(args: &Args, is_bare: bool) -> Sampling {
     }
 }
 
-/// The default samples per pixel of a bare mesh, whether its lights are its own or those that raycl adds. Only soft light
-/// is cast at half resolution.
+/// The default numbers of samples per pixel of a bare mesh, with lights from its file or with lights that
+/// raycl adds. Only soft light is cast at half resolution.
 const MESH_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;

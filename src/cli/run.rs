@@ -290,8 +290,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
-    // A new run reads its scenes before it makes its folder. Otherwise, a mistake in a scene would leave a folder, and
-    // raycl would refuse to run the corrected command in this folder.
+    // A new run reads its scenes before it makes its folder. If the run made the folder first, a mistake in a
+    // scene would leave a folder in which raycl would refuse to run the corrected command.
     let expected = if args.resume { None } else { Some(foreseen(&run, &out, &Past::default())?) };
     let out = if is_new { new_folder(&experiment.name) } else { out };
     let open = if args.resume { Results::resume } else { Results::create };
@@ -365,11 +365,11 @@ fn keep_peak(
     Ok(())
 }
 
-/// Returns a note that names the devices without rates in `peaks`. The note also names the file in which
-/// these rates are missing: the file of `--peak=FILE` or, if `left_out` is not empty, the folder's file.
-/// Returns `None` if there is neither file, or if every device has rates. `left_out` contains rates that were
-/// measured on these devices with another driver or in another state. If a device that the note names has such
-/// rates, the note states the device's present driver and state.
+/// Returns a note that names the devices without peak rates in `peaks`. The note also names the file in which
+/// the rates of these devices are missing: the file of `--peak=FILE` or, if `left_out` is not empty, the
+/// folder's file. Returns `None` if there is neither file, or if every device has rates. `left_out` contains
+/// outdated rates: rates that were measured on one of `devices`, but with another driver or in another state.
+/// If a device that the note names has outdated rates, the note states the device's present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;
@@ -416,9 +416,9 @@ fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Re
     matching_indices(&infos, &words)?.into_iter().map(|index| devices[index].chosen()).collect()
 }
 
-/// Returns an error about a word that selects devices, with the place of this word before the message. The place is the
-/// option `--device`, a location in the config, an environment variable or the settings file. For the default word
-/// `all`, nothing is added.
+/// Returns an error about a word that selects devices, with the origin of this word before the message. The
+/// origin is the option `--device`, a location in the config, an environment variable or the settings file.
+/// For the default word `all`, the message is unchanged.
 fn blamed(error: Error, word: &str, args: &Args, experiment: &Experiment) -> Error {
     let of_config = experiment.devices.iter().find(|device| device.text == word);
     match of_config.map(|device| device.location.as_str()) {
@@ -434,8 +434,8 @@ fn names_devices(args: &Args, experiment: &Experiment) -> bool {
 }
 
 /// Returns the words that select devices: the words of `--device` or, without this option, the words in the
-/// config. If the config has none either, returns the word in the user's settings. If the settings name no
-/// device, returns `all`.
+/// config. If the config names no device either, returns the word in the user's settings. If the settings
+/// name no device, returns `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],

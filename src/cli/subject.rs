@@ -66,10 +66,11 @@ impl Subject {
         [self.width, self.height]
     }
 
-    /// Loads the scene. If an azimuth or an elevation is set, raycl places the camera so that the whole scene is
-    /// visible. For a bare mesh, raycl also places the camera in this way if the mesh has no camera, or if `up` is
-    /// set. If `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
-    /// turntable. If `dressed` is true, a bare mesh without lights gets soft light, a sky and usually a ground.
+    /// Loads the scene. If an azimuth or an elevation is set, raycl places the camera so that the whole scene
+    /// is visible. raycl also places the camera of a bare mesh if the mesh's file has no camera, or if `up`
+    /// is set. If `turns` is true, a camera that raycl places is so far away that the whole scene is visible
+    /// at every angle of a turntable. If `dressed` is true, a bare mesh without lights gets soft light, a sky
+    /// and usually a ground.
     ///
     /// # Errors
     ///
@@ -204,7 +205,8 @@ mod tests {
         let contradiction = error(Some("tile,intersector=moller-trumbore"), &[]);
         assert!(contradiction.contains("not allowed"), "{contradiction}");
         assert!(error(Some("tile"), &[]).contains("missing.obj"), "{}", error(Some("tile"), &[]));
-        // raycl may choose a strategy that allows this value.
+        // Without `--strategy`, raycl may later choose a strategy that allows the ray-triangle test
+        // `moller-trumbore`, so this test is no mistake.
         let chosen_later = error(None, &[("intersector", "moller-trumbore")]);
         assert!(chosen_later.contains("missing.obj"), "{chosen_later}");
     }

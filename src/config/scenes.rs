@@ -104,9 +104,9 @@ struct Change<'a> {
     values: Vec<&'a Value>,
 }
 
-/// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as `display.exposure = 3` means
-/// the table `display = { exposure = 3 }`, so a table changes only the keys that it contains. A table that is an
-/// element of a list replaces the whole old value instead.
+/// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as
+/// `display.exposure = 3` means the table `display = { exposure = 3 }`, so a table changes only the keys that
+/// it contains. A table in a list of values, however, replaces the whole old value, with all its keys.
 fn changes<'a>(key: &Spanned<String>, values: &'a SceneValues) -> Vec<Change<'a>> {
     let path = key.get_ref().clone();
     let changed = match values {

@@ -21,8 +21,8 @@ const TOP: &str = "at the top of the experiment's file";
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,
-    /// The axes that are part of the name, as `axis=value`: those that differ from the preset, or that have several
-    /// values in the `[[strategy]]` entry.
+    /// The axes that appear in the strategy's name, as `axis=value`: those that differ from the preset, or
+    /// that have several values in the `[[strategy]]` entry.
     named_axes: Vec<String>,
 }
 

@@ -84,7 +84,7 @@ pub fn have_one_shape([width, height]: [u32; 2], [other_width, other_height]: [u
 /// A word that selects devices. Two words are equal if their texts are equal.
 #[derive(Clone, Debug)]
 pub struct DeviceWord {
-    /// The word itself.
+    /// The word's text, as the user wrote it.
     pub text: String,
     /// The word's location for messages: `FILE:LINE`, or `--set:1` if the option `--set` contains the word.
     pub location: String,
@@ -99,7 +99,7 @@ impl PartialEq for DeviceWord {
 /// A scene file, values to change in it, and the number of samples per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneChoice {
-    /// The file.
+    /// The path of the scene file.
     pub path: PathBuf,
     /// The folder of the config that names the file; empty if no config names the file.
     pub named_in: PathBuf,
@@ -124,7 +124,7 @@ pub struct SceneChoice {
 }
 
 impl SceneChoice {
-    /// Returns a choice of the file without changes.
+    /// Returns the choice of a scene file without changed values, with one sample per pixel.
     pub fn file(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),
@@ -139,7 +139,8 @@ impl SceneChoice {
         }
     }
 
-    /// Sets the number of samples per pixel. If there are several, the scene's name states their number.
+    /// Sets the number of samples per pixel. If a pixel has several samples, the scene's name states their
+    /// number.
     #[must_use]
     pub(super) fn with_samples(mut self, samples: u32) -> Self {
         self.samples = samples;
@@ -154,9 +155,10 @@ impl SceneChoice {
         Sampling::all(self.samples)
     }
 
-    /// Returns the hash that identifies the loaded `scene` in results. With one sample per pixel, it is the hash of the
-    /// scene's content, as in records of versions that always cast one sample. With several, it also covers their
-    /// number, since scenes with different numbers of samples are different scenes in results.
+    /// Returns the hash that identifies the loaded `scene` in results. With one sample per pixel, the
+    /// returned hash is that of the scene's content, as in records of raycl's versions that always cast one
+    /// sample. With several samples per pixel, the hash also covers the number of samples, since scenes with
+    /// different numbers of samples are different scenes in results.
     pub fn hash(&self, scene: &Scene) -> String {
         let content = scene.content_hash();
         match self.samples {
@@ -193,11 +195,11 @@ impl SceneChoice {
 /// A strategy as the config names it, with its local sizes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedStrategy {
-    /// The name in reports.
+    /// The strategy's name in reports.
     pub name: String,
     /// The preset's name; `None` if an axis differs from the preset.
     pub preset: Option<String>,
-    /// The value of every axis.
+    /// The strategy: one value of every axis.
     pub strategy: Strategy,
     /// Local sizes: work-items of a work-group, across and down.
     pub local_sizes: Vec<[u32; 2]>,
@@ -233,7 +235,7 @@ impl Baseline {
     /// Every baseline.
     pub const ALL: &[Self] = &[Self::Serial, Self::SerialF64, Self::Parallel];
 
-    /// Returns the name in configs.
+    /// Returns the baseline's name in configs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Serial => "serial",

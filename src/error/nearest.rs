@@ -42,7 +42,8 @@ pub fn nearest_folder(missing: &Path) -> Option<PathBuf> {
     nearest_entry(missing, Path::is_dir)
 }
 
-/// Returns the entry with the most similar name beside `missing`, among those whose paths `fits` accepts.
+/// Returns the file or folder with the most similar name in the folder of `missing`, among the files and
+/// folders whose paths `fits` accepts. Returns `None` if no name is similar enough.
 fn nearest_entry(missing: &Path, fits: impl Fn(&Path) -> bool) -> Option<PathBuf> {
     let names: Vec<String> = std::fs::read_dir(folder_of(missing))
         .ok()?

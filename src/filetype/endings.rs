@@ -4,7 +4,7 @@ use super::signatures::{CAD, CONVERT, EXPORT, OWN, POINTS, SURFACE};
 use super::{Foreign, unpacked_name};
 use std::path::Path;
 
-/// Extensions, the format's name, and advice for the user.
+/// For each format: its extensions, its name, and advice for a user who has a file of this format.
 const ENDINGS: &[(&[&str], &str, &str)] = &[
     (&["xyz", "xyzrgb"], "a list of points or atoms (XYZ)", POINTS),
     (&["pts", "ptx", "asc", "pcd", "las", "laz", "e57"], "a point cloud", POINTS),

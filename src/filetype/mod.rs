@@ -36,7 +36,7 @@ pub enum FileType {
     Toml,
     /// An empty file, or text that matches no format. The reader of the file reports the mistake.
     Unclear,
-    /// UTF-16 or UTF-32 text, which no reader here supports.
+    /// UTF-16 or UTF-32 text, which raycl cannot read.
     Utf16,
     /// A format that raycl does not read.
     Foreign(Foreign),
@@ -67,7 +67,7 @@ impl MeshFormat {
         (Self::Glb, "glb", "a binary glTF scene (GLB)"),
     ];
 
-    /// Returns the name with its article: `an OBJ mesh`.
+    /// Returns the format's name with its article: `an OBJ mesh`.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(format, ..)| *format == self).map_or("a mesh", |(.., name)| name)
     }
@@ -88,9 +88,9 @@ pub fn unpacked_name(path: &Path) -> PathBuf {
 /// A format that raycl does not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Foreign {
-    /// The name with its article: `an FBX scene (ASCII)`.
+    /// The format's name with its article: `an FBX scene (ASCII)`.
     pub name: &'static str,
-    /// The remedy for a user who has such a file; may be empty.
+    /// The remedy for a user who has a file of this format; may be empty.
     pub remedy: &'static str,
 }
 

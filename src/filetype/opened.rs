@@ -64,7 +64,7 @@ impl Opened {
         Self { rest: None, head: bytes, length, filetype }
     }
 
-    /// Reads the whole file, up to the limit of its kind.
+    /// Reads the whole file. The number of bytes that may be read depends on `kind`, the file's purpose.
     ///
     /// # Errors
     ///
@@ -80,8 +80,8 @@ impl Opened {
     ///
     /// # Errors
     ///
-    /// Fails if the system cannot read the file, if the file is larger than the limit of its kind, or if it
-    /// is not UTF-8.
+    /// Fails if the system cannot read the file, if the file is larger than the limit for `kind`, or if the
+    /// file's text is not UTF-8.
     pub fn text(self, kind: Kind) -> io::Result<String> {
         reader::utf8(self.bytes(kind)?)
     }

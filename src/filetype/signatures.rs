@@ -14,10 +14,10 @@ pub(super) const CONVERT: &str = "convert it to PLY, with meshio or ParaView for
 pub(super) const POINTS: &str = "make triangles of its points, with MeshLab for example";
 /// The advice for volumes.
 pub(super) const SURFACE: &str = "extract a surface (PLY or STL), with ParaView for example";
-/// The advice that leads to a mesh.
+/// Every advice by which the user gets a mesh from a file.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 pub(super) const UNPACK: &str = "unpack it first";
-/// The advice for an error page in place of a file.
+/// The advice for a web server's error page that was downloaded instead of a file.
 pub(super) const DOWNLOAD: &str = "download the file again, with the address of the file itself";
 
 /// A signature's offset and bytes, the format's name, and advice for the user.
@@ -150,7 +150,8 @@ fn is_utf16(head: &[u8]) -> bool {
 /// The first bytes of a SketchUp model, which look like UTF-16.
 const SKETCHUP: &[u8] = b"\xff\xfe\xff\x0eS\0k\0e\0t\0c\0h\0U\0p\0";
 
-/// Names of entries by which types of zip files are recognised, the type, and advice for the user.
+/// For each type of zip file: a part of the name of a packed file by which the type is recognised, the type's
+/// name, and advice for the user.
 const ARCHIVES: &[(&[u8], &str, &str)] = &[
     (b"3D/3dmodel.model", "a 3MF model", EXPORT),
     (b"3dmanufacturing", "a 3MF model", EXPORT),

@@ -89,7 +89,7 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         "ply" if rest.is_empty() => Some(FileType::Mesh(MeshFormat::Ply)),
         _ if word.eq_ignore_ascii_case("solid") => Some(FileType::Mesh(MeshFormat::Stl)),
         "OFF" | "COFF" | "NOFF" | "CNOFF" | "STOFF" | "4OFF" | "nOFF" => named("an OFF mesh", EXPORT),
-        // Some OBJ files begin with their materials.
+        // Some OBJ files begin with the definitions of their materials.
         "newmtl" if has_vertex(head) => Some(FileType::Mesh(MeshFormat::Obj)),
         "newmtl" => named(MTL, "name the .obj file that refers to it"),
         "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
@@ -167,7 +167,8 @@ fn root_element(head: &[u8]) -> String {
     String::new()
 }
 
-/// Returns true if `word` is `known`, in any case, up to a comma.
+/// Returns true if the part of `word` before its first comma equals `known`. Upper and lower case count as
+/// equal.
 fn is_word(word: &str, known: &str) -> bool {
     word.split(',').next().is_some_and(|first| first.eq_ignore_ascii_case(known))
 }

@@ -55,8 +55,8 @@ fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Optio
             fastest
         };
         let Ok(timed) = timer.spawn_scoped(scope, timing) else {
-            // Ends the exchange, so that the thread that answers does not wait for a turn that no thread
-            // gives back.
+            // The timing thread could not start. Ends the exchange, so that the answering thread does not
+            // wait for the timing thread.
             word.0.store(OVER, Ordering::Release);
             return None;
         };

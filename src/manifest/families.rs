@@ -93,9 +93,10 @@ pub static TILE_CPU: Family = Family {
         VECTOR_DEFINES,
     ],
     rules: &[
-        // This rule is the first, because messages give the reason of the first rule that a strategy breaks.
-        // For a wrong width, the reason must not be that of a rule about values that another width allows.
-        // Tiles with `width = 1` belong to the family `TILE_GPU`.
+        // The rule about the axis `width` is the first, because messages give the reason of the first rule
+        // that a strategy breaks. If the width is wrong, a message about another axis would mislead, since
+        // another width may allow the value on that axis. Tiles with `width = 1` belong to the family
+        // `TILE_GPU`.
         only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),

@@ -58,7 +58,8 @@ pub enum Fact {
     Environment,
     /// Soft light is cast at half resolution: a property of the picture.
     HalfLight,
-    /// The kernel for primary rays also does as much of the rest of a frame as possible.
+    /// The kernel for primary rays also casts shadow rays and, unless work-items share tiles, shades the
+    /// hits.
     Fused,
     /// The kernel for primary rays only finds the nearest hits.
     Separate,
@@ -73,7 +74,7 @@ pub enum Fact {
 pub enum Role {
     /// Prepares the planes of each triangle for the eye and the lights.
     Prepare,
-    /// Casts primary rays, and does as much of the rest of a frame as one kernel can.
+    /// Casts primary rays, and also casts shadow rays and shades hits, as far as one kernel can do all this.
     Frame,
     /// Finds the nearest hits of primary rays. If several kernels find the hits together, only the first has this role.
     Primary,
@@ -157,12 +158,12 @@ impl Kernel {
 /// The values of an axis that a family supports.
 #[derive(Clone, Copy, Debug)]
 pub enum Supported {
-    /// Only these values.
+    /// The family supports only these values.
     Only(&'static [&'static str]),
-    /// All values except these.
+    /// The family supports all values except these.
     AllBut(&'static [&'static str]),
-    /// The values that have a file in this folder. If a condition is given, values for which the condition is
-    /// true are excluded.
+    /// The family supports the values that have a file in this folder. If a condition is given, values for
+    /// which the condition is true are excluded.
     FilesIn(&'static str, Option<Fact>),
 }
 

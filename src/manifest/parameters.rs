@@ -98,10 +98,11 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
 ];
 /// For each pixel, how many samples of earlier frames hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
-/// The image after the first samples, the display's exposure and the coefficients of its tone curve, and two numbers of
-/// samples per pixel: one for blocks that are not rough, one for rough blocks. `alpha_scale` is the displayed value of an alpha of 1: 255, or 0 if the
-/// background is not transparent. The kernel writes each block's number of samples per pixel into `wanted`, and lists
-/// the rough blocks in `rough`.
+/// The image after the first samples, the display's exposure and the coefficients of its tone curve, and two
+/// numbers of samples per pixel: `first` for blocks that are not rough, `most` for rough blocks.
+/// `alpha_scale` is the displayed value of an alpha of 1: 255, or 0 if the background is not transparent. The
+/// kernel writes each block's number of samples per pixel into `wanted`, and lists the rough blocks in
+/// `rough`.
 pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, QUADS, "means"),
     p(Sampled, "const float", "exposure"),

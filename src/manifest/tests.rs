@@ -13,7 +13,8 @@ use std::sync::LazyLock;
 /// Returns the presets, and the strategies that differ from a preset in one axis. Together, these strategies use every
 /// file of every family.
 pub(super) fn strategies() -> Vec<Strategy> {
-    // Several tests need them, and it takes long to find out which values contradict each other.
+    // The list is computed only once: several tests need it, and it takes long to find out which values
+    // contradict each other.
     static ALL: LazyLock<Vec<Strategy>> = LazyLock::new(one_axis_away);
     ALL.clone()
 }
@@ -90,8 +91,9 @@ fn kernels_in(text: &str) -> BTreeMap<&str, &str> {
     heads.map(of_head).collect()
 }
 
-/// Other tests go through the families of this table, so they would pass over a family that it lacks. The families of
-/// combinations that are refused must be in the table too, since the rules of a family give the reason.
+/// Other tests go through the families in the table `FAMILIES`, so a family that the table lacks would not be
+/// tested. The table must also contain the families of combinations of values that raycl refuses, since the
+/// reason for the refusal comes from the rules of the family.
 #[test]
 fn the_family_of_every_traversal_and_width_is_in_the_table() {
     for preset in PRESETS {
@@ -196,8 +198,8 @@ fn a_program_holds_no_file_of_another_family() {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
             // In this family, a vector of rays uses the watertight test of `cl/cast/` if there is no
-            // coordinate axis along which all its rays run in the same direction. That test chooses an axis
-            // for each ray.
+            // coordinate axis along which all its rays run in the same direction. The watertight test of
+            // `cl/cast/` chooses an axis for each ray.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],
         };
@@ -256,7 +258,8 @@ fn smooth_shadows_are_in_the_programs_of_scenes_that_have_them_and_in_no_others(
     }
 }
 
-/// With these defines, the programs of all other pictures would be compiled again whenever the defines change.
+/// If the programs of other pictures also had these defines, the programs would be compiled again whenever a
+/// value of these defines changes.
 #[test]
 fn the_defines_of_light_at_half_resolution_are_in_its_programs_alone() {
     for strategy in PRESETS.iter().map(|preset| preset.strategy).filter(|of| of.family().takes(Fact::Soft)) {

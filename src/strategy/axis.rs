@@ -248,7 +248,8 @@ axis! {
     }
 }
 
-/// These methods name every traversal, so that the compiler asks for the answers of a new one.
+/// Each of these methods has a `match` that names every traversal. The compiler therefore reports
+/// each method that does not handle a new traversal.
 impl Traversal {
     /// Returns true if each primary ray is tested against every triangle.
     pub fn tests_every_triangle(self) -> bool {
@@ -298,7 +299,7 @@ impl LeafSize {
 }
 
 impl TileSize {
-    /// Returns the number of pixels across and down.
+    /// Returns the number of pixels of a tile, across and down.
     pub fn pixels(self) -> (usize, usize) {
         match self {
             Self::T8x4 => (8, 4),
@@ -311,7 +312,7 @@ impl TileSize {
 }
 
 impl Width {
-    /// Returns the number of rays.
+    /// Returns the number of rays that a work-item casts side by side.
     pub fn rays(self) -> usize {
         1 << (self as usize)
     }

@@ -39,9 +39,9 @@ pub enum Copied {
     Nothing,
     /// The whole scene.
     Scene,
-    /// Positions.
+    /// The mesh's positions.
     Vertices,
-    /// Normals.
+    /// The mesh's normals.
     Normals,
     /// Rows (a row is the data that the ray-triangle test reads of one triangle). The work-group copies the rows of one
     /// tile of triangles at a time.

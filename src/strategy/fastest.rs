@@ -280,16 +280,17 @@ impl Candidate {
 /// size.
 ///
 /// Scenes with fewer triangles than [`Constants::tree_triangles`] (0 for some devices) are cast exhaustively.
-/// For such a scene, a CPU casts as many rays per work-item as its vectors hold. A GPU casts a few rays per
-/// work-item, and streams triangles through `__local` memory.
+/// In exhaustive casting, a CPU casts as many rays per work-item as its vectors hold; a GPU casts a few rays
+/// per work-item, and streams triangles through `__local` memory.
 ///
-/// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in them. On
-/// a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU without these
-/// operations casts single rays, because tiles have not been measured on it. On a GPU without these
-/// operations, scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. A CPU that reports no
-/// vectors casts as such a GPU does. In soft light, both and every other GPU cast single rays. If triangles are
-/// much smaller than pixels, single rays are faster, since the rays of a tile take different paths. On a GPU,
-/// single rays are also faster in small pictures, which have too few tiles to keep the device busy.
+/// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in
+/// these vectors. On a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU
+/// without PTX's lane operations casts single rays, because tiles have not been measured on it; scenes with
+/// fewer than `TREE_TRIANGLES` triangles are cast exhaustively on this GPU. A CPU that reports no vectors
+/// casts in the same way as a GPU without PTX's lane operations. In soft light, every GPU, and every CPU that
+/// reports no vectors, casts single rays. If triangles are much smaller than pixels, single rays are faster,
+/// since the rays of a tile take different paths. On a GPU, single rays are also faster in small pictures,
+/// which have too few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }

@@ -315,7 +315,8 @@ const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 /// The folder of the ray-triangle tests of the families that have no tiles of rays.
 const NO_TILES: &str = "cast/intersect/";
 
-/// The file that forbids compilers to contract expressions to fma. It concerns only the code that follows.
+/// The file that forbids compilers to contract expressions to fma. The file affects only the code after the
+/// `#include` of the file.
 const EXACT_SIGNS: &str = "common/exact_signs.cl";
 
 /// Returns the entries `// key: value` of the comment that a file begins with, up to the comment's first empty line.

@@ -11,8 +11,8 @@ use crate::scene::{Mapped, Material, Mesh};
 /// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1,
 /// casting a scene of one triangle took 258 to 305 MB (2026-11-27), in runs in which LLVM 15 compiled the
 /// kernels. The preset `tile-group` needed most. A process that lists all devices also starts the drivers of
-/// other devices. The number leaves these drivers out: on a machine with an NVIDIA GPU, pictures that the CPU
-/// cast took up to 84 MB more.
+/// other devices. This constant leaves the drivers of other devices out: on a machine with an NVIDIA GPU,
+/// pictures that the CPU cast took up to 84 MB more.
 const PROGRAM_BYTES: u64 = 305_000_000;
 /// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
 /// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
@@ -79,7 +79,8 @@ impl HostNeeds {
         }
         let mut casting = base.clone();
         if strategy.needs_tree() {
-            // Only the leaf order is left: the host's copy of the nodes is freed before the triangles are uploaded.
+            // While the frame is cast, only the leaf order of the tree is left in the host's memory: the
+            // host's copy of the nodes is freed before the triangles are uploaded.
             casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
         }
         if shared {

@@ -46,10 +46,10 @@ const QUEUE_ENTRY_BYTES: u64 = 8;
 /// Bytes of the word that stores, for a ray from the eye, which lights reach the ray's hit.
 const LIT_BYTES: u64 = 4;
 
-/// Returns the largest number of bytes that the private arrays of a work-group may take on a CPU whose threads have
-/// stacks of this size: 5 MiB if the stacks have 8 MiB or more. If a value lives across a barrier, drivers keep a copy
-/// of the value for each work-item of a work-group. If the copies are too large, they overflow the stack without an
-/// error.
+/// Returns the largest number of bytes that the private arrays of a work-group may take on a CPU whose
+/// threads have stacks of this size: 5 MiB if the stacks have 8 MiB or more. If a value lives across a
+/// barrier, drivers keep a copy of the value for each work-item of a work-group. If the copies are larger
+/// than the stack, the stack overflows without an error.
 fn cpu_stack_bytes(thread_stack_bytes: u64) -> u64 {
     thread_stack_bytes.min(8 << 20) / 8 * 5
 }
@@ -151,7 +151,7 @@ impl Requirements {
     }
 }
 
-/// Returns the number of bytes that a test reads per triangle.
+/// Returns the number of bytes that the strategy's ray-triangle test reads per triangle.
 fn record_bytes(strategy: &Strategy) -> u64 {
     4 * strategy.intersector.record_floats() as u64
 }

@@ -329,10 +329,11 @@ mod tests {
         assert!(math.starts_with("`math=strict` allows it; "), "{math}");
         let passes = help("private", &[("passes", "separate")]);
         assert_eq!(passes, format!("`shading=deferred` or `passes=fused` allows it; {lists}"));
-        // A tile takes one of two tests; the message names them.
+        // Tiles support two ray-triangle tests. The message already names both, so the help does not.
         let tile = help("tile", &[("intersector", "moller-trumbore")]);
         assert_eq!(tile, format!("change one of these axes; {lists}"));
-        // A tree takes only triangles in global memory; the message names this value.
+        // Kernels that walk a tree read triangles only from global memory. The message already names the
+        // value `global`, so the help does not.
         let tree = help("bvh", &[("triangles", "local")]);
         assert_eq!(tree, format!("change one of these axes; {lists}"));
     }

@@ -5,10 +5,10 @@ use crate::device::{Builtins, DeviceLimits, LaneOperations};
 use crate::manifest::GROUP_LANES;
 
 impl Strategy {
-    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is nearly
-    /// square, so that its rays hit the same triangles. There is one exception: if the ray-triangle test uses
-    /// planes that are linear in the pixel's coordinates, the rays of a row share terms. Blocks of 16 rays
-    /// are then wider and lower.
+    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is
+    /// nearly square, so that its rays hit the same triangles. There is one exception: if the ray-triangle
+    /// test uses planes that are linear in the pixel's coordinates, blocks of 16 rays are wider and lower,
+    /// because the rays of a row share terms.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,

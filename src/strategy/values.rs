@@ -46,8 +46,8 @@ fn known() -> Headers {
     INSTEAD.get().unwrap_or_else(|| *KNOWN.read().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// The values that are files in some sources, with their headers. A run that compares two folders of kernels needs the
-/// values of both, since the same value may have other properties in the other folder.
+/// The values that are files in some sources, with their headers. A run that compares two folders of kernels
+/// needs the values of both folders, since the same value may have different properties in the two folders.
 #[derive(Clone, Copy, Debug)]
 pub struct Values(Headers);
 
@@ -241,7 +241,7 @@ mod tests {
         let through = with("#include \"my/helper.cl\"\n");
         assert!(checked(&[(file, &text)]).is_ok());
         assert!(checked(&[(file, &through), ("my/helper.cl", include)]).is_ok());
-        // The kernels of tiles include the file themselves.
+        // The kernels of tiles include `common/exact_signs.cl` themselves.
         let planes = Sources::Embedded.read("tile_cpu/intersect/edge_planes.cl").unwrap();
         let planes = planes.replace("exact_signs: no", "exact_signs: yes");
         assert!(checked(&[("tile_cpu/intersect/mine.cl", &planes)]).is_ok());

@@ -60,9 +60,9 @@ impl Cast {
     }
 
     /// Returns the number of primary rays and the number of shadow rays of a picture of `size`. Each hit has
-    /// `per_hit` shadow rays. Soft light at half resolution needs two half pictures in addition, each with a
-    /// quarter of the pixels. In this case, only one half picture has shadow rays; the other half picture and
-    /// the picture of full size have none.
+    /// `per_hit` shadow rays. Soft light at half resolution needs two half pictures in addition to the
+    /// picture of full size, each with a quarter of the pixels. Of these three pictures, only the half
+    /// picture with shadows has shadow rays.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());

@@ -22,7 +22,8 @@ const BYTES_OF_TRIANGLE: u64 = 35;
 /// The share of a picture that a bare mesh usually covers, as `Scene::covered_share` estimates it. In pictures of 640 x
 /// 400 pixels, the share is 0.38 for the bunny and 0.37 for the dragon.
 const USUAL_COVERED_SHARE: f64 = 0.375;
-/// Most bare meshes with fewer triangles than this are coarse, and so get smooth shadows if they get the default light.
+/// Most bare meshes with fewer triangles than this number are coarse. In the default light, a coarse mesh
+/// gets smooth shadows.
 const USUAL_FINE_TRIANGLES: u64 = 20_000;
 /// Number of entries that most trees need for the traversal's stack, if this stack is in `__local` memory.
 const USUAL_LOCAL_STACK: usize = 64;
@@ -30,7 +31,7 @@ const USUAL_LOCAL_STACK: usize = 64;
 /// The facts that determine a program and cannot be derived from the command's arguments alone.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
-    /// Each axis and its value.
+    /// The name of each axis, and the name of the strategy's value on this axis.
     axes: Vec<(String, String)>,
     /// The workload with which the program was last used: the properties of the scene, the image and the work-group on
     /// which a program depends.
@@ -50,8 +51,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 
 /// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so
 /// the function guesses the scene's properties on which the program depends. Returns `None` if no guess is
-/// possible. raycl compiles this program early, instead of the [`likely`] program, if the [`likely`] program
-/// is not compiled yet and [`hurry::may`] returns true.
+/// possible. raycl compiles the program of [`hurry::QUICK`] early, instead of the [`likely`] program, if the
+/// [`likely`] program is not compiled yet and [`hurry::may`] returns true.
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;
@@ -120,7 +121,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let many_samples = sampling.most > 1;
     let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
     let known = Workload {
-        // A bare mesh has lights; their number matters only if it is 0.
+        // A bare mesh always gets lights. The program does not depend on their number if it is not 0.
         lights: 1,
         local_size,
         stack_size,
@@ -143,15 +144,16 @@ fn usual_stack(strategy: &Strategy) -> usize {
     }
 }
 
-/// Returns the number of samples per pixel. A bare mesh has a default of its own. The file's name decides whether the
-/// file counts as a bare mesh, since the file has not been read yet.
+/// Returns the number of samples per pixel. The default number for a bare mesh differs from that for a scene
+/// file. The file's name decides whether the file counts as a bare mesh, since the file has not been read
+/// yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, !is_scene)
 }
 
-/// Returns a text that identifies the scene's file in its present state, the device, and all arguments that affect
-/// which program is chosen. `None` if the file's state is unknown, as for standard input.
+/// Returns a text that identifies the scene's file in its present state, the device, and all arguments that
+/// affect which program is chosen. Returns `None` if the file's state is unknown, as for standard input.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
     let metadata = path.metadata().ok()?;
@@ -272,7 +274,8 @@ mod tests {
         assert_eq!(["32x1", "5x5"].map(is_guessed), [true, false]);
     }
 
-    /// The number of triangles is not known before the scene is read.
+    /// A program that copies all triangles to `__local` memory contains their number, which is not known
+    /// before the scene is read.
     #[test]
     fn no_program_is_guessed_that_copies_all_triangles_to_local_memory() {
         let folder = tempfile::tempdir().unwrap();

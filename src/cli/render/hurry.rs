@@ -15,12 +15,15 @@ use crate::strategy::{Strategy, Workload, preset};
 pub const QUICK: &str = "bvh";
 /// Work-items per work-group with [`QUICK`], across and down.
 const QUICK_LOCAL: [u32; 2] = [8, 8];
-/// With more primary rays than this, casting with a slower strategy may take longer than compiling a faster one.
+/// The largest number of primary rays of a picture that is cast with [`QUICK`]. With more rays, casting with
+/// [`QUICK`] may take longer than compiling the fastest strategy's program.
 const MOST_RAYS: u64 = 200_000_000;
-/// With more triangles than this, it takes too long to build a tree for [`QUICK`] besides the fastest strategy's tree.
+/// The largest number of triangles of a scene that is cast with [`QUICK`]. With more triangles, it takes too
+/// long to build a tree for [`QUICK`] besides the fastest strategy's tree.
 const MOST_TRIANGLES: usize = 1_000_000;
 
-/// A program that a background process compiles, with its strategy and workload.
+/// A program that a background process compiles for raycl's next start, with the program's strategy and
+/// workload.
 pub struct Later {
     pub strategy: Strategy,
     pub workload: Workload,
@@ -59,8 +62,9 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
 }
 
 /// Returns the strategy and the local size with which to cast a picture. If [`may_cast`] returns true and the
-/// fastest strategy's program must still be compiled, returns those of [`QUICK`] and, as the second value,
-/// the fastest strategy's program. In all other cases, returns `fastest` and `None`.
+/// fastest strategy's program must still be compiled, returns the strategy and the local size of [`QUICK`]
+/// and, as the second value, the fastest strategy's program. In all other cases, returns `fastest` and
+/// `None`.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,

@@ -218,7 +218,8 @@ mod tests {
         assert!(error.remedy().contains("saved for inspection: a.png; to see where"), "{}", error.remedy());
         let error = judged(1.0, parts.hits + 1).expect_err("a hit too many");
         assert!(error.to_string().contains("changed which pixels show a surface"), "{error}");
-        // The whole picture differs, and is filtered as it is.
+        // The picture of full size (`parts.whole`) differs slightly from the reference. The final picture is
+        // computed from `parts.whole` without a mistake.
         let mut parts = parts;
         parts.whole.pixels.iter_mut().for_each(|pixel| *pixel = pixel.map(|channel| 1.0005 * channel));
         let image = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);

@@ -148,14 +148,15 @@ fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
 fn begin(cache: &Cache, name: &str) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, name).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
-    // If the clock was ahead when `since` was stored, `since` may lie in the future. So the sign of the difference is
-    // ignored.
+    // If the clock was ahead when `since` was stored, `since` may lie in the future. So the sign of the
+    // difference between `now` and `since` is ignored.
     let free = since.is_none_or(|since| now.as_secs().abs_diff(since) > LONGEST.as_secs());
     free && cache.put(KIND, name, &now.as_secs().to_le_bytes())
 }
 
-/// Starts the background process, and waits until it has closed the files that it inherited from this process: when
-/// this process ends, its caller's locks and pipes are then free.
+/// Starts the background process, and waits until the background process has closed the files that it
+/// inherited from raycl. If these files stayed open, locks and pipes of the program that started raycl would
+/// stay in use after raycl has ended.
 fn start(order: &Order) -> std::io::Result<()> {
     let text = serde_json::to_vec(order)?;
     let mut child = background(order).map_err(std::io::Error::other)?.spawn()?;
@@ -178,9 +179,10 @@ fn background(order: &Order) -> Result<Command> {
     Ok(command)
 }
 
-/// Separates the background process from this command's caller: the process does not keep the current folder's disk in
-/// use, and a signal for the process group of the command, such as Ctrl-C, does not reach the process. The process only
-/// stays in the current folder if a driver may need files of it, which an environment variable names.
+/// Separates the background process from this command's caller: the process does not keep the current
+/// folder's disk in use, and a signal for the process group of the command, such as Ctrl-C, does not reach
+/// the process. The background process stays in the current folder only if an environment variable for
+/// drivers names an existing file or folder relative to the current folder.
 #[cfg(unix)]
 fn detach(command: &mut Command) {
     use std::os::unix::process::CommandExt as _;
@@ -196,19 +198,21 @@ fn detach(command: &mut Command) {
     command.stdout(Stdio::null());
 }
 
-/// Returns true if one of these paths, which are separated as in `PATH`, exists and is relative to the current folder.
+/// Returns true if one of `paths` (separated as in the variable `PATH`) exists and is relative to the current
+/// folder.
 #[cfg(unix)]
 fn names_relative(paths: &std::ffi::OsStr) -> bool {
     std::env::split_paths(paths).any(|path| path.is_relative() && path.exists())
 }
 
 /// Does the work of the background process: reads the task ([`Order`]) from standard input, and lists the
-/// devices if no list is stored. If the task has a program, also builds and stores this program. The process ends
-/// early if the cache's folder is removed: whoever removed it would not expect it to be made again. No driver may be
-/// loaded before.
+/// devices if no list is stored. If the task has a program, also builds and stores this program. The process
+/// ends early if the cache's folder is removed: a user who removed the folder would not expect raycl to make
+/// it again. No driver may be loaded before this function is called, since the function closes all inherited
+/// files.
 pub fn serve() -> Result<()> {
     leave_files();
-    // The command that starts this process waits until its task is read.
+    // The command that starts this process waits until this process has closed the files that it inherited.
     let order = read_order(std::io::stdin())?;
     yield_to_others();
     let cache = Cache::of_user().only_while_it_exists();
@@ -216,7 +220,8 @@ pub fn serve() -> Result<()> {
     end_without(folder.to_owned())?;
     let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
-    // A device's identity contains the version of its driver.
+    // A device's identity contains the version of its driver, so a device whose driver has changed is not
+    // found.
     let device = device.ok_or_else(|| {
         Error::run("no driver lists the task's device: the device has disappeared, or its driver has changed")
     })?;

@@ -12,14 +12,16 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 /// From this number of triangles on, a CPU casts a single picture by tiles of rays that read the mesh's own list of
 /// normals.
 ///
-/// Other strategies read a copy of the normals in leaf order, which takes 36 bytes per triangle. Without the copy, a
-/// frame takes about 5% longer, but raycl starts to cast earlier. On 2 cores of an Intel Xeon (docs/log.md,
-/// 2026-11-27), making the buffers of 4 million triangles takes 29 ms less, and casting the frame 5 ms more. With 10
-/// million triangles, these differences are 0.8 s and 14 ms.
+/// Other strategies read a copy of the normals in leaf order, which takes 36 bytes per triangle. Without the
+/// copy, a frame takes about 5% longer, but raycl starts to cast earlier. On 2 cores of an Intel Xeon
+/// (docs/log.md, 2026-11-27), making the buffers of 4 million triangles takes 29 ms less without the copy,
+/// and casting the frame 5 ms more. With 10 million triangles, making the buffers takes 0.8 s less, and
+/// casting the frame 14 ms more.
 ///
-/// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But their buffers need 2.3
-/// GB for 10 million triangles instead of 1.3 GB. On 2 cores of an AMD EPYC (docs/log.md, 2026-11-28), making them takes
-/// 3 s longer, and casting a frame takes at most 1.3 s less.
+/// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10
+/// million triangles, the buffers for packets need 2.3 GB, and those for tiles need 1.3 GB. On 2 cores of an
+/// AMD EPYC (docs/log.md, 2026-11-28), making the buffers for packets takes 3 s longer, and casting a frame
+/// with packets takes at most 1.3 s less.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those

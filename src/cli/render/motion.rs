@@ -62,8 +62,8 @@ pub struct Motion {
 
 /// The name of the group of options that make pictures move.
 pub(super) const MOVING: &str = "moving";
-/// Options that conflict with `--turntable` and `--animate`. `--layers`, `--every-device` and `--no-wait` conflict
-/// with them too; `render.rs` declares this for each.
+/// Options that conflict with `--turntable` and `--animate`. `--layers`, `--every-device` and `--no-wait`
+/// conflict with `--turntable` and `--animate` too; `render.rs` declares these three conflicts.
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {
@@ -142,7 +142,7 @@ struct Report {
     image_size: [u32; 2],
     /// Number of frames that were cast.
     frames: u32,
-    /// Number of frames that existed already.
+    /// Number of frames that were not cast, because their files existed already.
     skipped: u32,
     /// Median device time of a frame; null if no frame was cast.
     frame_ms: Option<f64>,

@@ -181,7 +181,7 @@ mod tests {
         let file = folder.path().join("display/show.cl");
         std::fs::create_dir(folder.path().join("display")).expect("a folder");
         let device = discover(&Sources::Embedded).expect("devices").remove(0);
-        // Only a device with memory of its own uses this kernel.
+        // Only a device with memory of its own uses the kernel for the display transform.
         let queue = Queue::open(&device).expect("a queue").with_separate_memory(1 << 20);
         let args = Command::parse_from(["render", "a.obj", "--cl-dir", "mine"]).args;
         let sources = Sources::Folder(folder.path().to_owned());
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(error.exit_code(), 2, "{message}");
         assert!(message.starts_with("a kernel file does not compile: "), "{message}");
         assert!(message.contains(&format!("{}:", file.display())), "{message}");
-        // The mistake may be in another file of the folder.
+        // The mistake may also be in a file that the kernel file includes.
         let included = folder.path().join("display/mine.cl");
         std::fs::write(&included, "uchar mine(;\n").expect("a file");
         let included_first = format!("#include \"display/mine.cl\"\n{right}");

@@ -135,10 +135,10 @@ impl Verification {
 pub struct Verified {
     /// The largest relative difference. Without half pictures, it is the difference from the reference, over
     /// all certain pixels; null if no pixel is certain. With half pictures, raycl makes two comparisons. This
-    /// field then has the larger difference, and is never null. First, the pictures from which the filter made
-    /// the final picture are compared with the reference, in their certain pixels. Second, the host applies
-    /// the same filter to the pictures that the device cast. All pixels of the final picture are compared with
-    /// the result.
+    /// field then has the larger difference, and is never null. First, the pictures from which the filter
+    /// made the final picture are compared with the reference, in their certain pixels. Second, the host
+    /// applies the same filter to the pictures that the device cast, and all pixels of the final picture are
+    /// compared with the result of the host's filter.
     pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.
@@ -171,7 +171,7 @@ impl Verified {
     }
 }
 
-/// Returns the number of events per second if `count` events took this time.
+/// Returns the number of events per second if `count` events took `ms` milliseconds.
 fn per_s(count: f64, ms: f64) -> f64 {
     count / ms * 1e3
 }

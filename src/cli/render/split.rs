@@ -99,7 +99,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target, args.subject.size())?;
-    // The strategy may have values that are files of `--cl-dir`, and `load` checks the strategy.
+    // The strategy may have values that are files of `--cl-dir`. These files must be known before `load`
+    // checks the strategy.
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     let Loaded { scene, notes, .. } = load(args)?;
     if scene.transparent {

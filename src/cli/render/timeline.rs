@@ -66,7 +66,7 @@ impl Timeline {
         self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
     }
 
-    /// Returns all parts, in the order in which they were first added, and their sum.
+    /// Returns all parts, in the order in which they were first added, and the sum of their durations.
     pub fn into_parts(self) -> (Vec<Part>, f64) {
         let total_ms = self.parts.iter().map(|part| part.ms).sum();
         (self.parts, total_ms)

@@ -61,7 +61,8 @@ pub fn new_folder(name: &str) -> PathBuf {
     numbered_folders(name).find(|folder| !is_taken(folder)).unwrap_or_else(|| numbered_folder(name, 1))
 }
 
-/// Returns the path of a new folder: `results/NAME`, or `results/NAME-N` with the first number N after the highest one.
+/// Returns the path of a new folder: `results/NAME`, or `results/NAME-N` with the first number N after the
+/// highest number of an existing folder.
 fn free_folder(name: &str) -> PathBuf {
     numbered_folders(name).find(|folder| !folder.exists()).unwrap_or_else(|| numbered_folder(name, 1))
 }
@@ -131,7 +132,7 @@ mod tests {
         folders.sort();
         assert_eq!(folders, ["", "-2", "-3"].map(|ending| PathBuf::from(format!("{quick}{ending}"))));
         assert!(folders.iter().all(|folder| folder.is_dir()));
-        // The reason why a folder cannot be made is reported later.
+        // `new_folder` also returns the path of a folder that cannot be made. The reason is reported later.
         std::fs::write(parent.path().join("file"), "").unwrap();
         assert_eq!(new_folder(&name("file/quick")), parent.path().join("file/quick"));
     }

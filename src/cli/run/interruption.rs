@@ -9,8 +9,9 @@ use std::sync::{Arc, OnceLock};
 /// The exit code after a second SIGINT (Ctrl-C) or SIGTERM.
 const INTERRUPTED: i32 = 130;
 
-/// The flag that all runs of this process share. With a flag for each run, a signal between two runs of
-/// `raycl reproduce` would set only the flags of finished runs, which nobody reads any more.
+/// The flag that a signal sets, and that all runs of this process share. With a flag for each run, a signal
+/// between two runs of `raycl reproduce` would set only the flags of finished runs, which nobody reads any
+/// more.
 static FLAG: OnceLock<std::io::Result<Arc<AtomicBool>>> = OnceLock::new();
 
 /// Returns the flag that the first SIGINT or SIGTERM sets; a second signal ends the process at once.
@@ -19,7 +20,8 @@ pub fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     known.map_err(|error| Error::fault(format!("raycl cannot handle Ctrl-C: {error}")))
 }
 
-/// Clears the flag, so that a program that continues after an interrupted run can start another run.
+/// Clears the flag that a signal has set, so that a program that continues after an interrupted run can start
+/// another run.
 pub fn forget_interruption() {
     if let Some(Ok(interrupted)) = FLAG.get() {
         interrupted.store(false, Ordering::Relaxed);

@@ -124,8 +124,8 @@ struct Part<'a> {
 impl Part<'_> {
     fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
-        // If neither the command nor the config names a device, the user's settings select the devices. The word in
-        // these settings is then stored.
+        // If neither the command nor the config names a device, the user's settings select the devices. The
+        // attempt then stores the word by which the settings select devices.
         let is_named = super::names_devices(self.args, self.run.experiment);
         let about = About {
             device: settings::device().filter(|_| !is_named),
@@ -142,9 +142,10 @@ impl Part<'_> {
         result
     }
 
-    /// Measures while one thread watches the launcher, and another thread increases the counter in the attempt's
-    /// folder. When this function returns, the counter has its last value in the folder. Only then may the caller mark
-    /// the attempt as ended, since other processes may copy the folder of an attempt that has ended.
+    /// Measures while one thread watches the launcher, and another thread regularly increases a counter in
+    /// the attempt's folder, a sign that the attempt is alive. When this function returns, the counter has
+    /// its last value in the folder. Only then may the caller mark the attempt as ended, since other
+    /// processes may copy the folder of an attempt that has ended.
     fn watched(&self, attempt: &Attempt, host: &str, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         watch_launcher(attempt, self.asked)?;
         let pulse = Pulse::start(&attempt.folder)?;

@@ -155,7 +155,7 @@ mod tests {
             let help = error.remedy();
             assert!(help.contains(&line) && help.ends_with("write #include \"cast/helper.cl\""), "{help}");
         }
-        // Another file may be meant, so raycl only asks.
+        // The user may mean another file than the one with the similar name, so the help only asks.
         let error = refused_of(&[(value, "int a;\n#include \"cast/helpr.cl\"\n"), ("cast/helper.cl", "")]);
         let asked =
             "line 2 includes \"cast/helpr.cl\", which does not exist: did you mean \"cast/helper.cl\"?";

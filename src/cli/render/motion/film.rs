@@ -89,7 +89,7 @@ impl Film {
 pub struct Keys {
     shared: String,
     mesh: LastHash<Mesh>,
-    /// The texels of the sky's picture.
+    /// The texels of the sky's picture, with their hash.
     texels: LastHash<[[f32; 3]]>,
 }
 

@@ -139,8 +139,9 @@ impl Numbered {
     }
 }
 
-/// Sets the time of a frame that is still right to now, so that a rule of make whose target is the frame has nothing
-/// left to do. If the system refuses, for example because the file belongs to another user, the file keeps its time.
+/// Sets the modification time of a frame's file to the current time, since the existing file need not be
+/// rendered again. A rule of a makefile whose target is the file then has nothing left to do. If the system
+/// refuses, for example because the file belongs to another user, the file keeps its modification time.
 fn made_now(file: &Path) {
     // Windows sets the times of a file only if it is open for writing; Unix sets those of read-only files too.
     let opened = File::options().read(true).write(cfg!(windows)).open(file);

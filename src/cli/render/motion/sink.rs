@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn frames_are_written_even_if_the_system_refuses_further_threads() {
-        // No address space can hold such a stack.
+        // No address space can hold a stack of this size, so the threads cannot start.
         let refused = (0..3).map(|_| Builder::new().stack_size(1 << (usize::BITS - 1)));
         let (sender, receiver) = sync_channel(10);
         (0..10_usize).for_each(|number| sender.send(number).unwrap());

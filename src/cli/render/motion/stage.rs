@@ -29,8 +29,9 @@ pub struct Stage<'a> {
     pub ready: Option<Ready>,
 }
 
-/// An uploaded scene with its program, and the caster of its frames. Both are kept until a scene needs other buffers or
-/// kernels, for example because it has another mesh.
+/// An uploaded scene with its program, and the caster of its frames. The buffers, the program and the caster
+/// are kept until a frame's scene needs other buffers or kernels, for example because the scene has another
+/// mesh.
 type Ready = (Prepared, Caster);
 
 impl Stage<'_> {
