@@ -25,8 +25,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
-    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Of a node's children,
-    // the nearest is the topmost.
+    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Among the children of
+    // one node, the nearest is topmost.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {

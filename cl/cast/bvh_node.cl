@@ -111,14 +111,15 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes a child of the node onto the stack if at least one ray enters the child's box before its own `reach`. The
+// Pushes those children of a node onto the stack whose boxes at least one ray enters before the ray's `reach`. The
 // nearest child is on top. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {
         varying entry;
         const Mask met = enter_box(probe, node + child, reach, &entry);
-        // If one ray enters the box, the whole packet visits the child. The entry is that of the first ray to enter.
+        // If one ray enters the box, the whole packet visits the child. The child's `entry` is the smallest t at which
+        // one of the rays enters.
         if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
     }
     return waiting;

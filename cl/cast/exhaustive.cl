@@ -21,7 +21,8 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Mask open = wanted;
 #else
 // For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if there is none. The
-// rays are in the working vectors. All other lanes begin with a nearest hit at t = 0, so that they accept no hit.
+// rays are in the working vectors. Lanes that are not in `wanted` begin with a nearest hit at t = 0, so that they
+// accept no hit.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;

@@ -31,8 +31,8 @@ uchar shown(const float radiance, __global const float *smallest, __global const
 
 // Displays `count` pixels of `image`, from the pixel with the index `first` on. A pixel's fourth channel is positive
 // for a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two elements.
-// To the first, the kernel adds the number of pixels that hit something; to the second, the number of pixels that are
-// not finite.
+// The kernel adds the number of pixels that hit something to the first element, and the number of pixels that are not
+// finite to the second.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict counters) {
@@ -40,7 +40,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     if (get_local_id(0) == 0) hits = wrong = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
 
-    // The pixels of a work-item are consecutive. In place of pixels after the last one, zeros are used.
+    // The pixels of a work-item are consecutive. Beyond the last of the `count` pixels, the kernel uses zeros in place
+    // of pixels.
     const uint begin = ITEM_PIXELS * (uint)get_global_id(0);
     uint own_hits = 0, own_wrong = 0;
     uchar bytes[ITEM_BYTES];
@@ -57,8 +58,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }
 
-    // Each work-group makes one addition to each of the `counters`, since additions at the same address wait for each
-    // other.
+    // Each work-group makes one addition to each of the `counters`, since atomic additions at the same address wait for
+    // each other.
     if (own_hits) atomic_add(&hits, own_hits);
     if (own_wrong) atomic_add(&wrong, own_wrong);
     barrier(CLK_LOCAL_MEM_FENCE);

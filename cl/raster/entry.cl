@@ -1,7 +1,7 @@
-// The book's rasteriser, with one work-item per triangle. Unlike the book's version, this rasteriser clips at the near
-// plane. It interpolates 1 / depth, which is linear in the pixel. Its edge functions are computed from homogeneous
-// coordinates without a division by a vertex's depth, so triangles may extend behind the eye (Olano and Greer,
-// "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
+// The rasteriser of the textbook (Hughes et al., "Computer Graphics"), with one work-item per triangle. Unlike the
+// textbook's version, this rasteriser clips at the near plane. It interpolates 1 / depth, which is linear in the pixel.
+// Its edge functions are computed from homogeneous coordinates without a division by a vertex's depth, so triangles may
+// extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
 // floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; if there are
@@ -87,8 +87,8 @@ void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETER
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
     const float x = clamp(uniform_dot(q, sx) / uniform_dot(sx, sx), -1.0f, image_size.x + 1.0f);
     const float y = clamp(uniform_dot(q, sy) / uniform_dot(sy, sy), -1.0f, image_size.y + 1.0f);
-    // The bounds include one more pixel on each side, since these coordinates are rounded. The edge functions decide
-    // exactly which pixels the triangle covers.
+    // The bounds include one more pixel on each side, since the coordinates x and y are rounded. The edge functions
+    // decide exactly which pixels the triangle covers.
     coverage->low = min(coverage->low, (int2)((int)floor(x) - 1, (int)floor(y) - 1));
     coverage->high = max(coverage->high, (int2)((int)ceil(x) + 1, (int)ceil(y) + 1));
 }
@@ -155,8 +155,8 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
 }
 
-// The first lines of both kernels: compute the coverage of the work-item's triangle. Work-groups have a fixed size, so
-// the last group may have more work-items than there are triangles left.
+// The first lines of the kernels raster_depth and raster_nearest: compute the coverage of the work-item's triangle.
+// Work-groups have a fixed size, so the last group may have more work-items than there are triangles left.
 #define COVERAGE_OF_TRIANGLE                 \
     const int triangle = get_global_id(0);   \
     if (triangle >= triangle_count) return;  \

@@ -2,7 +2,8 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
-// The column and row of a vector's first pixel. The arguments may be vectors of numbers.
+// The column and row of the first pixel of the tile's vector with the number `vector`. This argument may be one number,
+// or an int16 of numbers.
 #define FIRST_COLUMN(vector) \
     (((int)get_global_id(0) * TILE_X + (vector) % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS)
 #define FIRST_ROW(vector) (((int)get_global_id(1) * TILE_Y + (vector) / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS)
@@ -23,8 +24,8 @@ varying_int sample_of_lane(int bits) {
 // rays per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
-    // A pixel's column and row are those of its ray in the grid of all rays, divided by the number of sub-pixels across
-    // or down.
+    // A pixel's column and row are the column and row of its ray in the grid of all rays, divided by the number of
+    // sub-pixels across or down.
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
     pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);

@@ -28,8 +28,9 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests the prepared triangles in `worth` against the vectors in `live`. With `many`, each triangle is tested against
-// the vectors' intervals of directions first. Returns the same vectors as test_prepared.
+// Tests the prepared triangles whose bits are set in `worth` against the vectors whose bits are set in `live`. With
+// `many`, each triangle is tested against the vectors' intervals of directions first. Returns the same vectors as
+// test_prepared.
 INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared, uint worth, int first,
                         uint live, const int any, const int many) {
     uint changed = 0;
@@ -44,8 +45,8 @@ INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared 
             live &= ~done;
         } else {
             changed |= now;
-            // The hit's normals are prefetched for shading. There is no branch, since the processor could not predict
-            // it.
+            // The hit's normals are prefetched for shading. The prefetch is not under a condition, since the processor
+            // could not predict the branch.
             fetch_normals(&tree->normals, tree->tree.leaves, now ? first + lane : first);
         }
     }
@@ -59,12 +60,12 @@ __attribute__((noinline)) uint test_with_many(Bundle *bundle, const SurfaceTree 
     return test_worth(bundle, tree, prepared, worth, first, live, any, 1);
 }
 
-// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns vectors, one bit each: those in
-// which a ray hit or, with `any`, those whose rays are all finished.
+// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns one bit for each vector: 1 if one
+// of the vector's rays hit or, with `any`, if all its rays are finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
-    // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to other leaves or to the
-    // padding.
+    // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to triangles of other
+    // leaves, or to the padding after the last leaf.
     const uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
     return popcount(live) > FEW_VECTORS ? test_with_many(bundle, tree, &prepared, worth, first, live, any)
                                         : test_worth(bundle, tree, &prepared, worth, first, live, any, 0);

@@ -67,7 +67,7 @@ uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vector
             entry = max(entry, min(a, b));
             leave = min(leave, max(a, b));
         }
-        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR; these enter no box.
+        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR; these rays enter no box.
         const Mask open = bundle->inv_t[vector] < FAR;
         const varying inv_t = SELECT(open, bundle->inv_t[vector], (varying)(0.0f));
         met |= ANY(open & (entry <= leave * OUTWARDS) & (entry * inv_t <= OUTWARDS)) ? 1u << vector : 0;

@@ -1,5 +1,5 @@
-// A single ray of a tile, which traverses the tree alone. Rays to the sky run in all directions, so a packet of them
-// would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
+// Casts a single ray of a tile, which traverses the tree alone. Rays to the sky run in all directions, so a packet of
+// them would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
 // triangles of a leaf together.
 
 typedef struct {
@@ -80,7 +80,8 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
-        // In the last step, bits after the leaf's last triangle belong to triangles of other leaves, or to padding.
+        // In the last iteration, bits after the leaf's last triangle belong to triangles of other leaves, or to
+        // padding.
         const uint own = (1u << min(end - first, TOGETHER)) - 1;
         if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
     }

@@ -1,4 +1,4 @@
-// Rays of a tile to the sky.
+// Casts the rays from a tile's hits to the sky.
 
 #include "tile_cpu/single_ray.cl"
 

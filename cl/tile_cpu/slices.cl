@@ -1,7 +1,7 @@
 // Bounds of a tile's rays: intervals of their directions, for the whole tile (a TileInterval) and for each of its
 // vectors (Slices).
 
-// The ends of an interval of reciprocals are moved outwards by this part of their value, which is larger than the
+// The ends of an interval of reciprocals are moved outwards by this fraction of their value, which is larger than the
 // relative rounding error of a reciprocal.
 #define RECIPROCAL_ROUNDING 3e-7f
 // A component of a direction counts as zero if its absolute value is less than this number.
@@ -67,7 +67,8 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the minimum and the maximum over a whole tile: over the parts (one lane per vector), then over the lanes.
+// Finds the least value of `low` and the greatest value of `high` over all vectors of a tile. Each lane of the PARTS
+// float16 belongs to one vector: first the float16 are combined, then their lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -91,12 +92,13 @@ TileInterval interval_of_tile(const Slices *directions) {
     return interval;
 }
 
-// The half widths of intervals of directions are increased by this part of the largest direction. This is more than the
-// rounding errors of a direction's product with a normal and of its bound, largest_product.
+// The half width of an interval of directions is increased by this fraction of the interval's larger end (in absolute
+// value). The increase is more than the rounding errors of a direction's dot product with a normal, and of the bound
+// that largest_product computes.
 #define PRODUCT_ROUNDING 2e-6f
 
-// Converts `slices` from intervals of directions to intervals of reciprocals. Before, the middles and half widths of
-// the intervals of directions are stored in the bundle.
+// Converts `slices` from intervals of directions to intervals of reciprocals. First, the function stores the middles
+// and half widths of the intervals of directions in the bundle.
 void finish_slices(Bundle *bundle, Slices *slices) {
     for (int axis = 0; axis < 3; axis++) {
         for (int part = 0; part < PARTS; part++) {
@@ -109,9 +111,11 @@ void finish_slices(Bundle *bundle, Slices *slices) {
     }
 }
 
-// Returns a bound of the products of a normal (x, y, z) and the directions of 16 vectors' rays, one lane per vector.
+// Returns upper bounds of the dot products of a normal (x, y, z) with the directions of rays: one lane for each of 16
+// vectors.
 INLINED float16 largest_product(const Bundle *bundle, int part, float x, float y, float z) {
-    // The product is largest at a corner of the interval: along each axis, at the end on the normal's side.
+    // The dot product is largest at a corner of the box of directions: along each axis, at the end of the interval to
+    // which the normal points.
     const float16 middle =
         x * bundle->middle[0][part] + (y * bundle->middle[1][part] + z * bundle->middle[2][part]);
     return middle + fabs(x) * bundle->half_width[0][part] +

@@ -19,8 +19,9 @@ void fetch_child(const Tree *tree, uint word) {
 
 // Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top, unless
 // `any` is 1 (the order does not matter then). `reach` is the largest t at which a ray of the tile can hit something.
-// Returns the new number of the stack's entries. To find a child's place, the function counts the pushed children that
-// the tile enters later: these are below the child. An example with three children, entered at t = 5, 2 and 9:
+// Returns the new number of the stack's entries. To find a child's place in the stack, the function counts the pushed
+// children that the tile enters later: these are below the child. An example with three children, entered at t = 5, 2
+// and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
@@ -32,7 +33,8 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
-        // A scattered vector's hits lie far apart. Its intervals are too wide, so each ray of the vector is tested.
+        // The hits of a scattered vector lie far apart. The intervals of such a vector are too wide to exclude boxes,
+        // so each ray of the vector is tested.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
@@ -78,7 +80,8 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
-        // A vector whose shadow rays are all blocked is finished. Other vectors have a smaller reach (largest t) now.
+        // With `any`, a vector whose rays are all blocked is finished. Without `any`, vectors with new hits have a
+        // smaller reach (largest t) now.
         if (any) {
             open &= ~changed;
         } else {

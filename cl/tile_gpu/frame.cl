@@ -217,7 +217,8 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
         todo &= ~active;
     }
     uint hits = 0;
-    // The result of every ray of the tile is stored, even if the ray hit nothing, since shading reads all results.
+    // The result of every ray of the tile inside the image is stored, even if the ray hit nothing, since shading reads
+    // all results.
     EACH_RAY(ray) {
         const EyeRay eye_ray = tile_ray(group, ray, grid);
         if (eye_ray.inside) nearest[index_of(eye_ray, grid)] = packet.leaf_index[ray];

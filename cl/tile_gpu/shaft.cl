@@ -34,7 +34,7 @@ typedef struct {
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
 #if PLANES_OF_ORIGIN
-    const __global float4 *planes; // of all triangles, for this origin
+    const __global float4 *planes; // the planes of all triangles, for this origin
     uint across_row, down_row, along_row; // the offsets in `planes` of the rows for the pass's axes
 #endif
 } Shaft;
@@ -97,7 +97,8 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Unifor
     *a = along_axes(shaft, first);
     *b = along_axes(shaft, second);
     *c = along_axes(shaft, third);
-    return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // the triangle's number, its material's, and 0
+    // The fourth components are the triangle's number, its material's number, and 0, none of which is negative.
+    return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0;
 }
 
 // Returns the largest value of v . (x, y, 1) over the slopes (x, y) of all rays of a shaft.
@@ -115,7 +116,7 @@ INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
 
-// A leaf's triangle that a group's rays have to test. `prepare`, in the intersector's file, fills the numbers.
+// A leaf's triangle that a group's rays have to test. `prepare`, in the intersector's file, computes the numbers.
 typedef struct {
     float4 a, b, c;
 } Candidate;

@@ -84,7 +84,7 @@ INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, flo
 
 // A leaf's triangles that a group's rays have to test, stored without gaps, and the lanes that prepared them.
 typedef struct {
-    __local float4 *quads; // three for each triangle
+    __local float4 *quads; // three float4 for each triangle
     __local int *lanes;
 } Candidates;
 
@@ -170,7 +170,7 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
         }
         if (met || !going) continue;
         // Continues with the topmost node or leaf of the stack that is not behind the nearest hits of all rays. Entries
-        // above it are dropped.
+        // above this one are dropped.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];
@@ -179,7 +179,7 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
         }
         going = entry < reach;
         // If the budget is used up, the remaining rays become leftover shadow rays. They are few, but take long, so it
-        // is faster if a whole group casts each of them.
+        // is faster if a whole group of 32 lanes casts each leftover ray.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read

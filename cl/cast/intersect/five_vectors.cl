@@ -5,14 +5,15 @@
 // operations: 15
 // contradicts: epsilons=relative because its thresholds are the book's constants
 //
-// The test of Moeller and Trumbore 1997 as it is in the book, with a division per weight and with constants as
-// thresholds. The paper's function `intersect` allocates its five vectors at each test, and frees them afterwards.
-// OpenCL C has no malloc, so here each test has an array of its own for each vector. Two measures prevent compilers
-// from keeping these arrays in registers: the arrays are volatile, and each vector begins at an index that is computed
-// from the triangle, although this index is always 0. (With a constant index, NVIDIA's compiler keeps even volatile
-// arrays in registers.) On a GPU, the arrays are in the work-item's private memory, which is off the chip. Most misses
-// are found after 15 operations: 6 for direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first
-// weight. The 6 operations for the edges are not counted.
+// This is the test of Moeller and Trumbore 1997 as the textbook (Hughes et al., "Computer Graphics") has it: with a
+// division per weight, and with constants as thresholds. The paper's function `intersect` allocates its five vectors at
+// each test, and frees them afterwards. OpenCL C has no malloc, so here each test has an array of its own for each
+// vector. Two measures prevent compilers from keeping these arrays in registers: the arrays are volatile, and each
+// vector begins at an index that is computed from the triangle, although this index is always 0. (With a constant
+// index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the arrays are in the work-item's
+// private memory, which is off the chip. Most misses are found after 15 operations: 6 for direction x e2, 3 for the
+// determinant a, 3 for origin - v0, and 3 for the first weight. The 6 operations for the triangle's edges e1 and e2 are
+// not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 

@@ -4,11 +4,10 @@
 // exact_signs: no
 // operations: 15
 //
-// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. The weights are
-// divided by the determinant a only if a ray is inside all edges, so most misses cost no division. Most
-// misses are found after 15 operations: 6 for direction x e2, 3 for a, 3 for origin - v0, and 3 for the first
-// weight. If a triangle's row is not computed in advance, the edges take 6 operations more, which are not
-// counted.
+// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. The weights are divided by
+// the determinant a only if a ray is inside all edges, so most misses cost no division. Most misses are found after
+// 15 operations: 6 for direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight. If a
+// triangle's row is not computed in advance, its edges e1 and e2 take 6 operations more, which are not counted.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
@@ -62,7 +61,8 @@ Row row_of(Corners corners) {
 // Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
 // no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // The book: q = d x e2, a = e1 . q, s = origin - v0, r = s x e1; w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
+    // The textbook's formulas: q = d x e2, a = e1 . q, s = origin - v0, r = s x e1; w1 = s . q / a, w2 = d . r / a,
+    // t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
@@ -79,8 +79,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // Few rays get here. The second weight is tested in the same way, and so is the condition that the sum of both
-    // weights is at most 1.
+    // Few rays get here. The second weight is tested in the same way as the first, and so is the condition that the sum
+    // of both weights is at most 1.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;

@@ -44,9 +44,10 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 }
 
 // Returns the numbers by which the planes of one edge of eight triangles are multiplied. `size` is the edge's size,
-// `longer` that of the longer of two edges, and `slack` the overlap of neighbouring triangles (see SHARED_EDGE_SLACK)
-// per size of an edge, in the unit of the edges' dot products. The overlap is rounded down to a power of two, and the
-// planes are divided by it, so that it becomes 1. The division does not round, because the divisor is a power of two.
+// `longer` the size of the longer of two edges, and `slack` the overlap of neighbouring triangles (see
+// SHARED_EDGE_SLACK) per size of an edge, in the unit of the edges' dot products. The overlap is rounded down to a
+// power of two. The planes are divided by this power, so that the overlap becomes 1. The division does not round,
+// because the divisor is a power of two.
 float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);
@@ -105,7 +106,8 @@ uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint
         const float16 inside = min(min(largest_inside(bundle, part, prepared->edges[0], lane),
                                        largest_inside(bundle, part, prepared->edges[1], lane)),
                                    largest_inside(bundle, part, prepared->edges[2], lane));
-        // test_triangle adds 1, the overlap of neighbouring triangles. The other 1 is for rounding in this sum.
+        // The bound is -2, not 0: test_triangle adds 1 (the overlap of neighbouring triangles), and another 1 allows
+        // for rounding in the sum.
         outside |= LANE_BITS16(inside < -2.0f) << (16 * part);
     }
     return live & ~outside;
@@ -142,7 +144,8 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);
             changed |= 1u << vector;
         } else {
-            // There is no branch: when a tile reaches a leaf, hits are frequent, and a processor predicts them badly.
+            // The hits are stored without a branch: when a tile reaches a leaf, hits are frequent, and a processor
+            // would predict the branch badly.
             bundle->inv_t[vector] = SELECT(hits, inv_t, bundle->inv_t[vector]);
             bundle->leaf_index[vector] = SELECT(hits, (varying_int)(index), bundle->leaf_index[vector]);
             changed |= ANY(hits) ? 1u << vector : 0;

@@ -100,12 +100,13 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // The triangle is tested first against the vectors' intervals of directions if more than FEW_VECTORS are to be tested:
 // a test of sixteen intervals takes about as long as the tests of four vectors of rays.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of the rounding errors of a volume (the determinant of three vectors, relative to the product of their
-// sizes), and of the same errors in the sheared test, which grow if rays run at a flat angle to their common axis.
+// A bound of the rounding errors of a volume (the determinant of three vectors), divided by the product of the vectors'
+// sizes. It also covers the errors of the sheared test, which grow if rays run at a large angle to their common axis.
 #define VOLUME_ROUNDING 2e-5f
 
-// Returns those of the vectors in `live` of which a ray may be on the side of a plane through the origin to which its
-// normal points. `size` is the product of the sizes of the two vectors whose cross product the normal is.
+// Returns those of the vectors in `live` with a ray that may run on the positive side of a plane through the origin:
+// the side to which the plane's normal points. `size` is the product of the sizes of the two vectors whose cross
+// product the normal is.
 uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = largest_product(bundle, part, normal.x, normal.y, normal.z);
@@ -120,7 +121,8 @@ uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint
     const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);
     const Uniform3 ab = uniform_cross(a, b);
     const float volume = uniform_dot(ab, c);
-    // If the origin lies nearly in the triangle's plane, the side of its edges is uncertain.
+    // If the origin lies nearly in the triangle's plane, it is uncertain which side of an edge's plane is the inner
+    // side, so no vector is excluded.
     if (fabs(volume) <= VOLUME_ROUNDING * (size_a * size_b * size_c)) return live;
     const float sign = volume > 0.0f ? 1.0f : -1.0f;
     live = vectors_inside(bundle, uniform_scale(ab, sign), size_a * size_b, live);
