@@ -8,6 +8,7 @@ mod common;
 
 mod animation;
 mod architecture;
+mod area_lights;
 mod bad_input;
 mod book;
 mod cache;

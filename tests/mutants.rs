@@ -23,12 +23,12 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// Kernel files that no row of tests/mutants/kernels.toml changes, since other tests change them. A folder of
 /// kernels cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs,
-/// soft lights, pictures of skies and several samples need special scenes or options; tests/cutouts.rs,
-/// tests/soft.rs, tests/environment.rs, tests/samples.rs and tests/shade_once.rs change the files that
-/// contain the code of these features. Soft light at half resolution is part of the default look of bare
+/// soft lights, area lights, pictures of skies and several samples need special scenes or options;
+/// tests/cutouts.rs, tests/soft.rs, tests/area_lights.rs, tests/environment.rs, tests/samples.rs and
+/// tests/shade_once.rs change the files that contain the code of these features. Soft light at half resolution is part of the default look of bare
 /// meshes; tests/half_light.rs changes the file of this light. The display transform computes no radiance; a
 /// test beside its code (src/launch/show.rs) changes the file of the display transform.
-const UNTOUCHED: [&str; 17] = [
+const UNTOUCHED: [&str; 18] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
     "anchor/spheres.cl",
@@ -36,6 +36,7 @@ const UNTOUCHED: [&str; 17] = [
     "common/environment.cl",
     "common/show_sky.cl",
     "common/soft.cl",
+    "common/area_light.cl",
     "cast/soft.cl",
     "tile_cpu/soft.cl",
     "tile_cpu/sky.cl",

@@ -88,8 +88,12 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
     before.sky = Some(Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None });
     before.lights[0].radius = 0.2;
     let mut after = before.clone();
-    after.lights =
-        vec![Light { position: Vec3::new(-1.0, 2.0, 0.5), power: Vec3::new(3.0, 9.0, 5.0), radius: 0.4 }];
+    after.lights = vec![Light {
+        position: Vec3::new(-1.0, 2.0, 0.5),
+        power: Vec3::new(3.0, 9.0, 5.0),
+        radius: 0.4,
+        area: None,
+    }];
     after.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::ONE, up: Vec3::Y, reach: 3.0, picture: None });
     after.background = Vec3::new(0.01, 0.02, 0.04);
     after.shadow_bias = 0.3;

@@ -10,6 +10,7 @@
 //
 //     P = origin + t d     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
+//           (an area light: times share_towards, see common/area_light.cl)
 //     L_o += L_i f(w_i, w_o, n) (n . w_i), one light's term of the reflection equation
 //
 // With smooth shadows, P is then moved (smooth_shadows.cl).
@@ -32,7 +33,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
         const __global float *at = scene->lights + LIGHT_FLOATS * light;
 #if SOFT
         const Pixels pixels = own_pixels((int2)(0, 0));
-        const Vec3 position = add(splat(LOAD3(at)), off_middle(&scene->soft, light, pixels.x, pixels.y));
+        const Vec3 position = add(splat(LOAD3(at)), off_middle(&scene->soft, light, at, pixels.x, pixels.y));
         const Vec3 offset = subtract(position, working_get(working, POINT));
 #else
         const Vec3 offset = subtract(splat(LOAD3(at)), working_get(working, POINT));
@@ -45,6 +46,13 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
         // shadow ray. But if tiles of triangles are streamed through __local memory, the work-item continues, since all
         // work-items must reach the barriers in any_hit.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
+#if AREA_LIGHTS
+        // The back of an area light is dark, so it needs no shadow ray either.
+        const varying share = share_towards(at, working_get(working, TO_LIGHT));
+        lit &= share > 0.0f;
+#else
+        const float share = 1.0f;
+#endif
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
 #endif
@@ -69,7 +77,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
         // This line is inside the loop, although it always sets the same value. If the line is before the loop, one
         // compiler moves it behind the barriers in any_hit, where it reads another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
-        const varying spread = 1.0f / (4.0f * M_PI_F * squared);
+        const varying spread = share / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));
         const Vec3 f = reflectance(surface, working_get(working, TO_LIGHT), working_get(working, TO_EYE),
                                    working_get(working, NORMAL), lit);

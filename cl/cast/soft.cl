@@ -1,4 +1,4 @@
-// Shadow rays without a common origin: to points of a light with a radius, and to the sky.
+// Shadow rays without a common origin: to points of a light with an extent, and to the sky.
 
 #if PLANES_OF_ORIGIN
 // Returns the lanes of `wanted` whose ray is blocked before t_max, like any_hit. These rays have no common origin, so

@@ -7,7 +7,7 @@
 #error "CUTOUTS: 0 or 1: whether triangles have masks, and so holes"
 #endif
 #if !defined(SOFT) || !defined(SKY)
-#error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
+#error "SOFT, SKY: 0 or 1: whether lights with an extent or a sky are sampled, and whether there is a sky"
 #endif
 #ifndef SAMPLED
 #error "SAMPLED: 0 or 1: whether a pixel gets several samples"
@@ -20,6 +20,9 @@
 #endif
 #ifndef SMOOTH_SHADOWS
 #error "SMOOTH_SHADOWS: 0 or 1: whether hits are lit on a smooth surface above their triangles"
+#endif
+#ifndef AREA_LIGHTS
+#error "AREA_LIGHTS: 0 or 1: whether some lights are rectangles or discs"
 #endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"

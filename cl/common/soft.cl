@@ -1,4 +1,4 @@
-// Chooses the rays of a pixel's sample: rays to points of lights with a radius, and a ray to the sky. The choices
+// Chooses the rays of a pixel's sample: rays to points of lights with an extent, and a ray to the sky. The choices
 // follow Sobol's sequence in two dimensions. The samples are numbered along a Z-order curve through the pixels, so that
 // the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise
 // Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling
@@ -20,7 +20,7 @@ typedef PASTE(uint, WIDTH) varying_uint;
 typedef struct {
     // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and its
     // reach (see reach_of_sky). (environment.cl shows the floats of a sky that is a picture.) Then follows one radius
-    // per light.
+    // per light (see radius_of).
     const __global float *numbers;
     // All pixels get a first round of samples; pixels of rough blocks also get a second round. sample.x is the number,
     // within its round, of the first sample that this frame casts for each pixel. sample.y is the round's number of
@@ -112,18 +112,21 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
                 unit_of(reversed_bits(hashed_bits(second, seed_of(source, 4)))));
 }
 
-// Returns the radius of a light, or 0 if the light is treated as a point: in pictures with a single sample per pixel,
-// and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round may have a single sample per
-// pixel even if the picture has several.
+// Returns the radius of a light (1 for an area light), or 0 if the light is treated as a point: in pictures with a
+// single sample per pixel, and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round may
+// have a single sample per pixel even if the picture has several.
 float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
-// Returns the point of a light to which a pixel's sample casts a ray, relative to the centre of the light's ball. The
-// points are uniformly distributed on a sphere in four dimensions, and then projected to three. Seen from a distance,
-// from any side, the ball then looks like an evenly bright disc.
-Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
+// Returns the point of a light to which a pixel's sample casts a ray, relative to the light's centre. `at` points to
+// the light's floats. The points of a ball are uniformly distributed on a sphere in four dimensions, and then projected to
+// three. Seen from a distance, from any side, the ball then looks like an evenly bright disc.
+Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
+#if AREA_LIGHTS
+    if (is_area_light(at)) return scale(off_centre(at, u.x, u.y), (varying)(radius_of(soft, light)));
+#endif
     // The argument of `scale` contains three of the four coordinates of a point on the unit sphere in four dimensions.
     // The factor is the light's radius.
     const varying ring = sqrt(1.0f - u.x);

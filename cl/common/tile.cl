@@ -36,6 +36,9 @@
 #else
 #define TEXTURED(surface, textures, triangle, w1, w2, direction, t) surface
 #endif
+#if AREA_LIGHTS
+#include "common/area_light.cl"
+#endif
 #if SOFT
 #include "common/soft.cl"
 #endif

@@ -6,6 +6,9 @@ typedef struct {
     Vec3 to_light;                  // of length 1
     varying distance, per_distance; // the light's distance and its reciprocal
     varying cosine;                 // of the direction and the normal
+#if AREA_LIGHTS
+    varying share;                  // share_towards: how bright the light is in this direction
+#endif
 } LightDirection;
 
 INLINED void find_light_direction(const Lighting *lighting, int light, const Shaded *shaded,
@@ -15,6 +18,9 @@ INLINED void find_light_direction(const Lighting *lighting, int light, const Sha
     direction->per_distance = 1.0f / direction->distance;
     direction->to_light = scale(offset, direction->per_distance);
     direction->cosine = dot3(direction->to_light, shaded->normal);
+#if AREA_LIGHTS
+    direction->share = share_towards(lighting->lights + LIGHT_FLOATS * light, direction->to_light);
+#endif
 }
 
 // Computes the radiance that the hits in `lit` reflect to the eye if nothing blocks the light.
@@ -25,6 +31,9 @@ INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const 
     // The radiance is power / (4 pi r^2) times f times the cosine.
     const varying per_distance = direction->per_distance;
     *radiance = scale(multiply(power, f), direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
+#if AREA_LIGHTS
+    *radiance = scale(*radiance, direction->share);
+#endif
 }
 
 #if SAMPLED // the host leaves out a file only below a condition that is a define of its own (src/program/include.rs)
@@ -41,7 +50,10 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     LightDirection direction;
     find_light_direction(lighting, light, shaded, &direction);
     // A light that is behind the surface, or nearer to the hit than the bias, contributes nothing.
-    const Mask lit = hits & (direction.cosine > 0.0f) & (direction.distance > lighting->bias);
+    Mask lit = hits & (direction.cosine > 0.0f) & (direction.distance > lighting->bias);
+#if AREA_LIGHTS
+    lit &= direction.share > 0.0f; // the back of an area light is dark
+#endif
     if (!ANY(lit)) return lit;
     find_unblocked_radiance(lighting, light, shaded, &direction, lit, arriving);
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have

@@ -1,4 +1,4 @@
-// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. The 16 rays of a vector
+// Rays of a tile without a common origin: to points of a light with an extent, and to the sky. The 16 rays of a vector
 // to a light traverse the tree together, as a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
@@ -79,7 +79,7 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     return wanted & !open;
 }
 
-// Adds the light of a light with a radius to `sum`: the radiance that a tile's hits reflect from this light. The array
+// Adds the light of a light with an extent to `sum`: the radiance that a tile's hits reflect from this light. The array
 // `sum` has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures,
 // these points repeat every 4 pixels, across and down.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
@@ -91,7 +91,7 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         // Each lane's ray runs to a point of the light, chosen by its pixel and sample.
         const Shaded *own = shaded + vector;
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
-        const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, pixels.x, pixels.y));
+        const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, at, pixels.x, pixels.y));
         const Vec3 offset = subtract(position, own->point);
         const varying squared = dot3(offset, offset);
         const varying distance = sqrt(squared);
@@ -99,11 +99,17 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         const varying cosine = dot3(to_light, own->normal);
         // A light that is behind the surface, or nearer to the hit than the bias, needs no ray.
         Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
+#if AREA_LIGHTS
+        const varying share = share_towards(at, to_light);
+        lit &= share > 0.0f; // the back of an area light is dark
+#else
+        const float share = 1.0f;
+#endif
         if (!ANY(lit)) continue;
         const Vec3 from = along(own->point, (varying)(lighting->bias), to_light);
         lit &= !are_stopped(&tree->tree, from, to_light, distance - lighting->bias, lit);
         const Vec3 f = reflectance(&own->surface, to_light, own->to_eye, own->normal, lit);
-        const Vec3 received = scale(multiply(splat(LOAD3(at + 3)), f), cosine / (4.0f * M_PI_F * squared));
+        const Vec3 received = scale(multiply(splat(LOAD3(at + 3)), f), share * cosine / (4.0f * M_PI_F * squared));
         sum[vector] = select3(lit, add(sum[vector], received), sum[vector]);
     }
 }

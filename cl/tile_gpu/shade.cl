@@ -11,7 +11,7 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
 #if SOFT
-        // A ray to a light with a radius, or to the sky, starts at the hit, not at the light, and needs no planes that
+        // A ray to a light with an extent, or to the sky, starts at the hit, not at the light, and needs no planes that
         // were prepared for the light.
         if (lacks_common_origin(sources, light)) {
             const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
@@ -110,7 +110,12 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
         const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
         const float cosine = max(dot3(to_light, surface_point.normal), 0.0f); // negative only by rounding
         const Vec3 f = reflectance(surface, to_light, to_eye, surface_point.normal, 1);
-        sum = add(sum, scale(multiply(load_vec3(light + 3), f), cosine / (4.0f * M_PI_F * squared)));
+#if AREA_LIGHTS
+        const float share = share_towards(light, to_light);
+#else
+        const float share = 1.0f;
+#endif
+        sum = add(sum, scale(multiply(load_vec3(light + 3), f), share * cosine / (4.0f * M_PI_F * squared)));
     }
     return sum;
 }

@@ -1,4 +1,4 @@
-// Rays without a common origin: to points of a light with a radius, and to the sky. All of these rays are leftover
+// Rays without a common origin: to points of a light with an extent, and to the sky. All of these rays are leftover
 // shadow rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
@@ -76,8 +76,9 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
         return sight;
     }
 #endif
-    // A ray to a light ends at a point of the light's ball.
-    const Vec3 position = add(load_vec3(at), off_middle(soft, source, surface_point->pixel.x, surface_point->pixel.y));
+    // A ray to a light ends at a point of the light's ball or surface.
+    const Vec3 off = off_middle(soft, source, at, surface_point->pixel.x, surface_point->pixel.y);
+    const Vec3 position = add(load_vec3(at), off);
     const Vec3 offset = subtract(position, surface_point->point);
     sight.distance = sqrt(dot3(offset, offset));
     sight.direction = scale(offset, 1.0f / sight.distance);
@@ -90,8 +91,11 @@ INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int 
     const Sight sight = sight_of(sources, light, at, surface_point);
     // A light that is nearer than the bias counts as hidden. The sky has no position, so only the direction of its ray
     // is tested.
-    const int faces_it =
-        (dot3(sight.direction, surface_point->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
+    int faces_it = (dot3(sight.direction, surface_point->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
+#if AREA_LIGHTS
+    // The sky has no floats among those of the lights.
+    if (!sight.is_sky) faces_it &= share_towards(at, sight.direction) > 0.0f; // the back of an area light is dark
+#endif
     return faces_it && !is_stopped(group, tree, along(surface_point->point, bias, sight.direction), sight.direction,
                                    sight.distance - bias, stack);
 }

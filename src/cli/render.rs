@@ -26,7 +26,7 @@ use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
-use crate::scene::{Display, INPUTS, Loaded, Sampling, Scene};
+use crate::scene::{Display, INPUTS, Light, Loaded, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
@@ -290,11 +290,17 @@ fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> i
     hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
-/// Returns a note if each pixel gets only one sample, so that lights with a radius are treated as points, and the light
+/// Returns a note if each pixel gets only one sample, so that lights with an extent are treated as points, and the light
 /// of a sky is grainy; otherwise `None`.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
-    let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
+    let count = |is: fn(&Light) -> bool| scene.lights.iter().filter(|light| is(light)).count();
+    let (soft, areas) = (count(Light::has_extent), count(|light| light.area.is_some()));
     let grain = scene.sky.as_ref().map(|_| "the sky's light is grainy");
+    let extent = match areas {
+        0 => "a radius",
+        areas if areas == soft => "edges",
+        _ => "a radius or edges",
+    };
     let message = match (soft, grain) {
         (0, None) => return None,
         (0, Some(grain)) => format!("with one sample per pixel, {grain}; --samples 16 shows less grain"),
@@ -305,7 +311,7 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
             };
             let grain = grain.map_or_else(String::new, |grain| format!(", and {grain}"));
             format!(
-                "{lights} a radius: with one sample per pixel, raycl treats {are}{grain}; --samples 16 shows soft shadows"
+                "{lights} {extent}: with one sample per pixel, raycl treats {are}{grain}; --samples 16 shows soft shadows"
             )
         }
     };
@@ -531,6 +537,15 @@ mod tests {
         let both = under_sky(&[0.5], 1).unwrap_or_default();
         assert!(both.contains("treats it as a point, and the sky's light is grainy; --samples 16"), "{both}");
         assert_eq!(under_sky(&[0.5], 2), None);
+        let with_area = |radii: &[f32]| {
+            let edges = [glam::Vec3::X, glam::Vec3::Y];
+            let mut scene = with(radii);
+            scene.lights[0].area = Some(crate::scene::Area { shape: Default::default(), edges });
+            hard(&scene, 1)
+        };
+        assert!(with_area(&[0.0, 0.0]).is_some_and(|note| note.starts_with("1 light has edges:")));
+        let both = with_area(&[0.0, 0.5]);
+        assert!(both.is_some_and(|note| note.starts_with("several lights have a radius or edges:")));
     }
 
     #[test]

@@ -5,8 +5,8 @@ use super::buffers::{upload, upload_rows};
 use super::textures::DeviceTextures;
 use super::{LaunchError, Queue};
 use crate::clock::ms_since;
-use crate::manifest::{LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
-use crate::scene::{Light, Mesh, Scene, Sky, SkyPicture, Triangle};
+use crate::manifest::{AREA_LIGHT_FLOATS, LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
+use crate::scene::{Area, Light, Mesh, Scene, Sky, SkyPicture, Triangle};
 use crate::strategy::Strategy;
 use glam::Vec3;
 use ocl::Buffer;
@@ -89,32 +89,51 @@ impl DeviceScene {
 
 /// Replaces the lights on a device, up to the number that the buffer holds.
 pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light]) -> Result<(), LaunchError> {
-    let known = &lights[..lights.len().min(buffer.len() / LIGHT_FLOATS)];
-    if !known.is_empty() {
-        buffer.write(&light_floats(known)).queue(&queue.commands).enq()?;
+    let mut floats = light_floats(lights);
+    floats.truncate(buffer.len());
+    if !lights.is_empty() {
+        buffer.write(&floats).queue(&queue.commands).enq()?;
     }
     Ok(())
 }
 
-/// Replaces the lights on a device by those of another scene, which must have the same number of lights. Also
-/// replaces the sky and the lights' radii if the sky or a radius has changed. The size of the sky's picture
-/// must stay the same.
+/// Replaces the lights on a device by those of another scene, which must have the same number of lights, and area
+/// lights only if the other scene has some. Also replaces the sky and the lights' radii if the sky or a radius has
+/// changed. The size of the sky's picture must stay the same.
 pub(super) fn replace_lights(
     queue: &Queue,
     uploaded: &DeviceScene,
     [last, scene]: [&Scene; 2],
 ) -> Result<(), LaunchError> {
     move_lights(queue, &uploaded.lights, &scene.lights)?;
-    let radii = |scene: &Scene| scene.lights.iter().map(|light| light.radius).collect::<Vec<_>>();
+    let radii = |scene: &Scene| scene.lights.iter().map(radius).collect::<Vec<_>>();
     if radii(scene) != radii(last) || scene.sky != last.sky {
         uploaded.soft.write(&soft_floats(scene)).queue(&queue.commands).enq()?;
     }
     Ok(())
 }
 
-/// Returns the position and power of each light.
+/// Returns the position and power of each light. If any of them has an area, each also gets the floats of
+/// `cl/common/area_light.cl`, which are 0 for a light without an area.
 fn light_floats(lights: &[Light]) -> Vec<f32> {
-    lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
+    let have_areas = lights.iter().any(|light| light.area.is_some());
+    let stride = if have_areas { AREA_LIGHT_FLOATS } else { LIGHT_FLOATS };
+    let floats = |light: &Light| {
+        let mut floats = [light.position.to_array(), light.power.to_array()].concat();
+        if let Some(area @ Area { shape, edges: [first, second] }) = &light.area {
+            floats.extend([4.0 * area.front(), *first, *second].iter().flat_map(|vector| vector.to_array()));
+            floats.push(f32::from(*shape as u8));
+        }
+        floats.resize(stride, 0.0);
+        floats
+    };
+    lights.iter().flat_map(floats).collect()
+}
+
+/// Returns the factor by which the kernels multiply a point of a light: the radius of a ball, and 1 for a surface, whose
+/// edges have their own lengths.
+fn radius(light: &Light) -> f32 {
+    if light.area.is_some() { 1.0 } else { light.radius }
 }
 
 /// Returns the sky (zeros if there is none), then the lights' radii, in the layout of `cl/common/soft.cl`. A sky with a
@@ -133,7 +152,7 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
         floats.extend([first, second, *up].into_iter().flat_map(|vector| vector.to_array()));
         floats.push(*reach);
     }
-    floats.extend(scene.lights.iter().map(|light| light.radius));
+    floats.extend(scene.lights.iter().map(radius));
     floats.extend(picture.iter().flat_map(|picture| picture.texels.as_flattened()));
     floats
 }

@@ -135,7 +135,7 @@ impl Session {
         Self { afterwards: Afterwards { layers, ..self.afterwards }, ..self }
     }
 
-    /// Sets how many samples each pixel gets. With several samples, lights with a radius cast soft shadows.
+    /// Sets how many samples each pixel gets. With several samples, lights with an extent cast soft shadows.
     /// All light is cast at full resolution if each pixel gets one sample, if the scene has no soft light, or if
     /// the sky is a picture.
     #[must_use]

@@ -14,6 +14,9 @@ pub const WORKING_VECTORS: usize = 9;
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
 /// Number of floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
+/// Number of floats of a light in a scene with area lights: position, power, four times the normal of the light's front,
+/// two edges, and the shape.
+pub const AREA_LIGHT_FLOATS: usize = 16;
 /// Number of floats that describe the sky: its radiance at zenith and horizon, the upward direction, and its reach
 /// (surfaces farther away do not block the sky). In the buffer, the lights' radii follow these floats.
 pub const SOFT_HEAD_FLOATS: usize = 10;

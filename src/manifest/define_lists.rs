@@ -1,6 +1,8 @@
 //! The macros that the host defines for kernel programs, in lists that several kernel families use.
 
-use super::Fact::{self, Always, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree};
+use super::Fact::{
+    self, Always, AreaLights, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree,
+};
 
 /// Names of macros, each with the condition under which the host defines the macro for a program.
 pub type Defines = &'static [(Fact, &'static str)];
@@ -29,6 +31,8 @@ pub const COMMON_DEFINES: Defines = &[
     (HalfLight, "HALF_LIGHT_SHARPNESS"),
     (HalfLight, "INTERLEAVED"),
     (Always, "ENVIRONMENT"),
+    (Always, "AREA_LIGHTS"),
+    (AreaLights, "AREA_DISC"),
 ];
 pub const TEXTURE_DEFINES: Defines = &[
     (Textured, "TEXTURE_HEAD_WORDS"),

@@ -17,8 +17,9 @@ mod parameters;
 mod tests;
 
 pub use constants::{
-    GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS,
-    SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
+    AREA_LIGHT_FLOATS, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS,
+    ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
+    WORKING_VECTORS,
 };
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
@@ -46,10 +47,12 @@ pub enum Fact {
     Heap,
     /// The scene has textures: a property of the scene, not of the strategy.
     Textured,
-    /// The scene has a sky, or lights with a radius that are sampled: a property of the scene.
+    /// The scene has a sky, or lights with a radius or an area that are sampled: a property of the scene.
     Soft,
     /// Hits are lit on a smooth surface above their triangles: a property of the scene.
     SmoothShadows,
+    /// The scene has area lights (rectangles or discs), sampled or as points: a property of the scene.
+    AreaLights,
     /// Pixels get several samples: a property of the picture.
     Sampled,
     /// The scene has cut-outs (triangles with holes): a property of the scene.

@@ -48,6 +48,8 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 const TEXTURED: Workload = Workload { texture_words: 1, mip_levels: true, ..Workload::CUBE };
 /// A scene with soft lights and a sky, and several samples of each pixel.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
+/// The scene of `SOFT`, in which a light is a surface.
+const AREA_LIT: Workload = Workload { area_lights: true, ..SOFT };
 /// The scene of `SOFT`, but its soft light is cast at half resolution.
 const HALF_LIGHT: Workload = Workload { half_light: true, ..SOFT };
 /// A scene with cut-outs.
@@ -141,7 +143,8 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
         let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
-        let of_scenes = [TEXTURED, CUT_OUT, SOFT, HALF_LIGHT, ENVIRONMENT].into_iter().flat_map(with);
+        let of_scenes =
+            [TEXTURED, CUT_OUT, SOFT, AREA_LIT, HALF_LIGHT, ENVIRONMENT].into_iter().flat_map(with);
         let texts: Vec<_> = members.iter().map(spec).chain(of_scenes).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
@@ -177,9 +180,9 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Only programs of scenes with textures, cut-outs, soft lights, a sky, smooth shadows or several samples use these
-    // files.
-    named.extend(["common/textures.cl", "common/cutouts.cl"].map(str::to_owned));
+    // Only programs of scenes with textures, cut-outs, soft lights, area lights, a sky, smooth shadows or several samples
+    // use these files.
+    named.extend(["common/textures.cl", "common/cutouts.cl", "common/area_light.cl"].map(str::to_owned));
     named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     named.extend(SAMPLE_FILES.map(str::to_owned));
@@ -255,6 +258,20 @@ fn smooth_shadows_are_in_the_programs_of_scenes_that_have_them_and_in_no_others(
             files.iter().any(|file| file == "common/smooth_shadows.cl")
         };
         assert_eq!([SOFT, SMOOTH_SHADOWS].map(has), [false, true], "{strategy}");
+    }
+}
+
+#[test]
+fn area_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
+    let point = Workload { area_lights: true, ..Workload::CUBE };
+    for strategy in strategies() {
+        let has = |of| {
+            let spec = spec_for(&Sources::Embedded, &strategy, of);
+            let floats = if spec.options.contains("-D LIGHT_FLOATS=16") { 16 } else { 6 };
+            (spec.files.iter().any(|file| file == "common/area_light.cl"), floats)
+        };
+        assert_eq!([Workload::CUBE, SOFT].map(has), [(false, 6); 2], "{strategy}");
+        assert_eq!([point, AREA_LIT].map(has), [(true, 16); 2], "{strategy}");
     }
 }
 

@@ -59,7 +59,7 @@ pub struct Asked<'a> {
     pub frame: &'a PixelFrame,
     /// The shadow bias: the distance from a hit at which shadow rays start.
     pub bias: f64,
-    /// The sky and the lights. In place of a light with a radius, `seen` contains one point of this light:
+    /// The sky and the lights. In place of a light with an extent, `seen` contains one point of this light:
     /// the point to which the sample's shadow ray runs.
     pub seen: Seen<'a>,
     /// The pixel coordinates (x, y) of the pixel's centre.

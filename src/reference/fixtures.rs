@@ -98,7 +98,7 @@ fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
     Scene {
         name: name.into(),
         mesh: mesh.into(),
-        lights: vec![Light { position: light, power: Vec3::splat(10.0), radius: 0.0 }],
+        lights: vec![Light { position: light, power: Vec3::splat(10.0), radius: 0.0, area: None }],
         camera: Camera::PAPER,
         sky: None,
         background: PAPER_BACKGROUND,

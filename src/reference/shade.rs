@@ -6,7 +6,7 @@ use super::ray::Ray;
 use super::real::{Real, Vector};
 use super::soft::{Seen, mean_of_sky, radiance_of_sky, way_to_sky};
 use super::texture::texture_colour;
-use crate::scene::{Material, MaterialKind, Scene};
+use crate::scene::{Light, Material, MaterialKind, Scene};
 
 /// A light, or the sky, as seen from a point of a surface.
 #[derive(Clone, Copy, Debug)]
@@ -98,13 +98,14 @@ pub fn shade<R: Real>(
     sights::<R>(seen, point, normal).fold(mirrored, |sum, sight| {
         let Sight { light, w_i, distance, .. } = sight;
         let cosine = w_i.dot(normal);
-        if cosine <= R::ZERO || !(seen.unoccluded || reaches(&sight)) {
+        let share = seen.lights.get(light).map_or(R::ONE, |light| share_towards::<R>(light, w_i));
+        if cosine <= R::ZERO || share <= R::ZERO || !(seen.unoccluded || reaches(&sight)) {
             return sum;
         }
         match (seen.lights.get(light), seen.sky) {
             (Some(light), _) => {
                 let falloff = R::from(4.0) * R::PI * distance * distance;
-                let irradiance = R::Vector::of(light.power) * (cosine / falloff);
+                let irradiance = R::Vector::of(light.power) * (share * cosine / falloff);
                 sum + irradiance * reflectance::<R>((material, lambertian), w_i, w_o, normal)
             }
             // The direction is chosen with a probability proportional to its cosine: k_L / pi times the
@@ -114,6 +115,15 @@ pub fn shade<R: Real>(
             (None, None) => sum,
         }
     })
+}
+
+/// Returns how bright a light is from a direction, relative to a point light of the same power, which is 1. `w_i` is the
+/// unit vector towards the light. An area light has the same radiance everywhere on its front, so that its light is
+/// proportional to the cosine of the angle to the front's normal. The factor is 4, because the mean of max(cosine, 0) over
+/// all directions is 1/4.
+pub fn share_towards<R: Real>(light: &Light, w_i: R::Vector) -> R {
+    let towards = |front| (R::from(-4.0) * R::Vector::of(front).dot(w_i)).max(R::ZERO);
+    light.area.map_or(R::ONE, |area| towards(area.front()))
 }
 
 /// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, regardless of occluders.

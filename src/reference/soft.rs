@@ -1,9 +1,9 @@
-//! Computes what a sample of a pixel sees: a point of each light that has a radius, and one direction of the sky. The
+//! Computes what a sample of a pixel sees: a point of each light that has an extent, and one direction of the sky. The
 //! counterpart for devices is `cl/common/soft.cl`; both compute the same bits.
 
 use super::environment::radiance_of_picture;
 use super::real::{Real, Vector};
-use crate::scene::{Light, Sample, SampleLight, Scene, Sky, scrambled, sobol};
+use crate::scene::{Area, AreaShape, Light, Sample, SampleLight, Scene, Sky, scrambled, sobol};
 use glam::DVec3;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 /// The lights, each at the point that a pixel's sample sees, and the sky.
 #[derive(Clone, Debug)]
 pub struct Seen<'a> {
-    /// The scene's lights, where those with a radius are replaced by points.
+    /// The scene's lights, where those with an extent are at one of their points.
     pub lights: Cow<'a, [Light]>,
     /// The sky, and a point of the unit sphere that determines the direction in which it is seen.
     pub sky: Option<(&'a Sky, DVec3)>,
@@ -29,7 +29,7 @@ impl<'a> Seen<'a> {
     pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
         let unoccluded = sample.light == SampleLight::Unoccluded;
         let are_points = unoccluded || sample.most == 1;
-        let soft = !are_points && scene.lights.iter().any(|light| light.radius > 0.0);
+        let soft = !are_points && scene.has_soft_lights();
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
         let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };
         let source = scene.lights.len() as u32;
@@ -91,18 +91,34 @@ pub fn mean_of_sky<R: Real>(sky: &Sky, normal: R::Vector) -> R::Vector {
     R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
 }
 
-/// Returns a light with a radius as a sample sees it: a point of its ball. The points are those of a uniform
-/// distribution on a sphere in four dimensions, projected to three. Seen from afar, the ball then looks like a
-/// uniformly bright disc from every side.
+/// Returns a light with an extent as a sample sees it: at a point of its ball or its surface.
 fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light {
-    if light.radius == 0.0 {
+    if !light.has_extent() {
         return *light;
     }
-    let [a, b, c] = numbers(number, sample, pixel);
+    let chosen = numbers(number, sample, pixel);
+    let off = match &light.area {
+        Some(area) => off_centre(area, chosen),
+        None => f64::from(light.radius) * in_ball(chosen),
+    };
+    Light { position: (light.position.as_dvec3() + off).as_vec3(), ..*light }
+}
+
+/// Returns a point of the unit ball. The points are those of a uniform distribution on a sphere in four dimensions,
+/// projected to three. Seen from afar, the ball then looks like a uniformly bright disc from every side.
+fn in_ball([a, b, c]: [f64; 3]) -> DVec3 {
     let (ring, turn) = ((1.0 - a).sqrt(), TAU * b);
-    let off = DVec3::new(ring * turn.sin(), ring * turn.cos(), a.sqrt() * (TAU * c).sin());
-    let position = (light.position.as_dvec3() + f64::from(light.radius) * off).as_vec3();
-    Light { position, ..*light }
+    DVec3::new(ring * turn.sin(), ring * turn.cos(), a.sqrt() * (TAU * c).sin())
+}
+
+/// Returns a uniformly distributed point of a light's surface, relative to the surface's centre.
+fn off_centre(area: &Area, [a, b, _]: [f64; 3]) -> DVec3 {
+    let [across, down] = match area.shape {
+        AreaShape::Rectangle => [a - 0.5, b - 0.5],
+        AreaShape::Disc => [(TAU * b).sin(), (TAU * b).cos()].map(|part| 0.5 * a.sqrt() * part),
+    };
+    let [first, second] = area.edges.map(|edge| edge.as_dvec3());
+    across * first + down * second
 }
 
 /// Returns a uniformly distributed point on the unit sphere.
@@ -140,21 +156,25 @@ fn unit(bits: u32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::fixtures;
+    use super::super::intersect::Hit;
+    use super::super::ray::Ray;
+    use super::super::shade::{shade, share_towards};
     use super::*;
     use crate::launch::alone::Alone;
     use crate::manifest::SOFT_HEAD_FLOATS;
-    use crate::scene::Sampling;
+    use crate::scene::{Material, Sampling};
     use glam::Vec3;
     use ocl::prm::Uint2;
     use std::collections::BTreeSet;
+    use std::f64::consts::PI;
 
     const RADIUS: f32 = 2.0;
 
     fn scene() -> Scene {
         let mut scene = fixtures::single_triangle();
         scene.lights = vec![
-            Light { position: Vec3::new(5.0, 6.0, 7.0), power: Vec3::ONE, radius: RADIUS },
-            Light { position: Vec3::ONE, power: Vec3::ONE, radius: 0.0 },
+            Light { position: Vec3::new(5.0, 6.0, 7.0), power: Vec3::ONE, radius: RADIUS, area: None },
+            Light { position: Vec3::ONE, power: Vec3::ONE, radius: 0.0, area: None },
         ];
         let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX, picture: None };
         scene.sky = Some(sky);
@@ -186,6 +206,79 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Returns a scene in which a white ground, y = 0, is under a light of power 1.
+    fn under(position: Vec3, area: Area) -> Scene {
+        let mut scene = fixtures::single_triangle();
+        let mesh = scene.mesh_mut();
+        mesh.normals.fill(Vec3::Y);
+        mesh.materials[0] = Material::lambertian(Vec3::ONE);
+        scene.lights = vec![Light { position, power: Vec3::ONE, radius: 0.0, area: Some(area) }];
+        scene
+    }
+
+    /// Returns the irradiance at the ground's origin in each of 4096 samples.
+    fn irradiances(scene: &Scene) -> Vec<f64> {
+        let ray = Ray { origin: DVec3::Y, direction: DVec3::NEG_Y, near: 0.0, far: 9.0, to_light: false };
+        let hit = Hit { t: 1.0, weights: [1.0, 0.0, 0.0], triangle: 0 };
+        let radiance = |sample| {
+            let seen = Seen::of(scene, sample, [3, 5]);
+            shade::<f64>(scene, &seen, (&ray, 0.0), &hit, &|_| true).x
+        };
+        samples(4096).map(radiance).map(|radiance| PI * radiance).collect()
+    }
+
+    /// Returns the irradiance at the origin, for the normal y, of a polygon with the radiance 1 (Lambert, "Photometria",
+    /// 1760): half the sum, over the edges, of the angle between the ends times the cosine of the edge's plane.
+    fn lamberts(corners: &[DVec3]) -> f64 {
+        let next = corners.iter().cycle().skip(1);
+        let edge = |(a, b): (&DVec3, &DVec3)| a.angle_between(*b) * a.cross(*b).normalize().y;
+        corners.iter().zip(next).map(edge).sum::<f64>().abs() / 2.0
+    }
+
+    #[test]
+    fn the_light_of_a_surface_is_that_of_its_form_factor() {
+        let is_near = |scene: &Scene, exact: f64| {
+            let all = irradiances(scene);
+            let mean = all.iter().sum::<f64>() / 4096.0;
+            let variance = all.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / 4096.0;
+            let standard_error = (variance / 4096.0).sqrt();
+            assert!((mean - exact).abs() < standard_error, "{mean} {exact} +- {standard_error}");
+            assert!((mean / exact - 1.0).abs() < 2e-3, "{mean} {exact}");
+        };
+        let down = [Vec3::X, Vec3::Z];
+        for (position, [first, second]) in [
+            (Vec3::new(0.0, 1.0, 0.0), down),
+            (Vec3::new(1.5, 1.0, -0.4), [Vec3::new(2.0, 0.5, 0.0), Vec3::new(0.3, 0.4, 1.5)]),
+            (Vec3::new(-2.0, 1.5, 0.0), [Vec3::new(0.2, 1.8, 0.0), Vec3::new(0.0, 0.0, 2.0)]),
+        ] {
+            let scene = under(position, Area { shape: AreaShape::Rectangle, edges: [first, second] });
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            let corner = |[a, b]: [f32; 2]| (position + 0.5 * (a * first + b * second)).as_dvec3();
+            let radiance = 1.0 / (PI * f64::from(first.cross(second).length()));
+            is_near(&scene, radiance * lamberts(&corners.map(corner)));
+        }
+        // The form factor of a disc of radius 1 at the height 2 above the point is 1 / (1 + 2^2), and its radiance is
+        // 1 / pi^2.
+        let disc = Area { shape: AreaShape::Disc, edges: down.map(|edge| 2.0 * edge) };
+        is_near(&under(2.0 * Vec3::Y, disc), 1.0 / (5.0 * PI));
+    }
+
+    #[test]
+    fn an_area_light_sends_its_power_to_one_side() {
+        let area = Area { shape: AreaShape::Rectangle, edges: [Vec3::new(1.0, 2.0, 0.5), Vec3::Z] };
+        let scene = under(Vec3::Y, area);
+        let share = |sample| {
+            let way = on_sphere(numbers(3, sample, [1, 2]));
+            let share = share_towards::<f64>(&scene.lights[0], -way);
+            assert!(share == 0.0 || way.dot(area.front().as_dvec3()) > 0.0, "{way}");
+            share
+        };
+        let mean = samples(4096).map(share).sum::<f64>() / 4096.0;
+        assert!((mean - 1.0).abs() < 2e-3, "{mean}");
+        let above = under(Vec3::Y, Area { edges: [Vec3::Z, Vec3::X], ..area });
+        assert!(irradiances(&above).iter().all(|irradiance| *irradiance == 0.0));
     }
 
     #[test]

@@ -369,7 +369,12 @@ fn the_middle_of_a_very_wide_picture_is_uncertain() {
     let scene = Scene {
         mesh: mesh.into(),
         camera: camera.expect("two different points"),
-        lights: vec![Light { position: vec3(2.5, 4.0, 3.0), power: Vec3::splat(100.0), radius: 0.0 }],
+        lights: vec![Light {
+            position: vec3(2.5, 4.0, 3.0),
+            power: Vec3::splat(100.0),
+            radius: 0.0,
+            area: None,
+        }],
         ..fixtures::single_triangle()
     };
     let size = [101, 67];

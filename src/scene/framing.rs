@@ -391,7 +391,7 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
         let direction = (axes[0] * right + axes[1] * up - axes[2] * back).normalize();
         let position = ball.centre + direction * (LIGHT_RADII * ball.radius);
         let power = strength * key_at(ball).0;
-        Light { position: position.as_vec3(), power: Vec3::splat(power as f32), radius: 0.0 }
+        Light { position: position.as_vec3(), power: Vec3::splat(power as f32), radius: 0.0, area: None }
     };
     match ball.opening {
         // The viewer looks into a room through its open side. Only light from about the viewer's direction

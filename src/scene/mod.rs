@@ -5,6 +5,7 @@
 //! not check these properties again. Devices and the reference use the same `f32` values.
 
 mod animation;
+mod area;
 mod assemble;
 mod camera;
 mod coarse;
@@ -38,6 +39,7 @@ mod validate;
 mod wire;
 
 pub use animation::Animation;
+pub use area::{Area, AreaShape};
 pub use camera::{Camera, PixelFrame};
 pub(crate) use inputs::{INPUTS, Inputs};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
@@ -61,15 +63,25 @@ pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light. It is a ball if its radius is above 0 and pixels get several samples; otherwise it is a point.
+/// A light. If pixels get several samples, it is a ball (with a radius above 0) or a surface (with an area), otherwise a
+/// point. With an area, the point lights like a very small surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// The light's position, in the scene's units.
     pub position: Vec3,
     /// The light's power in red, green and blue.
     pub power: Vec3,
-    /// The radius of the ball, in the scene's units; 0 for a point light.
+    /// The radius of the ball, in the scene's units; 0 for a point light and for an area light.
     pub radius: f32,
+    /// The surface of an area light; `None` for a point or a ball.
+    pub area: Option<Area>,
+}
+
+impl Light {
+    /// Returns true if the light is more than a point: it is sampled if pixels get several samples.
+    pub fn has_extent(&self) -> bool {
+        self.radius > 0.0 || self.area.is_some()
+    }
 }
 
 /// How radiance becomes 8-bit values: `trunc(255 * tone(exposure * L)^(1/gamma))`.
@@ -157,9 +169,14 @@ impl Scene {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
-    /// Returns true if at least one light has a radius above 0.
+    /// Returns true if at least one light has a radius above 0 or an area.
     pub fn has_soft_lights(&self) -> bool {
-        self.lights.iter().any(|light| light.radius > 0.0)
+        self.lights.iter().any(Light::has_extent)
+    }
+
+    /// Returns true if at least one light has an area.
+    pub fn has_area_lights(&self) -> bool {
+        self.lights.iter().any(|light| light.area.is_some())
     }
 
     /// Returns a hash of everything in the scene that determines the picture. The scene's name is not hashed.
@@ -204,6 +221,11 @@ impl Scene {
         }
         if self.has_soft_lights() {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
+        }
+        for (number, light) in (0..).zip(&self.lights) {
+            let Some(Area { shape, edges }) = light.area else { continue };
+            hash_words(&mut hasher, [u32::from_be_bytes(*b"area"), number, shape as u32].into_iter());
+            hash_words(&mut hasher, edges.into_iter().flat_map(|edge| edge.to_array()).map(f32::to_bits));
         }
         if let Some(picture) = self.sky.as_ref().and_then(|sky| sky.picture.as_ref()) {
             hash_words(&mut hasher, picture.size.into_iter().chain([picture.is_seen.into()]));
@@ -284,6 +306,7 @@ mod tests {
     fn whatever_changes_the_picture_changes_the_hash_and_the_name_does_not() {
         let mut scene = single_triangle();
         scene.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::Y, up: Vec3::Y, reach: 5.0, picture: None });
+        scene.lights[0].area = Some(Area { shape: AreaShape::Rectangle, edges: [Vec3::X, Vec3::Y] });
         let changed = |change: &dyn Fn(&mut Scene)| {
             let mut other = scene.clone();
             change(&mut other);
@@ -291,7 +314,7 @@ mod tests {
         };
         assert!(!changed(&|scene| scene.name.push('a')));
         type Change = &'static dyn Fn(&mut Scene);
-        let changes: [(&str, Change); 24] = [
+        let changes: [(&str, Change); 27] = [
             ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
             ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
             ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
@@ -302,6 +325,9 @@ mod tests {
             ("position of a light", &|scene| scene.lights[0].position.x += 1.0),
             ("power", &|scene| scene.lights[0].power.z += 1.0),
             ("radius", &|scene| scene.lights[0].radius = 0.5),
+            ("area", &|scene| scene.lights[0].area = None),
+            ("edges", &|scene| scene.lights[0].area.as_mut().unwrap().edges[1].z = 3.0),
+            ("shape", &|scene| scene.lights[0].area.as_mut().unwrap().shape = AreaShape::Disc),
             ("eye", &|scene| scene.camera.position.x += 1.0),
             ("forward", &|scene| scene.camera.forward = Vec3::X),
             ("field of view", &|scene| scene.camera.tan_half_fov *= 2.0),

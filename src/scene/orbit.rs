@@ -36,7 +36,10 @@ impl Orbit {
             forward: direction(camera.forward),
             ..*camera
         };
-        let moved = |light: &Light| Light { position: rotated(light.position), ..*light };
+        let moved = |light: &Light| {
+            let area = light.area.map(|area| area.turned(direction));
+            Light { position: rotated(light.position), area, ..*light }
+        };
         let lights = scene.lights.iter().map(|light| if self.with_lights { moved(light) } else { *light });
         (turned, lights.collect())
     }
@@ -46,6 +49,7 @@ impl Orbit {
 mod tests {
     use super::*;
     use crate::reference::fixtures;
+    use crate::scene::{Area, AreaShape};
 
     #[test]
     fn a_quarter_turn_takes_the_front_to_the_right_and_a_whole_one_back() {
@@ -62,5 +66,15 @@ mod tests {
         assert!((lights[0].position.x - (2.0 - scene.lights[0].position.x)).abs() < 1e-5);
         assert_eq!(orbit.at(&scene, 0.0).0, scene.camera);
         assert!(orbit.at(&scene, 1.0).0.position.distance(scene.camera.position) < 1e-5);
+    }
+
+    #[test]
+    fn an_area_light_that_moves_with_the_camera_turns_with_it() {
+        let mut scene = fixtures::single_triangle();
+        scene.lights[0].area = Some(Area { shape: AreaShape::Disc, edges: [Vec3::X, Vec3::Z] });
+        let orbit = Orbit { centre: DVec3::X, up: DVec3::Y, radius: 1.0, with_lights: true };
+        let (_, lights) = orbit.at(&scene, 0.25);
+        let edges = lights[0].area.expect("an area light").edges;
+        assert!(edges[0].distance(Vec3::NEG_Z) < 1e-6 && edges[1].distance(Vec3::X) < 1e-6, "{edges:?}");
     }
 }

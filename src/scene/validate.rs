@@ -1,8 +1,9 @@
 //! The checks that every scene must pass, whether it was read from a file or made in code.
 
+use super::area::LEAST_SINE;
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
-use super::{Camera, Light, Mapped, Material, Scene, Sky, Texture, Textures};
+use super::{Area, Camera, Light, Mapped, Material, Scene, Sky, Texture, Textures};
 use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -106,6 +107,20 @@ pub(super) fn check_light(light: &Light) -> Result<()> {
     require(valid, || format!("a light's power is {power}; expected values from 0 to {MAX_POWER:e}"))?;
     require((0.0..=MAX_COORDINATE).contains(&radius), || {
         format!("a light's radius is {radius}; expected a length from 0 to {MAX_COORDINATE:e}")
+    })?;
+    light.area.as_ref().map_or(Ok(()), |area| check_area(area, radius))
+}
+
+fn check_area(area: &Area, radius: f32) -> Result<()> {
+    let [first, second] = area.edges;
+    require(radius == 0.0, || {
+        format!("a light has a radius, {radius}, and edges; expected one of them: a ball or a surface")
+    })?;
+    require(in_range(first) && in_range(second), || {
+        format!("a light's edges are {first} and {second}; expected coordinates within +-{MAX_COORDINATE:e}")
+    })?;
+    require(area.sine() >= LEAST_SINE, || {
+        format!("a light's edges are {first} and {second}; expected two that are neither zero nor parallel")
     })
 }
 
@@ -150,8 +165,10 @@ impl Brightness {
     /// bounding box counts as the nearest surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
-        let nearest = (outside - light.radius).max(self.nearest);
-        let spread = 1.0 / (4.0 * std::f64::consts::PI * f64::from(nearest).powi(2));
+        // Straight ahead, a surface is four times as bright as a point of the same power.
+        let (reach, ahead) = light.area.map_or((light.radius, 1.0), |area| (area.reach(), 4.0));
+        let nearest = (outside - reach).max(self.nearest);
+        let spread = ahead / (4.0 * std::f64::consts::PI * f64::from(nearest).powi(2));
         let incoming = spread * f64::from(light.power.max_element());
         let sum = incoming * self.reflectance * self.lights as f64;
         let product = spread.max(incoming).max(sum);
@@ -240,13 +257,13 @@ pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
 mod tests {
     use super::*;
     use crate::reference::fixtures::single_triangle;
-    use crate::scene::Triangle;
+    use crate::scene::{AreaShape, Triangle};
 
     #[test]
     fn coordinates_are_limited_in_both_directions() {
         for (y, is_valid) in [(1e12, true), (-1e12, true), (1e13, false), (-1e13, false)] {
             let position = Vec3::new(0.0, y, 0.0);
-            let light = Light { position, power: Vec3::ONE, radius: 0.0 };
+            let light = Light { position, power: Vec3::ONE, radius: 0.0, area: None };
             let mesh = Mesh { positions: vec![position], ..Mesh::default() };
             assert_eq!(
                 check_camera(&Camera { position, ..Camera::PAPER }).is_ok(),
@@ -374,6 +391,7 @@ mod tests {
             position: Vec3::new(0.5, 11.0, 0.5),
             power: Vec3::new(0.0, power, 0.0),
             radius,
+            area: None,
         };
         let [dull, bright] = [1.0, 1e6].map(|k_l| Material::lambertian(Vec3::splat(k_l)));
         assert!((brightest(&bright) - 1e6).abs() < 1.0);
@@ -389,5 +407,35 @@ mod tests {
         // A light with a radius of 9 reaches up to 1 unit above the box. At this distance, a hundred times as
         // much light arrives as at 10 units.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
+        // The corners of a surface reach as far as such a ball. A smaller one sends four times as much light ahead.
+        let area = |edge: f32| {
+            let edges = [edge * Vec3::X, edge * Vec3::Y];
+            Light { area: Some(Area { shape: AreaShape::Rectangle, edges }), ..light(5e33, 0.0) }
+        };
+        assert!(brightness(bright, 1).check(&light(5e33, 0.0)).is_ok());
+        assert!(brightness(bright, 1).check(&area(1e-3)).is_err());
+        let dim = |edge: f32| Light { power: Vec3::splat(1e33), ..area(edge) };
+        assert!(brightness(bright, 1).check(&dim(1e-3)).is_ok());
+        assert!(brightness(bright, 1).check(&dim(13.0)).is_err());
+    }
+
+    #[test]
+    fn the_edges_of_a_light_are_two_directions_and_it_is_no_ball_too() {
+        let light = |edges: [Vec3; 2], radius: f32| {
+            let area = Some(Area { shape: AreaShape::Disc, edges });
+            check_light(&Light { position: Vec3::ZERO, power: Vec3::ONE, radius, area }).is_ok()
+        };
+        assert!(light([Vec3::X, Vec3::Y], 0.0) && light([1e12 * Vec3::X, 1e-12 * Vec3::ONE], 0.0));
+        assert!(!light([Vec3::X, Vec3::Y], 1.0), "a ball, too");
+        for edges in [
+            [Vec3::X, -2.0 * Vec3::X],
+            [Vec3::X, Vec3::ZERO],
+            [Vec3::ZERO; 2],
+            [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.3, 0.6, 0.9)],
+            [Vec3::X, 1e13 * Vec3::Y],
+            [Vec3::X, Vec3::NAN],
+        ] {
+            assert!(!light(edges, 0.0), "{edges:?}");
+        }
     }
 }

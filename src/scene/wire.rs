@@ -8,6 +8,7 @@ pub(super) use background::BackgroundWire;
 pub(super) use numbers::*;
 
 use super::animation::AnimationWire;
+use super::area::AreaShape;
 use super::schema::{ShapeName, both_names_of_mesh};
 use super::shapes::{MAX_FINENESS, MAX_TRIANGLES};
 use super::tone::Tone;
@@ -28,7 +29,7 @@ pub(super) struct SceneWire {
     #[serde(default)]
     #[schemars(with = "Vec<ObjectWire>")]
     pub object: Vec<Spanned<ObjectWire>>,
-    /// Lights: points, or balls if they have a radius [default: none].
+    /// Lights: points, balls if they have a radius, or surfaces if they have edges [default: none].
     pub light: Option<Vec<LightWire>>,
     /// Light from all directions, unless something occludes it [default: none].
     #[schemars(with = "Option<SkyWire>")]
@@ -152,7 +153,7 @@ pub(super) struct MaterialWire {
     pub shininess: Option<Number<Shininess>>,
 }
 
-/// A point light: a surface at distance r receives power / (4 pi r^2).
+/// A light. From a point light, a surface at distance r receives power / (4 pi r^2).
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
@@ -165,6 +166,13 @@ pub(super) struct LightWire {
     /// The radius of a ball that replaces the point if there are several samples per pixel [default: 0, a
     /// point].
     pub radius: Option<Number<NonNegative>>,
+    /// Two edges of a rectangle around the position, instead of a radius: an area light. It emits light only to the side
+    /// to which the cross product of the edges points.
+    #[schemars(with = "Option<[Vector; 2]>")]
+    pub edges: Option<Spanned<[Vector; 2]>>,
+    /// With edges: a rectangle, or the disc that touches the rectangle's sides [default: rectangle].
+    #[schemars(with = "Option<AreaShape>")]
+    pub shape: Option<Spanned<AreaShape>>,
 }
 
 /// Light from all directions: under a uniform sky that nothing occludes, a surface with a k_L of 1 has the sky's

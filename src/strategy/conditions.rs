@@ -50,6 +50,7 @@ impl Strategy {
             Fact::Environment => workload.sky_texels > 0 && supports(Fact::Soft),
             Fact::Soft => workload.is_soft() && supports(Fact::Soft),
             Fact::SmoothShadows => workload.smooth_shadows,
+            Fact::AreaLights => workload.area_lights,
             Fact::Sampled => workload.many_samples,
             Fact::HalfLight => workload.half_light && supports(Fact::Soft),
             Fact::GivenRays => workload.given_rays,

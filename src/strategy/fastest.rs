@@ -19,7 +19,7 @@ pub struct Task {
     pub inside: bool,
     /// True if no ray may slip through between triangles at edges and vertices.
     pub watertight: bool,
-    /// True if shadow rays go to random points of the sky or of lights with a radius.
+    /// True if shadow rays go to random points of the sky or of lights with a radius or an area.
     #[serde(default)]
     pub soft: bool,
 }

@@ -34,8 +34,11 @@ pub struct Workload {
     pub mip_levels: bool,
     /// True if textures make holes in triangles.
     pub cut_outs: bool,
-    /// True if lights with a radius are sampled.
+    /// True if lights with a radius or an area are sampled.
     pub soft_lights: bool,
+    /// True if a light has an area.
+    #[serde(default)]
+    pub area_lights: bool,
     /// True if there is a sky.
     pub sky: bool,
     /// True if hits are lit on a smooth surface above their triangles.
@@ -72,6 +75,7 @@ impl Workload {
         mip_levels: false,
         cut_outs: false,
         soft_lights: false,
+        area_lights: false,
         sky: false,
         smooth_shadows: false,
         many_samples: false,
@@ -95,6 +99,7 @@ impl Workload {
             mip_levels: scene.mesh.textures.have_levels(),
             cut_outs: scene.mesh.textures.have_holes(),
             soft_lights: false,
+            area_lights: scene.has_area_lights(),
             sky: scene.sky.is_some(),
             smooth_shadows: scene.smooth_shadows,
             many_samples: false,
@@ -131,7 +136,7 @@ impl Workload {
         u64::from(self.image_size[0]) * u64::from(self.image_size[1])
     }
 
-    /// Returns true if light is soft: each pixel samples points of lights with a radius, or directions to the
+    /// Returns true if light is soft: each pixel samples points of lights with an extent, or directions to the
     /// sky.
     pub fn is_soft(&self) -> bool {
         self.soft_lights || self.sky

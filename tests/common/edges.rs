@@ -195,7 +195,7 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     let materials = scene.mesh.materials[..1].to_vec();
     scene.mesh = Mesh { materials, ..mesh }.into();
     scene.camera = camera;
-    scene.lights = vec![Light { position: light, power: Vec3::ONE, radius: 0.0 }];
+    scene.lights = vec![Light { position: light, power: Vec3::ONE, radius: 0.0, area: None }];
     scene.background = Vec3::ZERO;
     scene
 }

@@ -1,4 +1,4 @@
-"""Renders courtyard.toml and studio.toml with raycl and with Mitsuba 3, and prints how much the pictures differ.
+"""Renders courtyard.toml, lamps.toml and studio.toml with raycl and with Mitsuba 3, and prints how much the pictures differ.
 
 Usage: compare.py RAYCL FOLDER [SAMPLES, 256]. Scenes, meshes and pictures go to FOLDER.
 """
@@ -38,7 +38,7 @@ def main():
     print(f"Mitsuba {mi.__version__}, {subprocess.check_output([raycl, '--version'], text=True).strip()}, "
           f"{SIZE[0]}x{SIZE[1]}, {samples} samples per pixel; PSNR in linear light, peak 1")
     failed = []
-    for name in ("courtyard", "studio"):
+    for name in ("courtyard", "lamps", "studio"):
         file = folder / f"{name}.toml"
         shutil.copy(Path(__file__).parent / file.name, file)
         halves = [by_mitsuba(file, samples // 2, seed) for seed in (0, 1)]
@@ -89,16 +89,30 @@ def by_mitsuba(file, samples, seed):
     """Returns the sum of a picture with only the lamps and one with only the sky: Mitsuba's lamps would occlude the sky."""
     scene = tomllib.loads(file.read_text())
     lamps = {f"light{i}": lamp(light) for i, light in enumerate(scene.get("light", []))}
-    seen = "picture" in scene["sky"]
-    light = cast(scene, file.parent, {"sky": sky(scene["sky"], file.parent)}, not seen, samples, 2 * seed)
+    seen = "picture" in scene.get("sky", {})
+    light = 0
+    if "sky" in scene:
+        light = cast(scene, file.parent, {"sky": sky(scene["sky"], file.parent)}, not seen, samples, 2 * seed)
     if lamps:
-        light[..., :3] += cast(scene, file.parent, lamps, True, samples, 2 * seed + 1)[..., :3]
+        of_lamps = cast(scene, file.parent, lamps, True, samples, 2 * seed + 1)
+        # The last channel, the share of samples that hit something, counts once.
+        light = light + of_lamps * [1, 1, 1, "sky" not in scene]
     # Rays that hit nothing see the background.
     return light[..., :3] + (0 if seen else (1 - light[..., 3:]) * scene["background"])
 
 
 def lamp(light):
-    """A ball of uniform radiance L has the power 4 pi R^2 pi L."""
+    """A ball of uniform radiance L has the power 4 pi R^2 pi L, and the front of a surface pi L times its area."""
+    if "edges" in light:
+        first, second = np.array(light["edges"], dtype=float)
+        normal = np.cross(first, second)
+        is_disc = light.get("shape") == "disc"
+        radiance = np.array(light["power"]) / (math.pi * np.linalg.norm(normal) * (math.pi / 4 if is_disc else 1))
+        # Mitsuba's rectangle and disc reach from -1 to 1 along x and y, and shine towards z.
+        matrix = np.eye(4)
+        matrix[:3] = np.stack([first / 2, second / 2, normal / np.linalg.norm(normal), light["position"]], axis=-1)
+        return {"type": "disk" if is_disc else "rectangle", "to_world": Transform(matrix),
+                "emitter": {"type": "area", "radiance": rgb(radiance)}}
     radiance = np.array(light["power"]) / (4 * math.pi**2 * light["radius"] ** 2)
     return {"type": "sphere", "center": light["position"], "radius": light["radius"],
             "emitter": {"type": "area", "radiance": rgb(radiance)}}

@@ -9,7 +9,7 @@ use crate::scene::framing::{self, Ball};
 use crate::scene::studio::Studio;
 use crate::scene::validate::{Brightness, check_light};
 use crate::scene::wire::{LightWire, SceneWire};
-use crate::scene::{Camera, Light};
+use crate::scene::{Area, Camera, Light};
 use glam::Vec3;
 
 /// Returns the lights of a scene. If there is a `studio`, these are the studio's lights. Otherwise, these are
@@ -53,7 +53,12 @@ pub(super) fn check_lights(
     brightness: &Brightness,
 ) -> Result<()> {
     for (wire, light) in wire.light.iter().flatten().zip(lights) {
-        check_light(light).map_err(|error| document.located(wire.position.span(), error, "this light"))?;
+        if let (Some(shape), None) = (&wire.shape, &wire.edges) {
+            let message = "a light has a shape but no edges; expected edges = [[x, y, z], [x, y, z]]";
+            return Err(document.error(shape.span(), message, "of which size?"));
+        }
+        let span = wire.edges.as_ref().map_or(wire.position.span(), |edges| edges.span());
+        check_light(light).map_err(|error| document.located(span, error, "this light"))?;
         brightness
             .check(light)
             .map_err(|error| document.located(wire.power.span(), error, "too much for single precision"))?;
@@ -64,5 +69,9 @@ pub(super) fn check_lights(
 fn light(wire: &LightWire) -> Light {
     let (position, power) = (wire.position.get_ref().0, wire.power.get_ref().0);
     let radius = wire.radius.map_or(0.0, |radius| radius.0);
-    Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius }
+    let area = wire.edges.as_ref().map(|edges| {
+        let shape = wire.shape.as_ref().map(|shape| *shape.get_ref()).unwrap_or_default();
+        Area { shape, edges: edges.get_ref().map(|edge| Vec3::from_array(edge.0)) }
+    });
+    Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius, area }
 }

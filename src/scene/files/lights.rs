@@ -89,7 +89,7 @@ pub(in crate::scene) fn of_file(
     let light = |(position, power): (DVec3, DVec3)| {
         let power = (power * factor).as_vec3();
         let power = if power.is_finite() { power } else { Vec3::ZERO };
-        Light { position: position.as_vec3(), power, radius: 0.0 }
+        Light { position: position.as_vec3(), power, radius: 0.0, area: None }
     };
     placed.into_iter().map(light).collect()
 }

@@ -100,10 +100,10 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
     let (has, remedy) = match workload.sky {
         true => (
             "a sky",
-            "remove [sky] and any `radius` of a light from the scene, or render a bare mesh with --plain",
+            "remove [sky] and any `radius` and `edges` of a light from the scene, or render a bare mesh with --plain",
         ),
         false => (
-            "lights with a radius",
+            "lights with a radius or edges",
             "with one sample per pixel (samples = 1, or --samples 1), these lights are points",
         ),
     };

@@ -33,6 +33,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         mip_levels: false,
         cut_outs: false,
         soft_lights: false,
+        area_lights: false,
         sky: false,
         smooth_shadows: false,
         many_samples: false,
