@@ -14,10 +14,12 @@ mod book;
 mod cache;
 mod commands;
 mod compiled;
+mod corner_colours;
 mod cutouts;
 #[cfg(unix)]
 mod device_lock;
 mod edits;
+mod emission;
 mod environment;
 mod examples;
 mod experiments;

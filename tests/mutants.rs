@@ -162,9 +162,10 @@ fn with_values(mut strategy: Strategy, with: &str) -> Strategy {
     strategy
 }
 
-/// Returns the files from which a strategy's program is built for a scene with textures and smooth shadows.
+/// Returns the files from which a strategy's program is built for a scene with textures, colours of corners and smooth
+/// shadows.
 fn files(strategy: &Strategy) -> Vec<String> {
-    let textured = Workload { texture_words: 1, mip_levels: true, ..Workload::CUBE };
+    let textured = Workload { texture_words: 1, mip_levels: true, corner_colours: true, ..Workload::CUBE };
     let workload = Workload { local_size: [32, 1], smooth_shadows: true, ..textured };
     let builtins = *BUILTINS.get_or_init(|| common::device().info.builtins());
     ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program").files

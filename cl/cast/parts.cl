@@ -41,6 +41,11 @@
 #if AREA_LIGHTS
 #include "common/area_light.cl"
 #endif
+#if CORNER_COLOURS
+#include "common/corner_colours.cl"
+#else
+#define COLOURED(surface, colours, triangle, w1, w2) surface
+#endif
 #if SOFT
 #include "common/soft.cl"
 #endif
@@ -113,6 +118,12 @@
 #define BIND_TEXTURES(scene)
 #endif
 
+#if CORNER_COLOURS
+#define BIND_COLOURS(scene) scene.corner_colours = corner_colours;
+#else
+#define BIND_COLOURS(scene)
+#endif
+
 #if SOFT
 #define BIND_SOFT(scene)         \
     scene.soft.numbers = soft; \
@@ -131,6 +142,7 @@
     BIND_RECORDS(scene)              \
     BIND_TREE(scene)                 \
     BIND_TEXTURES(scene)             \
+    BIND_COLOURS(scene)              \
     BIND_SOFT(scene)                 \
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);

@@ -18,6 +18,9 @@ typedef struct {
 #if TEXTURES
     Textures textures;
 #endif
+#if CORNER_COLOURS
+    const __global uint *corner_colours;
+#endif
 #if SOFT
     Soft soft;
 #endif

@@ -1,12 +1,13 @@
-// Computes the radiance that a hit reflects to the eye, from the sky and from all lights that are visible from the hit.
+// Computes the radiance that leaves a hit towards the eye: the emitted radiance, and what the surface reflects from the
+// sky and from all lights that are visible from the hit.
 
 #if PLANES_OF_ORIGIN
 #include "common/shadow_end.cl"
 #endif
 
-// Stores in the working vector RADIANCE the radiance that the hits of `active` lanes reflect to the eye. The hits are
-// at distance t along the rays; their weights are in the working vector WEIGHTS. Let d be a ray's direction, w_i the
-// direction to a light, and w_o = -d the direction to the eye:
+// Stores in the working vector RADIANCE the radiance that leaves the hits of `active` lanes towards the eye. The hits
+// are at distance t along the rays; their weights are in the working vector WEIGHTS. Let d be a ray's direction, w_i
+// the direction to a light, and w_o = -d the direction to the eye:
 //
 //     P = origin + t d     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
@@ -25,9 +26,15 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    // With shading = eager, RADIANCE may contain the radiance of a more distant hit, so the sum starts again from 0.
+    // With shading = eager, RADIANCE may contain the radiance of a more distant hit, so the sum starts again: from the
+    // emitted radiance, which is 0 without EMISSIVE.
+#if EMISSIVE
+    const Vec3 emitted = surface->emitted;
+#else
     const varying zero = (varying)(0.0f);
-    working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
+    const Vec3 emitted = vec3(zero, zero, zero);
+#endif
+    working_set(working, RADIANCE, select3(active, emitted, working_get(working, RADIANCE)));
 
     for (int light = 0; light < scene->light_count; light++) {
         const __global float *at = scene->lights + LIGHT_FLOATS * light;

@@ -3,7 +3,8 @@
 // filter_half_light divides the first half picture by the second, and filters the ratio. The kernel apply_half_light
 // then multiplies the unoccluded light of the picture of full size, which has no noise, by the filtered ratio (Heitz,
 // Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
-// src/reference/half_light.rs does the same in f64.
+// The light that a surface emits is in all pictures. Where there is no other light, the ratio is 1, so emitted light
+// stays as it is. src/reference/half_light.rs does the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+

@@ -51,11 +51,16 @@ typedef struct {
     Vec3 n0, n1, n2;         // the normals at the triangle's corners
     Vec3 lambertian, glossy; // the material's reflectances: k_L (diffuse) and k_G (of its highlight)
     varying shininess, kind; // s, the exponent of the highlight; kind is 1 if the material has a highlight, else 0
+#if EMISSIVE
+    Vec3 emitted;             // the radiance that the surface emits
+    varying emission_texture; // the number of the texture that this radiance is multiplied by, plus 1; 0 for none
+#endif
 } Surface;
 
-#define FLOATS_OF_SURFACE 17
+#define FLOATS_OF_SURFACE (9 + MATERIAL_FLOATS)
 
-// Returns a Surface from columns with one lane per ray: normals (9), k_L (3), k_G (3), s, kind.
+// Returns a Surface from columns with one lane per ray: normals (9), k_L (3), k_G (3), s, kind. With
+// EMISSIVE, the emitted radiance (3) and its texture follow.
 Surface surface_of(const Lanes *column) {
     // The columns (vectors) are in the order in which `layout = soup` stores a triangle's normals and material.
     Surface s;
@@ -66,5 +71,9 @@ Surface surface_of(const Lanes *column) {
     s.glossy = vec3(column[12].all, column[13].all, column[14].all);
     s.shininess = column[15].all;
     s.kind = column[16].all;
+#if EMISSIVE
+    s.emitted = vec3(column[17].all, column[18].all, column[19].all);
+    s.emission_texture = column[20].all;
+#endif
     return s;
 }

@@ -3,6 +3,12 @@
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"
 #endif
+#ifndef CORNER_COLOURS
+#error "CORNER_COLOURS: 0 or 1: whether the corners of triangles have colours"
+#endif
+#ifndef EMISSIVE
+#error "EMISSIVE: 0 or 1: whether surfaces emit light"
+#endif
 #ifndef CUTOUTS
 #error "CUTOUTS: 0 or 1: whether triangles have masks, and so holes"
 #endif

@@ -33,7 +33,8 @@
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
 // With mip levels, a third float4 holds the triangle's unit normal, multiplied by the side of a texel on the triangle
-// (in the scene's units).
+// (in the scene's units). The texel is that of the triangle's texture or, without one, of its emission texture, whose
+// number is in the material.
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
@@ -157,15 +158,11 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 directio
 #define levels_for(textures, triangle, direction, t) (varying)(0.0f)
 #endif
 
-// Returns the texture's colour at the point of a triangle with the weights w1 and w2. The colour is a weighted mean of
-// the two mip levels nearest to the level `wanted`; without MIPS, it is the colour in level 0. Returns white if the
-// triangle has no texture.
-Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
-    const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
+// Returns the colour of the texture `number` at the point of a triangle with the weights w1 and w2; `ab` and `c` are
+// the triangle's row. The colour is a weighted mean of the two mip levels nearest to the level `wanted`; without MIPS,
+// it is the colour in level 0.
+Uniform3 filtered_colour(const Textures *textures, int number, float4 ab, float4 c, float w1, float w2, float wanted) {
     const __global uint *words = textures->words;
-    const float4 ab = row[0], c = row[1];
-    const int number = as_int(c.z);
-    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
     const __global uint *head = texture_head(textures, number);
 #if MIPS
     const int last = (int)(head[3] >> 12 & 15);
@@ -185,6 +182,56 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 #endif
 }
 
+// Returns the colour of a triangle's texture at the point with the weights w1 and w2, in the mip level `wanted`.
+// Returns white if the triangle has no texture.
+Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
+    const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
+    const float4 ab = row[0], c = row[1];
+    const int number = as_int(c.z);
+    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
+    return filtered_colour(textures, number, ab, c, w1, w2, wanted);
+}
+
+#if EMISSIVE
+// Does the same for the texture `number` by which the triangle's emitted radiance is multiplied; `number` is -1 if
+// there is none. This texture has the same coordinates as the triangle's texture.
+Uniform3 emission_colour(const Textures *textures, int number, int triangle, float w1, float w2, float wanted) {
+    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
+    const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
+    const float4 ab = row[0], c = row[1];
+#if MIPS
+    // `wanted` is the level of the triangle's own texture, if it has one. If the emission texture has half as many
+    // texels across and down, its texels are twice as large, so its level is one less.
+    if (as_int(c.z) >= 0) {
+        const __global uint *head = texture_head(textures, number), *own = texture_head(textures, as_int(c.z));
+        wanted += 0.5f * log2((float)head[1] * (float)head[2] / ((float)own[1] * (float)own[2]));
+    }
+#endif
+    return filtered_colour(textures, number, ab, c, w1, w2, wanted);
+}
+
+// Returns `surface`, with its emitted radiance multiplied by the colour of the material's emission texture, like
+// `textured`. `level` is that of the triangles' own textures.
+Surface with_emission_texture(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2,
+                              varying level) {
+    IntLanes id;
+    Lanes number, second, third, wanted, red, green, blue;
+    id.all = triangle, number.all = surface.emission_texture;
+    second.all = w1, third.all = w2, wanted.all = level;
+    red.all = green.all = blue.all = (varying)(1.0f);
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (id.each[lane] == NO_HIT) continue;
+        const Uniform3 colour = emission_colour(textures, (int)number.each[lane] - 1, id.each[lane],
+                                                second.each[lane], third.each[lane], wanted.each[lane]);
+        red.each[lane] = colour.x, green.each[lane] = colour.y, blue.each[lane] = colour.z;
+    }
+    surface.emitted = multiply(surface.emitted, vec3(red.all, green.all, blue.all));
+    return surface;
+}
+#else
+#define with_emission_texture(surface, textures, triangle, w1, w2, level) surface
+#endif
+
 // Returns `surface`, with its k_L multiplied by the colour of the texture of each lane's triangle. The ray from the eye
 // meets the triangle at distance t, at the point with the weights w1 and w2. Lanes whose triangle is NO_HIT keep their
 // k_L.
@@ -203,7 +250,7 @@ Surface textured(Surface surface, const Textures *textures, varying_int triangle
         red.each[lane] = colour.x, green.each[lane] = colour.y, blue.each[lane] = colour.z;
     }
     surface.lambertian = multiply(surface.lambertian, vec3(red.all, green.all, blue.all));
-    return surface;
+    return with_emission_texture(surface, textures, triangle, w1, w2, level.all);
 }
 
 #define TEXTURED(surface, textures, triangle, w1, w2, direction, t) textured(surface, textures, triangle, w1, w2, direction, t)

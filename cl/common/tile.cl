@@ -39,6 +39,11 @@
 #if AREA_LIGHTS
 #include "common/area_light.cl"
 #endif
+#if CORNER_COLOURS
+#include "common/corner_colours.cl"
+#else
+#define COLOURED(surface, colours, triangle, w1, w2) surface
+#endif
 #if SOFT
 #include "common/soft.cl"
 #endif

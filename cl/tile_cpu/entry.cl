@@ -11,7 +11,7 @@
 #endif
 // Whether a pixel whose samples hardly differ is shaded once (shade_once.cl). With smooth shadows, hits are lit above
 // the plane of their triangle, so the bounds in shade_once.cl would be wrong.
-#define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES && !SMOOTH_SHADOWS)
+#define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES && !CORNER_COLOURS && !EMISSIVE && !SMOOTH_SHADOWS)
 #include "common/tile.cl"
 #if WATERTIGHT // tile_cpu/intersect/watertight.cl also uses this test, for vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"

@@ -34,6 +34,11 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #else
 #define BIND_TEXTURES(lighting)
 #endif
+#if CORNER_COLOURS
+#define BIND_COLOURS(lighting) lighting.corner_colours = corner_colours;
+#else
+#define BIND_COLOURS(lighting)
+#endif
 #if SAMPLED
 #define BIND_LANES(soft) soft.lane_sample = AS_UINT(sample_of_lane(samples->bits));
 #else
@@ -53,6 +58,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     lighting.bias = bias;               \
     lighting.materials = materials;     \
     BIND_TEXTURES(lighting)             \
+    BIND_COLOURS(lighting)              \
     BIND_SOFT(lighting)
 #define TREE_AND_LIGHTING     \
     SurfaceTree tree;         \

@@ -91,15 +91,16 @@ void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, 
     bundle->too_near = FAR;
 }
 
-// Computes the rays from a light to the hits of the vectors in `hit`. Without soft light, the hits are computed for the
-// first light, and stored for the other lights. Returns the vectors with at least one ray, one bit each.
+// Computes the rays from a light to the hits of the vectors in `hit`. Without soft and emitted light, the hits are
+// computed for the first light, and stored for the other lights. Returns the vectors with at least one ray, one bit
+// each.
 uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
                      float4 eye, uint hit, Shaded *shaded, Vec3 *arriving) {
     uint open = 0;
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         const Mask hits = bundle->leaf_index[vector] != NO_HIT;
-#if SOFT
+#if SOFT || EMISSIVE
         const Shaded *surface = shaded + vector; // computed by shade_tile, before all lights
 #else
         Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not stored

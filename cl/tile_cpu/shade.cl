@@ -10,8 +10,8 @@
 #define ONCE_VECTORS 0u
 #endif
 
-// Shades a tile. For each light, computes the radiance that the tile's hits reflect without shadows. Then traverses the
-// tree from the light to find the hits that are in shadow.
+// Shades a tile. The radiance of a hit begins with what the surface emits. For each light, computes the radiance that
+// the tile's hits reflect without shadows. Then traverses the tree from the light to find the hits that are in shadow.
 void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS,
                 int2 image_size, float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -21,11 +21,14 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         sum[vector] = splat(uniform3(0.0f, 0.0f, 0.0f));
         hit |= ANY(bundle->leaf_index[vector] != NO_HIT) ? 1u << vector : 0;
     }
-#if SOFT
+#if SOFT || EMISSIVE
     // Several kinds of light need the hits, so the hits are computed once here, before the loop over lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         find_hits_of_vector(tree, lighting, eye, bundle, vector, bundle->leaf_index[vector] != NO_HIT, shaded + vector);
+#if EMISSIVE
+        sum[vector] = shaded[vector].surface.emitted;
+#endif
     }
 #endif
 #if SHADES_ONCE

@@ -9,6 +9,9 @@ typedef struct {
 #if TEXTURES
     Textures textures;
 #endif
+#if CORNER_COLOURS
+    const __global uint *corner_colours;
+#endif
 #if SOFT
     Soft soft;
 #endif
@@ -21,6 +24,10 @@ Surface one_material(const __global float *material) {
     surface.glossy = splat(LOAD3(material + 3));
     surface.shininess = (varying)(material[6]);
     surface.kind = (varying)(material[7]);
+#if EMISSIVE
+    surface.emitted = splat(LOAD3(material + 8));
+    surface.emission_texture = (varying)(material[11]);
+#endif
     return surface;
 }
 
@@ -41,6 +48,10 @@ Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     surface.glossy = vec3(column[3].all, column[4].all, column[5].all);
     surface.shininess = column[6].all;
     surface.kind = column[7].all;
+#if EMISSIVE
+    surface.emitted = vec3(column[8].all, column[9].all, column[10].all);
+    surface.emission_texture = column[11].all;
+#endif
     return surface;
 }
 
@@ -72,7 +83,9 @@ INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 
     move_to_smooth_surface(corners, normals, weights, &shaded->point);
 #endif
     shaded->to_eye = negate(direction);
-    shaded->surface = TEXTURED(gather_materials(lighting, corner[7], hits), &lighting->textures,
+    shaded->surface = COLOURED(gather_materials(lighting, corner[7], hits), lighting->corner_colours,
+                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2);
+    shaded->surface = TEXTURED(shaded->surface, &lighting->textures,
                                SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, direction, hit.t);
 }
 

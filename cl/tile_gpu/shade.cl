@@ -69,11 +69,24 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 }
 #endif
 
-// HAS_LIGHT is not 0 if a pixel may receive light in a round: from lights that reach the pixel, or from the picture of
-// the sky. Shiny surfaces mirror this picture in the round that includes the sky.
+// Emitted light is added in the first round of lights.
+#if EMISSIVE
+#define EMITS(first_light) ((first_light) == 0)
+#define EMITS_PARAMETER int emits,
+#define EMITS_ARGUMENT EMITS(first_light),
+#else
+#define EMITS(first_light) 0
+#define EMITS_PARAMETER
+#define EMITS_ARGUMENT
+#endif
+// HAS_LIGHT is not 0 if a pixel may get light in a round: from lights that reach the pixel, from its own surface, or
+// from the picture of the sky. Shiny surfaces mirror this picture in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
-#define HAS_LIGHT(reached, leaf_index) ((reached) || ((leaf_index) != NO_HIT && SHOWS_SKY(sources)))
+#define HAS_LIGHT(reached, leaf_index) \
+    ((reached) || ((leaf_index) != NO_HIT && (EMITS(first_light) || SHOWS_SKY(sources))))
+#elif EMISSIVE
+#define HAS_LIGHT(reached, leaf_index) ((reached) || ((leaf_index) != NO_HIT && EMITS(first_light)))
 #else
 #define HAS_LIGHT(reached, leaf_index) reached
 #endif
@@ -83,6 +96,10 @@ INLINED void load_material(const __global float *material, Surface *surface) {
     surface->glossy = load_vec3(material + 3);
     surface->shininess = material[6];
     surface->kind = material[7];
+#if EMISSIVE
+    surface->emitted = load_vec3(material + 8);
+    surface->emission_texture = material[11];
+#endif
 }
 
 // Returns the radiance that a hit reflects to the eye from the lights whose bits are set in `reached`.
@@ -128,9 +145,20 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define TEXTURE_PARAMETERS
 #define TEXTURE_ARGUMENTS
 #endif
+// The same for the colours of corners.
+#if CORNER_COLOURS
+#define COLOUR_PARAMETER const __global uint *corner_colours,
+#define COLOUR_ARGUMENT corner_colours,
+#else
+#define COLOUR_PARAMETER
+#define COLOUR_ARGUMENT
+#endif
+// What shade_pixel needs besides the lights that reach the pixel.
+#define SHADE_PARAMETERS TEXTURE_PARAMETERS COLOUR_PARAMETER EMITS_PARAMETER SOURCES_PARAMETER
+#define SHADE_ARGUMENTS TEXTURE_ARGUMENTS COLOUR_ARGUMENT EMITS_ARGUMENT SOURCES_ARGUMENT
 
 // Adds to `sum` the radiance from a round's lights that reach a pixel; `reached` has a bit for each of these lights.
-INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float *surfaces,
+INLINED void shade_pixel(SHADE_PARAMETERS const Tree *tree, const __global float *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index,
                          const __global float *lights, uint reached, float4 *sum) {
     // Only the triangle's index in leaf order was stored, so the hit is computed again.
@@ -142,6 +170,9 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #endif
     Surface surface;
     load_material(materials + MATERIAL_FLOATS * surface_point.material, &surface);
+#if CORNER_COLOURS
+    surface = COLOURED(surface, corner_colours, surface_point.triangle, surface_point.w1, surface_point.w2);
+#endif
 #if TEXTURES
     Textures textures;
     textures.rows = texture_rows;
@@ -156,6 +187,9 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     if (SHOWS_SKY(sources))
         received = add(received, mirrored_sky(&sources->soft, sources->light_count + 1, eye_ray.x, eye_ray.y, &surface,
                                               surface_point.normal, negate(from_eye.direction)));
+#endif
+#if EMISSIVE
+    if (emits) received = add(received, surface.emitted);
 #endif
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
@@ -211,8 +245,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
                 // Joins the lights that were already known to reach the pixel, and the lights found now.
                 reached |= lit[entry.x] & ~SOME_LEFTOVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
-                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y,
-                            eye_ray, leaf_index, lights_of_round, reached, &sum);
+                shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
+                            leaf_index, lights_of_round, reached, &sum);
                 image[entry.x] = AFTER_ROUND(image[entry.x], sum);
             }
         }
@@ -244,7 +278,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
                 // The first round of lights begins with the background or a dark surface; later rounds only add light.
                 if (!first_light) sum[ray] += leaf_index[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
                 if (HAS_LIGHT(reached[ray], leaf_index[ray]))
-                    shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
+                    shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
                                 leaf_index[ray], lights_of_round, reached[ray] & ~SOME_LEFTOVER, &sum[ray]);
             }
         }

@@ -33,7 +33,7 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 typedef struct {
     Vec3 point, normal;
     int material;
-#if TEXTURES
+#if TEXTURES || CORNER_COLOURS
     int triangle;
     float w1, w2; // the weights of the triangle's second and third corner
     float t;
@@ -63,7 +63,7 @@ INLINED SurfacePoint surface_point_of(const Tree *tree, const __global float *su
     move_to_smooth_surface(all_corners, all_normals, weights, &surface_point.point);
 #endif
     surface_point.material = as_int(b.w);
-#if TEXTURES
+#if TEXTURES || CORNER_COLOURS
     surface_point.triangle = as_int(a.w);
     surface_point.w1 = hit.w1;
     surface_point.w2 = hit.w2;

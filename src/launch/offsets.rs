@@ -4,7 +4,7 @@
 
 use super::alone::Alone;
 use super::buffers::allocate;
-use crate::manifest::{LIGHT_FLOATS, SOUP_FLOATS};
+use crate::manifest::{LIGHT_FLOATS, soup_floats};
 use crate::scene::Material;
 use crate::sources::Sources;
 use ocl::Buffer;
@@ -87,12 +87,13 @@ fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
                      results[0] = corners(&geometry, get_global_id(0)).a - (ulong)soup;
                  }";
     let files = ["cast/layout/soup.cl", "cast/prepare_origins.cl"];
+    let stride = soup_floats(false);
     let options = format!(
-        "-D SOUP_STRIDE={SOUP_FLOATS} -D MATERIAL_FLOATS={} -D LIGHT_FLOATS={LIGHT_FLOATS}",
+        "-D SOUP_STRIDE={stride} -D MATERIAL_FLOATS={} -D LIGHT_FLOATS={LIGHT_FLOATS}",
         Material::FLOATS
     );
     let device = Alone::of([&before, after], &files, &options);
-    let expected = TRIANGLE * SOUP_FLOATS as u64 * FLOAT;
+    let expected = TRIANGLE * stride as u64 * FLOAT;
     assert_eq!([results_of(&device, "find", 1), results_of(&device, "prepare_origins", 1)], [[expected]; 2]);
 }
 

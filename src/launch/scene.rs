@@ -5,7 +5,7 @@ use super::buffers::{upload, upload_rows};
 use super::textures::DeviceTextures;
 use super::{LaunchError, Queue};
 use crate::clock::ms_since;
-use crate::manifest::{AREA_LIGHT_FLOATS, LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
+use crate::manifest::{AREA_LIGHT_FLOATS, LIGHT_FLOATS, SOFT_HEAD_FLOATS, soup_floats};
 use crate::scene::{Area, Light, Mesh, Scene, Sky, SkyPicture, Triangle};
 use crate::strategy::Strategy;
 use glam::Vec3;
@@ -55,6 +55,8 @@ pub(super) struct DeviceScene {
     pub(super) soft: Buffer<f32>,
     pub(super) triangle_count: usize,
     pub(super) textures: Option<DeviceTextures>,
+    /// The colours of the triangles' corners, in the mesh's order; `None` if there are none.
+    pub(super) corner_colours: Option<Buffer<u32>>,
     /// Time for making and uploading the buffers.
     pub upload_ms: f64,
 }
@@ -74,6 +76,8 @@ impl DeviceScene {
         let lights = upload(queue, &light_floats(&scene.lights))?;
         let soft = upload(queue, &soft_floats(scene))?;
         let textures = DeviceTextures::upload(queue, mesh)?;
+        let colours = mesh.corner_colours.as_flattened();
+        let corner_colours = (!colours.is_empty()).then(|| upload(queue, colours)).transpose()?;
         queue.commands.finish()?;
         Ok(Self {
             geometry,
@@ -82,6 +86,7 @@ impl DeviceScene {
             soft,
             triangle_count: mesh.triangles.len(),
             textures,
+            corner_colours,
             upload_ms: ms_since(start),
         })
     }
@@ -157,19 +162,30 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
     floats
 }
 
-/// Uploads the triangles as 104 bytes each: three corners, their normals, and the material. No triangles
-/// share corners, as in the paper's data.
+/// Uploads the triangles as 104 bytes each: three corners, their normals, and the material (16 bytes more if
+/// surfaces emit light). No triangles share corners, as in the paper's data.
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
+    let emissive = mesh.is_emissive();
+    let stride = soup_floats(emissive);
     let write = |(row, triangle): (&mut [f32], &Triangle)| {
         let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));
         for (floats, point) in row.chunks_exact_mut(3).zip(points) {
             floats.copy_from_slice(&point.to_array());
         }
-        row[18..].copy_from_slice(&mesh.material(triangle).to_floats());
+        row[18..]
+            .iter_mut()
+            .zip(mesh.material(triangle).for_device(emissive))
+            .for_each(|(to, from)| *to = from);
     };
-    upload_rows(queue, [mesh.triangles.len(), SOUP_FLOATS], |triangles, rows| {
-        rows.par_chunks_exact_mut(SOUP_FLOATS).zip(&mesh.triangles[triangles]).for_each(write);
+    upload_rows(queue, [mesh.triangles.len(), stride], |triangles, rows| {
+        rows.par_chunks_exact_mut(stride).zip(&mesh.triangles[triangles]).for_each(write);
     })
+}
+
+/// Returns all materials as a device reads them.
+pub(super) fn material_floats(mesh: &Mesh) -> Vec<f32> {
+    let emissive = mesh.is_emissive();
+    mesh.materials.iter().flat_map(|material| material.for_device(emissive)).collect()
 }
 
 fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) -> ocl::Result<Sets<I>> {
@@ -178,7 +194,7 @@ fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) ->
     let position_indices: Vec<I> = triangles.iter().flat_map(|t| t.positions).map(&index).collect();
     let normal_indices: Vec<I> = triangles.iter().flat_map(|t| t.normals).map(&index).collect();
     let material_indices: Vec<I> = triangles.iter().map(|t| index(t.material)).collect();
-    let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
+    let materials = material_floats(mesh);
     Ok(Sets {
         positions: upload(queue, &floats(&mesh.positions))?,
         normals: upload(queue, &floats(&mesh.normals))?,

@@ -158,6 +158,10 @@ pub(super) fn scene_arguments<'a>(
         Some(textures) => textures.add_to(arguments),
         None => arguments,
     };
+    let arguments = match &scene.corner_colours {
+        Some(colours) => arguments.with("corner_colours", colours),
+        None => arguments,
+    };
     let Some(tree) = tree else { return arguments };
     let arguments = arguments.with("nodes", &tree.nodes).with("leaves", &tree.leaves);
     let Some(surfaces) = &tree.surfaces else { return arguments };

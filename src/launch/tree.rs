@@ -3,6 +3,7 @@
 use super::arguments::Arguments;
 use super::buffers::{upload, upload_rows};
 use super::lent::Lent;
+use super::scene::material_floats;
 use super::{LaunchError, Queue, Refused};
 use crate::accel::{
     NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, TreeUse, WideBvh, write_normal_rows, write_triangle_rows,
@@ -106,10 +107,9 @@ impl Normals {
 
 impl Surfaces {
     fn upload(queue: &Queue, mesh: &Arc<Mesh>, strategy: &Strategy, order: &[u32]) -> ocl::Result<Self> {
-        let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
         Ok(Self {
             normals: Normals::upload(queue, mesh, strategy, order)?,
-            materials: upload(queue, &materials)?,
+            materials: upload(queue, &material_floats(mesh))?,
             material_count: mesh.materials.len(),
         })
     }

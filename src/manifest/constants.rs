@@ -10,8 +10,12 @@ pub const NO_HIT: i32 = i32::MAX;
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
 /// Number of working vectors of a ray, with three floats each. The paper keeps working vectors in arrays.
 pub const WORKING_VECTORS: usize = 9;
-/// Number of floats of a triangle without shared vertices: corners 9, normals 9, material 8.
-pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
+/// Returns the number of floats of a triangle without shared vertices: corners 9, normals 9, material 8, or more in a
+/// scene in which surfaces emit light (`emissive`).
+pub const fn soup_floats(emissive: bool) -> usize {
+    18 + Material::floats(emissive)
+}
+
 /// Number of floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
 /// Number of floats of a light in a scene with area lights: position, power, four times the normal of the light's front,

@@ -1,7 +1,7 @@
 //! The macros that the host defines for kernel programs, in lists that several kernel families use.
 
 use super::Fact::{
-    self, Always, AreaLights, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree,
+    self, Always, AreaLights, CornerColours, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree,
 };
 
 /// Names of macros, each with the condition under which the host defines the macro for a program.
@@ -20,6 +20,9 @@ pub const COMMON_DEFINES: Defines = &[
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
     (Always, "TEXTURES"),
+    (Always, "CORNER_COLOURS"),
+    (CornerColours, "COLOUR_STEPS"),
+    (Always, "EMISSIVE"),
     (Always, "CUTOUTS"),
     (Always, "SOFT"),
     (Always, "SKY"),

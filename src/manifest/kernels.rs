@@ -26,7 +26,10 @@ pub const CAST_KERNELS: &[Kernel] = &[
         Fused,
         "cast_frame",
         Frame,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, WORKING],
+        &[
+            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, COLOURS, SOFT, CAMERA, SIZE, IMAGE, SAMPLES,
+            WORKING,
+        ],
     ),
     kernel_if(
         Separate,
@@ -39,6 +42,7 @@ pub const CAST_KERNELS: &[Kernel] = &[
             RECORDS,
             TREE,
             TEXTURES,
+            COLOURS,
             SOFT,
             CAMERA,
             SIZE,
@@ -52,7 +56,7 @@ pub const CAST_KERNELS: &[Kernel] = &[
         "shade_nearest",
         Shade,
         &[
-            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES,
+            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, COLOURS, SOFT, CAMERA, SIZE, IMAGE, SAMPLES,
             NEAREST_IN, WORKING,
         ],
     ),
@@ -60,7 +64,7 @@ pub const CAST_KERNELS: &[Kernel] = &[
         GivenRays,
         "cast_rays",
         Rays,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, RAYS, NEAREST_OUT, WORKING],
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, COLOURS, SOFT, RAYS, NEAREST_OUT, WORKING],
     ),
     SHOW_SKY,
     MARK_KERNEL,
@@ -75,7 +79,10 @@ pub const RASTER_KERNELS: &[Kernel] = &[
     kernel(
         "shade_nearest",
         Shade,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, SAMPLES, NEAREST_IN, WORKING],
+        &[
+            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, COLOURS, CAMERA, SIZE, IMAGE, SAMPLES, NEAREST_IN,
+            WORKING,
+        ],
     ),
     MARK_KERNEL,
 ];
@@ -86,7 +93,7 @@ pub const TILE_CPU_KERNELS: &[Kernel] = &[
         Fused,
         "tile_frame",
         Frame,
-        &[LIGHTS, TREE, NORMALS, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, SUBPIXELS],
+        &[LIGHTS, TREE, NORMALS, MASKS, TEXTURES, COLOURS, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, SUBPIXELS],
     ),
     kernel_if(
         Separate,
@@ -104,6 +111,7 @@ pub const TILE_CPU_KERNELS: &[Kernel] = &[
             NORMALS,
             MASKS,
             TEXTURES,
+            COLOURS,
             SOFT,
             CAMERA,
             SIZE,
@@ -207,6 +215,7 @@ pub const TILE_GPU_KERNELS: &[Kernel] = &[
             SURFACES,
             MASKS,
             TEXTURES,
+            COLOURS,
             SOFT,
             PREPARED_ROWS,
             CAMERA,

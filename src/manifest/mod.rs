@@ -18,8 +18,8 @@ mod tests;
 
 pub use constants::{
     AREA_LIGHT_FLOATS, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS,
-    ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
-    WORKING_VECTORS,
+    ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
+    WORKING_VECTORS, soup_floats,
 };
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
@@ -47,6 +47,10 @@ pub enum Fact {
     Heap,
     /// The scene has textures: a property of the scene, not of the strategy.
     Textured,
+    /// The corners of triangles have colours: a property of the scene.
+    CornerColours,
+    /// Surfaces emit light: a property of the scene.
+    Emissive,
     /// The scene has a sky, or lights with a radius or an area that are sampled: a property of the scene.
     Soft,
     /// Hits are lit on a smooth surface above their triangles: a property of the scene.

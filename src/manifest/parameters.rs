@@ -2,7 +2,8 @@
 
 use super::Fact;
 use super::Fact::{
-    Always, CutOut, Heap, Indexed, Planes, Records, Sampled, Scratch, Soft, Soup, Textured, Tree,
+    Always, CornerColours, CutOut, Heap, Indexed, Planes, Records, Sampled, Scratch, Soft, Soup, Textured,
+    Tree,
 };
 
 /// A parameter of a kernel. The argument of the same name is bound to the parameter.
@@ -68,6 +69,8 @@ pub const TEXTURES: &[Parameter] = &[
     p(Textured, WORDS, "texture_words"),
     p(Textured, "const float4", "cone"),
 ];
+/// The colours of the triangles' corners.
+pub const COLOURS: &[Parameter] = &[p(CornerColours, WORDS, "corner_colours")];
 /// The texture coordinates and the textures under other names, for the kernels of tiles that test whether rays pass
 /// through the holes of cut-outs.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];

@@ -46,6 +46,8 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 
 /// A scene with textures.
 const TEXTURED: Workload = Workload { texture_words: 1, mip_levels: true, ..Workload::CUBE };
+/// A scene with colours of corners, in which surfaces emit light.
+const COLOURED: Workload = Workload { corner_colours: true, emissive: true, ..Workload::CUBE };
 /// A scene with soft lights and a sky, and several samples of each pixel.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
 /// The scene of `SOFT`, in which a light is a surface.
@@ -144,7 +146,7 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
         let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
         let of_scenes =
-            [TEXTURED, CUT_OUT, SOFT, AREA_LIT, HALF_LIGHT, ENVIRONMENT].into_iter().flat_map(with);
+            [TEXTURED, CUT_OUT, SOFT, COLOURED, AREA_LIT, HALF_LIGHT, ENVIRONMENT].into_iter().flat_map(with);
         let texts: Vec<_> = members.iter().map(spec).chain(of_scenes).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
@@ -180,9 +182,10 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Only programs of scenes with textures, cut-outs, soft lights, area lights, a sky, smooth shadows or several samples
-    // use these files.
-    named.extend(["common/textures.cl", "common/cutouts.cl", "common/area_light.cl"].map(str::to_owned));
+    // Only programs of scenes with textures, cut-outs, colours of corners, soft lights, area lights, a sky, smooth shadows
+    // or several samples use these files.
+    let of_scenes = ["textures", "cutouts", "corner_colours", "area_light"];
+    named.extend(of_scenes.map(|name| format!("common/{name}.cl")));
     named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     named.extend(SAMPLE_FILES.map(str::to_owned));
@@ -229,6 +232,10 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         assert!(!without.files.contains(&textures) && soft(&without) == 0, "{strategy}");
         let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
         assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
+        let coloured = spec_for(&Sources::Embedded, &strategy, COLOURED);
+        let has_colours =
+            |spec: &ProgramSpec| spec.files.iter().any(|file| file == "common/corner_colours.cl");
+        assert_eq!([&without, &coloured].map(has_colours), [false, true], "{strategy}");
         let cut_out = spec_for(&Sources::Embedded, &strategy, CUT_OUT);
         let has_cutouts = [&textured, &cut_out].map(|spec| spec.files.contains(&cutouts));
         assert_eq!(has_cutouts, [false, taken[0]], "{strategy}");

@@ -4,10 +4,10 @@ use crate::accel::{NORMAL_FLOATS, PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
 use crate::manifest::{
     AREA_LIGHT_FLOATS, Fact, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT,
-    ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS,
-    TILE_TRIANGLES, WORKING_VECTORS,
+    ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, TEXTURE_HEAD_WORDS,
+    TILE_TRIANGLES, WORKING_VECTORS, soup_floats,
 };
-use crate::scene::{AreaShape, LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
+use crate::scene::{AreaShape, COLOUR_STEPS, LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Strategy, Workload};
 
 /// The defines that state whether the strategy or scene has a property: 1 if it does, otherwise 0.
@@ -16,6 +16,8 @@ const SWITCHES: &[(&str, Fact)] = &[
     ("PLANES_OF_ORIGIN", Fact::Planes),
     ("RECORDS_ONCE", Fact::Records),
     ("TEXTURES", Fact::Textured),
+    ("CORNER_COLOURS", Fact::CornerColours),
+    ("EMISSIVE", Fact::Emissive),
     ("CUTOUTS", Fact::CutOut),
     ("SOFT", Fact::Soft),
     ("ENVIRONMENT", Fact::Environment),
@@ -82,6 +84,8 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "MIPS" => u64::from(workload.mip_levels),
         "LIGHT_FLOATS" if workload.area_lights => AREA_LIGHT_FLOATS as u64,
         "LIGHT_FLOATS" => LIGHT_FLOATS as u64,
+        "MATERIAL_FLOATS" => Material::floats(workload.emissive) as u64,
+        "SOUP_STRIDE" => soup_floats(workload.emissive) as u64,
         "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
@@ -102,11 +106,10 @@ fn constant(name: &str) -> Option<u64> {
         "NO_HIT" => NO_HIT as u64,
         "ROW_FLOATS" => ROW_FLOATS as u64,
         "NORMAL_FLOATS" => NORMAL_FLOATS as u64,
-        "MATERIAL_FLOATS" => Material::FLOATS as u64,
-        "SOUP_STRIDE" => SOUP_FLOATS as u64,
         "SOFT_HEAD_FLOATS" => SOFT_HEAD_FLOATS as u64,
         "AREA_DISC" => AreaShape::Disc as u64,
         "TEXTURE_HEAD_WORDS" => TEXTURE_HEAD_WORDS as u64,
+        "COLOUR_STEPS" => u64::from(COLOUR_STEPS),
         "LEAST_ALPHA_UNIT" => u64::from(LEAST_ALPHA_UNIT),
         "WRAP_REPEAT" => Wrap::Repeat as u64,
         "WRAP_CLAMP" => Wrap::Clamp as u64,

@@ -112,7 +112,7 @@ impl<'a, R: Real> Caster<'a, R> {
 
     /// Returns the diffuse reflectance at a primary ray's hit.
     pub fn base_colour(&self, ray: &Ray<R>, hit: &Hit<R>) -> R::Vector {
-        base_colour(self.scene, (ray, self.frame.cone_width(ray, hit.t)), hit)
+        base_colour(self.scene, hit, ray.direction, self.frame.cone_width(ray, hit.t))
     }
 
     /// Returns the radiance of a ray that hits nothing.

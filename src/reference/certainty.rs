@@ -7,7 +7,7 @@ use super::ray::{Frame, Ray};
 use super::shade::{Reaches, Sight, shade, sights, surface_at};
 use super::shadow_end::ends_before_hit;
 use super::soft::Seen;
-use crate::scene::{Mapped, Mesh, PixelFrame, Scene, Textures, Triangle};
+use crate::scene::{Mapped, Material, Mesh, PixelFrame, Scene, Textures, Triangle};
 use glam::DVec3;
 use std::cell::RefCell;
 
@@ -215,21 +215,30 @@ fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
     }
 }
 
-/// Returns a mesh that consists of one triangle of `mesh`; `None` if the triangle has no texture. The triangle's mask
+/// Returns a mesh that consists of one triangle of `mesh`; `None` if the triangle has no texture and no emission
+/// texture. The triangle's mask
 /// is left out, because a mask does not change the radiance of a hit.
 fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     let row = mesh.textures.mapped.get(triangle as usize)?;
-    let texture = mesh.textures.list[row.texture? as usize].clone();
+    let corner_colours = mesh.corner_colours.get(triangle as usize).copied().into_iter().collect();
     let triangle = &mesh.triangles[triangle as usize];
+    let material = mesh.material(triangle);
+    let mut list = Vec::new();
+    let mut only = |number: u32| {
+        list.push(mesh.textures.list[number as usize].clone());
+        list.len() as u32 - 1
+    };
+    let (texture, emission_texture) = (row.texture.map(&mut only), material.emission_texture.map(&mut only));
+    if list.is_empty() {
+        return None;
+    }
     Some(Mesh {
         positions: mesh.corners(triangle).to_vec(),
         normals: mesh.corner_normals(triangle).to_vec(),
         triangles: vec![Triangle { positions: [0, 1, 2], normals: [0, 1, 2], material: 0 }],
-        materials: vec![*mesh.material(triangle)],
-        textures: Textures {
-            list: vec![texture],
-            mapped: vec![Mapped { texture: Some(0), mask: None, ..*row }],
-        },
+        materials: vec![Material { emission_texture, ..*material }],
+        textures: Textures { list, mapped: vec![Mapped { texture, mask: None, ..*row }] },
+        corner_colours,
     })
 }
 

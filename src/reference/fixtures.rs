@@ -1,8 +1,8 @@
 //! Scenes for tests, built in code: the paper's small scenes, random triangles, and a sphere.
 
 use crate::scene::{
-    Camera, Display, Light, Mapped, Material, MaterialKind, Mesh, PAPER_BACKGROUND, Scene, Texture, Textures,
-    Triangle, Wrap,
+    Camera, Display, Light, Mapped, Material, Mesh, PAPER_BACKGROUND, Scene, Texture, Textures, Triangle,
+    Wrap,
 };
 use glam::{Vec3, vec3};
 use rand::{RngExt, SeedableRng};
@@ -110,7 +110,7 @@ fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
 }
 
 fn glossy(lambertian: Vec3) -> Material {
-    Material { lambertian, glossy: Vec3::splat(0.2), shininess: 100.0, kind: MaterialKind::BlinnPhong }
+    Material::blinn_phong(lambertian, Vec3::splat(0.2), 100.0)
 }
 
 fn upright(material: Material) -> Mesh {

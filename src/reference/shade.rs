@@ -1,11 +1,12 @@
-//! Shades a hit; the counterpart for devices is `cl/cast/shade`. Following Hughes et al., section 15.4, there
-//! is only direct light and no emission. A sky contributes the light from one direction per sample.
+//! Shades a hit; the counterpart for devices is `cl/cast/shade`. Following Hughes et al., section 15.4, surfaces
+//! reflect only direct light. What a surface emits itself is added, and lights no other surface. A sky contributes the
+//! light from one direction per sample.
 
 use super::intersect::Hit;
 use super::ray::Ray;
 use super::real::{Real, Vector};
 use super::soft::{Seen, mean_of_sky, radiance_of_sky, way_to_sky};
-use super::texture::texture_colour;
+use super::texture::{corner_colour, emission_colour, texture_colour};
 use crate::scene::{Light, Material, MaterialKind, Scene};
 
 /// A light, or the sky, as seen from a point of a surface.
@@ -68,17 +69,24 @@ pub fn smooth_point<R: Real>(
     })
 }
 
-/// Returns the diffuse reflectance at a hit: the material's k_L times the texture's colour in linear light. `width` is
-/// the width of the pixel's cone at the hit.
-pub fn base_colour<R: Real>(scene: &Scene, (ray, width): (&Ray<R>, R), hit: &Hit<R>) -> R::Vector {
-    let triangle = &scene.mesh.triangles[hit.triangle as usize];
-    let own = R::Vector::of(scene.mesh.material(triangle).lambertian);
-    let colour = texture_colour::<R>(&scene.mesh, hit, ray.direction, width);
-    colour.map_or(own, |colour| own * colour)
-}
-
 /// A test of whether a light is visible.
 pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
+
+/// Returns a hit's base colour: its diffuse reflectance k_L, which is that of its material times the colours of the
+/// triangle's corners and of its texture. `width` is the width of the pixel's cone at the hit.
+pub fn base_colour<R: Real>(scene: &Scene, hit: &Hit<R>, direction: R::Vector, width: R) -> R::Vector {
+    let mesh = &scene.mesh;
+    let material = mesh.material(&mesh.triangles[hit.triangle as usize]);
+    let own = R::Vector::of(material.lambertian) * corner_colour(mesh, hit);
+    texture_colour(mesh, hit, direction, width).map_or(own, |colour| own * colour)
+}
+
+/// Returns the radiance that the surface emits at a hit.
+fn emitted<R: Real>(scene: &Scene, hit: &Hit<R>, direction: R::Vector, width: R) -> R::Vector {
+    let mesh = &scene.mesh;
+    let own = R::Vector::of(mesh.material(&mesh.triangles[hit.triangle as usize]).emitted);
+    emission_colour(mesh, hit, direction, width).map_or(own, |colour| own * colour)
+}
 
 /// Returns the radiance that leaves a hit towards the ray's origin; `width` is the width of the
 /// pixel's cone at the hit. `reaches` tests whether a light in front of the surface is visible.
@@ -91,11 +99,11 @@ pub fn shade<R: Real>(
 ) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
-    let lambertian = base_colour::<R>(scene, (ray, width), hit);
+    let lambertian = base_colour(scene, hit, ray.direction, width);
     let [point, normal] = surface_at(scene, ray, hit);
     let w_o = -ray.direction;
-    let mirrored = mirrored_sky::<R>(seen, material, w_o, normal);
-    sights::<R>(seen, point, normal).fold(mirrored, |sum, sight| {
+    let unlit = emitted(scene, hit, ray.direction, width) + mirrored_sky::<R>(seen, material, w_o, normal);
+    sights::<R>(seen, point, normal).fold(unlit, |sum, sight| {
         let Sight { light, w_i, distance, .. } = sight;
         let cosine = w_i.dot(normal);
         let share = seen.lights.get(light).map_or(R::ONE, |light| share_towards::<R>(light, w_i));

@@ -5,8 +5,8 @@ use super::ray::Ray;
 use super::traverse::Finder;
 use super::*;
 use crate::scene::{
-    Camera, LEAST_ALPHA_UNIT, Light, Mapped, Material, MaterialKind, Mesh, Sky, SkyPicture, Texture,
-    Textures, Triangle, Wrap,
+    Camera, LEAST_ALPHA_UNIT, Light, Mapped, Material, Mesh, Sky, SkyPicture, Texture, Textures, Triangle,
+    Wrap,
 };
 use crate::verify::verify;
 use glam::{DVec3, Vec3, vec3};
@@ -47,6 +47,46 @@ fn a_texture_tints_the_material() {
     assert_near(colour(own, Some(0xff_ffff)), colour(own, None));
     // The texel is yellow: it takes away the blue light.
     assert_near(colour(own, Some(0x00_ffff)), colour(vec3(0.8, 0.5, 0.0), None));
+}
+
+#[test]
+fn emitted_light_is_added_to_the_reflected_light_and_tinted_by_its_texture() {
+    let with = |emitted: Vec3, texel: Option<u32>| {
+        let mut scene = fixtures::single_triangle();
+        let mesh = scene.mesh_mut();
+        mesh.materials[0].emitted = emitted;
+        if let Some(texel) = texel {
+            let texture =
+                Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels: vec![texel].into() };
+            mesh.materials[0].emission_texture = Some(0);
+            mesh.textures = Textures { list: vec![texture], mapped: vec![Mapped::NONE] };
+        }
+        pixel(&scene, [1, 1], [0, 0])
+    };
+    let (dark, emitted) = (with(Vec3::ZERO, None), vec3(0.5, 0.25, 2.0));
+    assert_near(with(emitted, None), dark + emitted);
+    // The texel is yellow: it takes away the blue light, but only of what is emitted.
+    assert_near(with(emitted, Some(0x00_ffff)), dark + vec3(0.5, 0.25, 0.0));
+}
+
+#[test]
+fn colours_of_corners_are_mixed_by_the_weights_of_the_hit() {
+    let of = |colours: Vec<[u32; 3]>, lambertian: Vec3| {
+        let mut scene = fixtures::single_triangle();
+        let mesh = scene.mesh_mut();
+        mesh.materials[0] = Material::lambertian(lambertian);
+        mesh.corner_colours = colours;
+        pixel(&scene, [1, 1], [0, 0])
+    };
+    let [red, green, blue] = [1023 << 20, 1023 << 10, 1023];
+    // The ray hits the triangle at the weights 51/121, 32/121, 38/121 (calculated on paper).
+    let expected = of(Vec::new(), vec3(51.0, 32.0, 38.0) / 121.0 * 0.8);
+    assert_near(of(vec![[red, green, blue]], Vec3::splat(0.8)), expected);
+    // Half the steps of a channel are a quarter of its light.
+    let quarter = (511.5_f32 / 1023.0).powi(2);
+    let actual = of(vec![[red / 2; 3]], Vec3::ONE).x;
+    let expected = of(Vec::new(), Vec3::splat(quarter)).x;
+    assert!((actual / expected - 1.0).abs() < 3e-3, "{actual} {expected}");
 }
 
 #[test]
@@ -357,7 +397,7 @@ fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
 fn the_middle_of_a_very_wide_picture_is_uncertain() {
     let camera = Camera::looking_at(vec3(3.6, 2.2, 4.8), vec3(0.0, 0.5, 0.0), Vec3::Y, 179.98, false);
     let (lambertian, glossy) = (Vec3::splat(0.1), Vec3::splat(5.0));
-    let material = Material { lambertian, glossy, shininess: 1000.0, kind: MaterialKind::BlinnPhong };
+    let material = Material::blinn_phong(lambertian, glossy, 1000.0);
     let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
     let mesh = Mesh {
         positions: [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| vec3(x, 0.0, z)).into(),

@@ -2,16 +2,31 @@
 
 use super::intersect::Hit;
 use super::real::{Real, Vector};
-use crate::scene::{Mapped, Mesh, Texture, Wrap, linear_values};
+use crate::scene::{COLOUR_STEPS, Mapped, Mesh, Texture, Wrap, linear_values, steps};
 use glam::Vec3;
 use std::ops::{Add, Mul};
 use std::sync::LazyLock;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 
-/// Returns the texture's colour, in linear light, where a pixel's cone of this direction and width meets a triangle.
-/// The mip level at which texels are as large as the pixel usually lies between two levels; the colour is a mean of
-/// these two. `None` without a texture.
+/// Returns the colour between a triangle's corners at a hit, in linear light; white if corners have no colours. The
+/// counterpart for devices is `cl/common/corner_colours.cl`.
+pub fn corner_colour<R: Real>(mesh: &Mesh, hit: &Hit<R>) -> R::Vector {
+    let Some(corners) = mesh.corner_colours.get(hit.triangle as usize) else {
+        return R::Vector::of(Vec3::ONE);
+    };
+    let linear = |word: u32| {
+        let channels = steps(word).map(|step| step as f32);
+        let root = R::Vector::of(Vec3::from_array(channels)) * R::of(1.0 / f64::from(COLOUR_STEPS));
+        root * root
+    };
+    let [a, b, c] = corners.map(linear);
+    let [w0, w1, w2] = hit.weights;
+    a * w0 + b * w1 + c * w2
+}
+
+/// Returns the colour of a triangle's texture, in linear light, where a pixel's cone of this direction and width meets
+/// the triangle; `None` without a texture.
 pub fn texture_colour<R: Real>(
     mesh: &Mesh,
     hit: &Hit<R>,
@@ -19,18 +34,43 @@ pub fn texture_colour<R: Real>(
     width: R,
 ) -> Option<R::Vector> {
     let row = mesh.textures.mapped.get(hit.triangle as usize)?;
-    let texture = &mesh.textures.list[row.texture? as usize];
+    Some(filtered_colour(mesh, row.texture?, hit, direction, width))
+}
+
+/// Does the same for the texture by which the radiance that a surface of this material emits is multiplied.
+pub fn emission_colour<R: Real>(
+    mesh: &Mesh,
+    hit: &Hit<R>,
+    direction: R::Vector,
+    width: R,
+) -> Option<R::Vector> {
+    let number = mesh.material(&mesh.triangles[hit.triangle as usize]).emission_texture?;
+    Some(filtered_colour(mesh, number, hit, direction, width))
+}
+
+/// Returns the colour of the texture `number`, in linear light, where a pixel's cone of this direction and width meets
+/// a triangle. The mip level at which texels are as large as the pixel usually lies between two levels; the colour is a
+/// mean of these two.
+fn filtered_colour<R: Real>(
+    mesh: &Mesh,
+    number: u32,
+    hit: &Hit<R>,
+    direction: R::Vector,
+    width: R,
+) -> R::Vector {
+    let row = &mesh.textures.mapped[hit.triangle as usize];
+    let texture = &mesh.textures.list[number as usize];
     let colour = |level| Texels::at(texture, level, row, hit.weights).mix(linear_colour::<R>);
     let last = texture.last_level();
     if last == 0 {
-        return Some(colour(0));
+        return colour(0);
     }
     let corners = mesh.corners(&mesh.triangles[hit.triangle as usize]).map(R::Vector::of);
     let level = (width / texel_side(texture, row, corners, direction)).log2();
     let level = least(level.max(R::ZERO), R::of(last.into()));
     let (finer, part) = (level.floor().to_i32() as u32, level - level.floor());
     let coarser = (finer + 1).min(last);
-    Some(colour(finer) * (R::ONE - part) + colour(coarser) * part)
+    colour(finer) * (R::ONE - part) + colour(coarser) * part
 }
 
 /// Returns the side length of a texel of level 0 on a triangle, foreshortened as it appears from this direction.

@@ -18,7 +18,7 @@ use super::framing::Ball;
 use super::studio::Studio;
 use super::validate::{Brightness, check_positions};
 use super::wire::{BackgroundWire, SceneWire};
-use super::{Camera, Display, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, facing, normals};
+use super::{Camera, Display, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, facing, normals};
 use crate::error::Result;
 use crate::image::transform;
 use camera::camera;
@@ -62,7 +62,10 @@ pub(super) fn assemble(
     }
     let Joined { mut mesh, seen, mut starts } = cache.joined(|cache| join(document, &wire, cache, notes))?;
     if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
-        Arc::make_mut(&mut mesh).textures = Textures::default();
+        Arc::make_mut(&mut mesh).leave_out_textures();
+    }
+    if document.bare && mesh.is_emissive() {
+        notes.push("surfaces that emit light do not light others".to_owned());
     }
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
@@ -219,7 +222,7 @@ fn join(
         let made = || -> Result<_> {
             let mut file = objects::make(document, object, crease, notes)?;
             if wire.mip_levels != Some(false) {
-                file.mesh.textures.add_levels();
+                file.mesh.add_levels();
             }
             Ok(file)
         };

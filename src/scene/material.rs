@@ -12,6 +12,8 @@ pub const PAPER_SHININESS: f32 = 100.0;
 /// The largest k_L and k_G. Real surfaces have a much lower reflectance. The limit keeps products within
 /// single precision.
 pub const MAX_REFLECTANCE: f32 = 1e6;
+/// The largest radiance that a surface emits. The limit keeps sums within single precision.
+pub const MAX_EMITTED: f32 = 1e6;
 /// The largest exponent s of a highlight; a highlight with this exponent is hardly wider than a point.
 pub const MAX_SHININESS: f32 = 1e6;
 
@@ -25,7 +27,7 @@ pub enum MaterialKind {
     BlinnPhong,
 }
 
-/// A surface's reflectance (Hughes et al., *Computer Graphics*, chapter 15).
+/// A surface's reflectance (Hughes et al., *Computer Graphics*, chapter 15) and the radiance that it emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// k_L, the diffuse reflectance.
@@ -36,6 +38,12 @@ pub struct Material {
     pub shininess: f32,
     /// Which reflectance formula the surface has.
     pub kind: MaterialKind,
+    /// The radiance that both sides of the surface emit in every direction. It is added to the reflected
+    /// radiance, and lights no other surface.
+    pub emitted: Vec3,
+    /// The number of the texture, in [`Textures::list`](super::Textures::list), whose colour `emitted` is
+    /// multiplied by; `None` without such a texture. Its coordinates are those of the triangle's own texture.
+    pub emission_texture: Option<u32>,
 }
 
 impl Default for Material {
@@ -45,20 +53,52 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Number of floats of a material on a device: k_L, k_G, s, kind.
+    /// Number of floats of a material on a device, in a scene in which no surface emits light: k_L, k_G, s,
+    /// kind.
     pub const FLOATS: usize = 8;
+    /// Number of floats of the emitted radiance and its texture, which follow if a surface emits light.
+    pub const EMISSION_FLOATS: usize = 4;
 
     /// Returns a diffuse material.
     pub const fn lambertian(lambertian: Vec3) -> Self {
-        Self { lambertian, glossy: Vec3::ZERO, shininess: 0.0, kind: MaterialKind::Lambertian }
+        Self {
+            lambertian,
+            glossy: Vec3::ZERO,
+            shininess: 0.0,
+            kind: MaterialKind::Lambertian,
+            emitted: Vec3::ZERO,
+            emission_texture: None,
+        }
     }
 
     /// Returns a diffuse material with a highlight.
     pub const fn blinn_phong(lambertian: Vec3, glossy: Vec3, shininess: f32) -> Self {
-        Self { lambertian, glossy, shininess, kind: MaterialKind::BlinnPhong }
+        Self { glossy, shininess, kind: MaterialKind::BlinnPhong, ..Self::lambertian(lambertian) }
     }
 
-    /// Returns the floats for a device: k_L (3), k_G (3), s, kind (0 Lambertian, 1 Blinn-Phong).
+    /// Returns true if the surface emits light.
+    pub fn is_emissive(&self) -> bool {
+        self.emitted != Vec3::ZERO
+    }
+
+    /// Returns the number of floats of a material on a device. `emissive` is true if a surface of the scene
+    /// emits light.
+    pub const fn floats(emissive: bool) -> usize {
+        Self::FLOATS + if emissive { Self::EMISSION_FLOATS } else { 0 }
+    }
+
+    /// Returns the floats for a device.
+    pub fn for_device(self, emissive: bool) -> impl Iterator<Item = f32> {
+        self.to_floats().into_iter().chain(self.emission_floats()).take(Self::floats(emissive))
+    }
+
+    /// Returns the emitted radiance (3), and the number of its texture plus 1 (0 without a texture).
+    pub fn emission_floats(self) -> [f32; Self::EMISSION_FLOATS] {
+        let [r, g, b] = self.emitted.to_array();
+        [r, g, b, self.emission_texture.map_or(0.0, |number| (number + 1) as f32)]
+    }
+
+    /// Returns the reflectance as floats: k_L (3), k_G (3), s, kind (0 Lambertian, 1 Blinn-Phong).
     pub fn to_floats(self) -> [f32; Self::FLOATS] {
         let kind = match self.kind {
             MaterialKind::Lambertian => 0.0,
@@ -79,5 +119,18 @@ mod tests {
         let glossy = Material::blinn_phong(Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 6.0), 7.0);
         assert_eq!(glossy.to_floats(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 1.0]);
         assert_eq!(Material::lambertian(Vec3::X).to_floats(), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_device_gets_the_emitted_radiance_only_if_a_surface_emits_light() {
+        let lamp = Material {
+            emitted: Vec3::new(2.0, 3.0, 4.0),
+            emission_texture: Some(0),
+            ..Material::lambertian(Vec3::X)
+        };
+        let floats = |emissive| lamp.for_device(emissive).collect::<Vec<_>>();
+        assert_eq!(floats(false), lamp.to_floats());
+        assert_eq!(floats(true)[8..], [2.0, 3.0, 4.0, 1.0]);
+        assert_eq!((floats(true).len(), Material::default().emission_floats()), (12, [0.0; 4]));
     }
 }

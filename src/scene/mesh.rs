@@ -1,9 +1,11 @@
 //! Meshes of indexed triangles. As in OBJ files, each corner has an index of a position and a separate index
 //! of a normal.
 
+use super::corner_colours::{CornerColours, WHITE};
 use super::{Material, Textures};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// A mesh with fewer triangles than this is processed by one thread.
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
@@ -42,6 +44,8 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// The triangles' textures.
     pub textures: Textures,
+    /// The colours of each triangle's corners, in the mesh's order; empty if every triangle has one colour.
+    pub corner_colours: Vec<CornerColours>,
 }
 
 impl Mesh {
@@ -64,6 +68,33 @@ impl Mesh {
     /// Returns a triangle's material.
     pub fn material(&self, triangle: &Triangle) -> &Material {
         &self.materials[triangle.material as usize]
+    }
+
+    /// Returns true if a material emits light.
+    pub fn is_emissive(&self) -> bool {
+        self.materials.iter().any(Material::is_emissive)
+    }
+
+    /// Removes all textures.
+    pub(super) fn leave_out_textures(&mut self) {
+        self.textures = Textures::default();
+        self.materials.iter_mut().for_each(|material| material.emission_texture = None);
+    }
+
+    /// Gives triangles that have no texture coordinates a copy of their material without its emission
+    /// texture. `triangles` has the indices of these triangles.
+    pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) {
+        let mut copies = HashMap::new();
+        for &number in triangles {
+            let own = self.triangles[number].material;
+            if self.materials[own as usize].emission_texture.is_none() {
+                continue;
+            }
+            self.triangles[number].material = *copies.entry(own).or_insert_with(|| {
+                self.materials.push(Material { emission_texture: None, ..self.materials[own as usize] });
+                self.materials.len() as u32 - 1
+            });
+        }
     }
 
     /// Returns one value for each position: true if the position is the corner of a triangle.
@@ -98,6 +129,8 @@ impl Mesh {
         let position = self.positions.len() as u32;
         let normal = self.normals.len() as u32;
         let material = self.materials.len() as u32;
+        let texture = self.textures.list.len() as u32;
+        self.append_colours(other.corner_colours, other.triangles.len());
         self.textures.append(self.triangles.len(), other.textures, other.triangles.len());
         self.triangles.extend(other.triangles.into_iter().map(|t| Triangle {
             positions: t.positions.map(|i| i + position),
@@ -106,6 +139,60 @@ impl Mesh {
         }));
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);
-        self.materials.extend(other.materials);
+        self.materials.extend(other.materials.into_iter().map(|own| Material {
+            emission_texture: own.emission_texture.map(|number| number + texture),
+            ..own
+        }));
+    }
+
+    /// Appends the colours of the corners of `triangles` more triangles; `colours` is empty if they have none.
+    fn append_colours(&mut self, colours: Vec<CornerColours>, triangles: usize) {
+        if self.corner_colours.is_empty() && colours.is_empty() {
+            return;
+        }
+        self.corner_colours.resize(self.triangles.len(), WHITE);
+        self.corner_colours.extend(colours);
+        self.corner_colours.resize(self.triangles.len() + triangles, WHITE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Shape, Texture, Wrap, generate};
+
+    /// Returns a mesh whose only material emits the light of its only texture.
+    fn lamp() -> Mesh {
+        let mut mesh = generate(&Shape::Ground);
+        let texels = vec![0].into();
+        mesh.textures.list = vec![Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels }];
+        mesh.materials[0].emission_texture = Some(0);
+        mesh
+    }
+
+    #[test]
+    fn an_appended_material_keeps_its_emission_texture_and_a_triangle_its_colours() {
+        let [mut all, mut coloured] = [lamp(), lamp()];
+        coloured.corner_colours = vec![[1, 2, 3]; coloured.triangles.len()];
+        all.append(coloured.clone());
+        all.append(lamp());
+        let textures: Vec<_> = all.materials.iter().map(|material| material.emission_texture).collect();
+        assert_eq!(textures, [Some(0), Some(1), Some(2)]);
+        let count = lamp().triangles.len();
+        let expected = [vec![WHITE; count], coloured.corner_colours, vec![WHITE; count]].concat();
+        assert_eq!(all.corner_colours, expected);
+    }
+
+    #[test]
+    fn triangles_without_texture_coordinates_share_a_copy_of_their_material() {
+        let mut mesh = lamp();
+        mesh.triangles.push(mesh.triangles[0]);
+        mesh.leave_out_emission_textures(&[0, 2]);
+        let numbers: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.material).collect();
+        assert_eq!((numbers, mesh.materials.len()), (vec![1, 0, 1], 2));
+        assert_eq!([0, 1].map(|i: usize| mesh.materials[i].emission_texture), [Some(0), None]);
+        mesh.leave_out_textures();
+        assert!(mesh.materials.iter().all(|material| material.emission_texture.is_none()));
+        assert!(mesh.textures.list.is_empty());
     }
 }

@@ -3,7 +3,7 @@
 
 use super::files::linear;
 use super::texture::linear_values;
-use super::{Mesh, Textures};
+use super::{Material, Mesh, Texture, Textures};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -25,11 +25,18 @@ static BETWEEN: LazyLock<[f32; 255]> =
 /// Linear light in red, green and blue, multiplied by the texel's weight, and alpha from 0 to 1.
 type Light = [f32; 4];
 
+impl Mesh {
+    /// Adds mip levels to the mesh's textures.
+    pub(super) fn add_levels(&mut self) {
+        self.textures.add_levels(&mut self.materials);
+    }
+}
+
 impl Textures {
     /// Adds mip levels to all pictures that are used as colours. If the picture is also the mask of the same
-    /// surface, the texels are weighted by their alpha.
-    pub(super) fn add_levels(&mut self) {
-        let weights = self.separate_weights();
+    /// surface, the texels are weighted by their alpha. `materials` are those of the mesh.
+    pub(super) fn add_levels(&mut self, materials: &mut [Material]) {
+        let weights = self.separate_weights(materials);
         let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();
         for (texture, by_alpha) in self.list.iter_mut().zip(&weights) {
             let Some(by_alpha) = *by_alpha else { continue };
@@ -52,25 +59,30 @@ impl Textures {
     /// otherwise false. The value is `None` if the texture is not used as a colour. If some triangles need a
     /// texture with these weights and other triangles need it without, the texture is copied. The original
     /// has the weights that the first of these triangles needs. Triangles that need the other weights get the
-    /// copy.
-    fn separate_weights(&mut self) -> Vec<Option<bool>> {
+    /// copy. The texels of emission textures are never weighted by their alpha.
+    fn separate_weights(&mut self, materials: &mut [Material]) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];
         let mut copies = HashMap::new();
-        for row in mapped {
-            let Some(number) = row.texture else { continue };
-            let texels = |number: u32| &list[number as usize].texels;
-            let by_alpha = row.mask.is_some_and(|mask| Arc::ptr_eq(texels(mask), texels(number)));
+        let mut weighted = |list: &mut Vec<Texture>, number: u32, by_alpha: bool| {
             if *weights[number as usize].get_or_insert(by_alpha) == by_alpha {
-                continue;
+                return number;
             }
-            let copy = *copies.entry(number).or_insert_with(|| {
+            *copies.entry(number).or_insert_with(|| {
                 let copy = list[number as usize].clone();
                 list.push(copy);
                 weights.push(Some(by_alpha));
                 list.len() as u32 - 1
-            });
-            row.texture = Some(copy);
+            })
+        };
+        for row in mapped {
+            let Some(number) = row.texture else { continue };
+            let texels = |number: u32| &list[number as usize].texels;
+            let by_alpha = row.mask.is_some_and(|mask| Arc::ptr_eq(texels(mask), texels(number)));
+            row.texture = Some(weighted(list, number, by_alpha));
+        }
+        for number in materials.iter_mut().filter_map(|material| material.emission_texture.as_mut()) {
+            *number = weighted(list, *number, false);
         }
         weights
     }
@@ -83,10 +95,12 @@ impl Textures {
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units.
 /// A ray cone as wide as this side covers one texel if it meets the triangle at a right angle. Returns zeros
-/// if the triangle has no area or no texture.
+/// if the triangle has no area or no texture. A triangle that has only an emission texture has the texels of this
+/// texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
-    let Some(number) = row.texture else { return [0.0; 3] };
+    let emission = || mesh.material(&mesh.triangles[triangle]).emission_texture;
+    let Some(number) = row.texture.or_else(emission) else { return [0.0; 3] };
     let [a, b, c] = mesh.corners(&mesh.triangles[triangle]).map(|corner| corner.as_dvec3());
     let normal = (b - a).cross(c - a);
     let size = mesh.textures.list[number as usize].size.map(f64::from);
@@ -192,7 +206,7 @@ fn weight(alpha: f32, by_alpha: bool) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Mapped, Texture, Triangle, Wrap};
+    use crate::scene::{Mapped, Triangle, Wrap};
     use glam::Vec3;
 
     fn random_texels(count: u32) -> Vec<u32> {
@@ -271,7 +285,7 @@ mod tests {
         let mapped = vec![row(Some(0), Some(2)), row(Some(1), None), row(Some(3), Some(3))];
         let mut textures = Textures { list: vec![colour, mirrored, mask, both], mapped };
         assert!(!textures.have_levels());
-        textures.add_levels();
+        textures.add_levels(&mut []);
         let texels = |number: usize| &textures.list[number].texels;
         assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
         let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
@@ -288,7 +302,7 @@ mod tests {
         let row = |texture, mask| Mapped { texture: Some(texture), mask, ..Mapped::NONE };
         let levels = |list: Vec<Texture>, mapped: &[Mapped]| {
             let mut textures = Textures { list, mapped: mapped.to_vec() };
-            textures.add_levels();
+            textures.add_levels(&mut []);
             let texels = |row: &Mapped| Some(Arc::clone(&textures.list[row.texture? as usize].texels));
             let shown: Vec<_> = textures.mapped.iter().filter_map(texels).collect();
             (shown, textures)
@@ -320,6 +334,21 @@ mod tests {
     }
 
     #[test]
+    fn the_texels_of_an_emission_texture_are_not_weighted_by_their_alpha() {
+        let picture: Arc<[u32]> = [0xff00_ff00, 0x00ff_00ff].into();
+        // The colour and the mask of a surface are the same picture, and so is what the surface emits.
+        let list = vec![texture([2, 1], &picture, 0), texture([2, 1], &picture, 0x8000)];
+        let row = Mapped { texture: Some(0), mask: Some(1), ..Mapped::NONE };
+        let mut textures = Textures { list, mapped: vec![row] };
+        let mut materials = [Material { emission_texture: Some(0), ..Material::default() }];
+        textures.add_levels(&mut materials);
+        let texels = |number: Option<u32>| &textures.list[number.unwrap_or(0) as usize].texels;
+        assert_eq!(materials[0].emission_texture, Some(2));
+        assert_eq!(texels(textures.mapped[0].texture), &with_levels([2, 1], &picture, true));
+        assert_eq!(texels(materials[0].emission_texture), &with_levels([2, 1], &picture, false));
+    }
+
+    #[test]
     fn a_texel_on_a_triangle_is_as_large_as_its_areas_say() {
         let row = |scale: f32| Mapped {
             corners: [[0.0, 0.0], [scale, 0.0], [0.0, scale]],
@@ -330,6 +359,7 @@ mod tests {
         let mesh = |scale| Mesh {
             positions: vec![Vec3::ZERO, Vec3::X * 2.0, Vec3::Z * 4.0],
             triangles: vec![Triangle { positions: [0, 1, 2], normals: [0; 3], material: 0 }],
+            materials: vec![Material::default()],
             textures: Textures { list: vec![texture([8, 4], &texels, 0)], mapped: vec![row(scale)] },
             ..Mesh::default()
         };

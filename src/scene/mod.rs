@@ -9,6 +9,7 @@ mod area;
 mod assemble;
 mod camera;
 mod coarse;
+mod corner_colours;
 mod covered;
 mod document;
 mod enclosed;
@@ -41,6 +42,7 @@ mod wire;
 pub use animation::Animation;
 pub use area::{Area, AreaShape};
 pub use camera::{Camera, PixelFrame};
+pub use corner_colours::{COLOUR_STEPS, CornerColours, steps};
 pub(crate) use inputs::{INPUTS, Inputs};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 pub use material::{Material, MaterialKind};
@@ -241,6 +243,16 @@ impl Scene {
             hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
         }
         hash_words(&mut hasher, mesh.textures.mapped.iter().flat_map(|row| row.to_words()));
+        // Marker words keep emitted light and the colours of corners apart.
+        if mesh.is_emissive() {
+            hash_words(&mut hasher, [u32::from_be_bytes(*b"emit")].into_iter());
+            let emitted = mesh.materials.iter().flat_map(|material| material.emission_floats());
+            hash_words(&mut hasher, emitted.map(f32::to_bits));
+        }
+        if !mesh.corner_colours.is_empty() {
+            hash_words(&mut hasher, [u32::from_be_bytes(*b"rgb ")].into_iter());
+            hash_words(&mut hasher, mesh.corner_colours.as_flattened().iter().copied());
+        }
         hasher.finalize().to_hex()[..16].to_string()
     }
 }
@@ -314,7 +326,7 @@ mod tests {
         };
         assert!(!changed(&|scene| scene.name.push('a')));
         type Change = &'static dyn Fn(&mut Scene);
-        let changes: [(&str, Change); 27] = [
+        let changes: [(&str, Change); 30] = [
             ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
             ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
             ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
@@ -322,6 +334,12 @@ mod tests {
             ("k_L", &|scene| scene.mesh_mut().materials[0].lambertian.y += 0.1),
             ("k_G", &|scene| scene.mesh_mut().materials[0].glossy.z += 0.1),
             ("s", &|scene| scene.mesh_mut().materials[0].shininess += 1.0),
+            ("emitted", &|scene| scene.mesh_mut().materials[0].emitted.x = 1.0),
+            ("emission texture", &|scene| {
+                let material = &mut scene.mesh_mut().materials[0];
+                (material.emitted, material.emission_texture) = (Vec3::X, Some(1));
+            }),
+            ("corner colours", &|scene| scene.mesh_mut().corner_colours = vec![[1, 2, 3]]),
             ("position of a light", &|scene| scene.lights[0].position.x += 1.0),
             ("power", &|scene| scene.lights[0].power.z += 1.0),
             ("radius", &|scene| scene.lights[0].radius = 0.5),

@@ -1,5 +1,6 @@
 //! Textures: pictures that give surfaces their colours or, as masks, their holes.
 
+use super::Material;
 use super::files::linear;
 use crate::manifest::TEXTURE_HEAD_WORDS;
 use std::sync::Arc;
@@ -132,15 +133,17 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Makes textures from a list and the mapping of each triangle. Masks without holes are removed from the
-    /// mappings. The result is empty if, after this removal, no triangle has a texture or a mask.
-    pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>) -> Self {
+    /// Makes textures from a list, the mapping of each triangle, and the triangles' materials. Masks without
+    /// holes are removed from the mappings. The result is empty if, after this removal, no triangle has a
+    /// texture or a mask, and no material has an emission texture.
+    pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>, materials: &[Material]) -> Self {
         let have_holes: Vec<bool> = list.iter().map(Texture::has_holes).collect();
         for row in &mut mapped {
             row.mask = row.mask.filter(|mask| have_holes[*mask as usize]);
         }
         let is_bare = |row: &Mapped| row.texture.is_none() && row.mask.is_none();
-        if mapped.iter().all(is_bare) { Self::default() } else { Self { list, mapped } }
+        let emits = materials.iter().any(|material| material.emission_texture.is_some());
+        if !emits && mapped.iter().all(is_bare) { Self::default() } else { Self { list, mapped } }
     }
 
     /// Returns the number of 32-bit words of all textures on a device; 0 if there are no textures. Textures
@@ -236,7 +239,7 @@ mod tests {
     #[test]
     fn meshes_with_and_without_textures_are_joined() {
         let mapped = Mapped::new([[0.0; 2]; 3], Some(0), None, [Wrap::Repeat; 2]);
-        let one = Textures::of(vec![texture()], vec![mapped]);
+        let one = Textures::of(vec![texture()], vec![mapped], &[]);
         let mut all = Textures::default();
         all.append(2, Textures::default(), 3);
         assert_eq!(all, Textures::default());
@@ -244,7 +247,7 @@ mod tests {
         all.append(6, one, 2);
         let numbers: Vec<_> = all.mapped.iter().map(|row| row.texture).collect();
         assert_eq!(numbers, [None, None, None, None, None, Some(0), Some(1), None]);
-        assert_eq!(Textures::of(vec![texture()], vec![Mapped::NONE]), Textures::default());
+        assert_eq!(Textures::of(vec![texture()], vec![Mapped::NONE], &[]), Textures::default());
     }
 
     #[test]
@@ -266,7 +269,7 @@ mod tests {
         };
         let row = |number| Mapped { mask: Some(number), ..Mapped::NONE };
         let list = vec![mask(128, 128 * 257), mask(127, 128 * 257), mask(0, 0), mask(255, u16::MAX)];
-        let made = Textures::of(list, (0..4).map(row).collect());
+        let made = Textures::of(list, (0..4).map(row).collect(), &[]);
         let masks: Vec<_> = made.mapped.iter().map(|row| row.mask).collect();
         assert_eq!(masks, [None, Some(1), None, None]);
         assert!(made.have_holes());

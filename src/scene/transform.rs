@@ -55,6 +55,7 @@ impl Transform {
                 triangle.normals.swap(1, 2);
             });
             mesh.textures.mirror();
+            mesh.corner_colours.iter_mut().for_each(|corners| corners.swap(1, 2));
         }
     }
 }

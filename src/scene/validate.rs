@@ -1,7 +1,7 @@
 //! The checks that every scene must pass, whether it was read from a file or made in code.
 
 use super::area::LEAST_SINE;
-use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
+use super::material::{MAX_EMITTED, MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use super::{Area, Camera, Light, Mapped, Material, Scene, Sky, Texture, Textures};
 use crate::error::{Error, Result};
@@ -201,6 +201,10 @@ fn check_material(material: &Material) -> Result<()> {
             "a material has the values {numbers:?} (three of k_L, three of k_G, shininess, kind); expected values from \
              0 to {most:e}"
         )
+    })?;
+    let emitted = material.emitted;
+    require(emitted.to_array().iter().all(|value| (0.0..=MAX_EMITTED).contains(value)), || {
+        format!("a material emits the radiance {emitted}; expected values from 0 to {MAX_EMITTED:e}")
     })
 }
 
@@ -241,6 +245,15 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     };
     require(mapped.iter().all(valid), || {
         "a triangle's texture or mask does not exist, or its texture coordinates are not finite".to_owned()
+    })?;
+    let mut emission = mesh.materials.iter().filter_map(|material| material.emission_texture);
+    require(emission.all(|number| !mapped.is_empty() && (number as usize) < list.len()), || {
+        "a material's emission texture does not exist".to_owned()
+    })?;
+    let colours = &mesh.corner_colours;
+    require(colours.is_empty() || colours.len() == mesh.triangles.len(), || {
+        let (have, all) = (colours.len(), mesh.triangles.len());
+        format!("{have} of {all} triangles have colours of their corners; expected all or none")
     })
 }
 
@@ -323,6 +336,24 @@ mod tests {
         mesh.triangles = vec![mesh.triangles[0]; 2];
         let error = check_textures(mesh).unwrap_err().to_string();
         assert_eq!(error, "1 of 2 triangles are mapped to textures; expected all or none");
+    }
+
+    #[test]
+    fn emitted_light_its_texture_and_colours_of_corners_are_checked() {
+        let error = |change: fn(&mut Mesh)| {
+            let mut scene = single_triangle();
+            change(scene.mesh_mut());
+            check_mesh(&scene.mesh).err().map(|error| error.to_string()).unwrap_or_default()
+        };
+        assert_eq!(error(|mesh| mesh.materials[0].emitted = Vec3::new(0.0, 1e6, 0.0)), "");
+        let dark = error(|mesh| mesh.materials[0].emitted.y = -1.0);
+        assert_eq!(dark, "a material emits the radiance [0, -1, 0]; expected values from 0 to 1e6");
+        assert!(!error(|mesh| mesh.materials[0].emitted.z = f32::INFINITY).is_empty());
+        let texture = error(|mesh| mesh.materials[0].emission_texture = Some(0));
+        assert_eq!(texture, "a material's emission texture does not exist");
+        assert_eq!(error(|mesh| mesh.corner_colours = vec![[0; 3]]), "");
+        let colours = error(|mesh| mesh.corner_colours = vec![[0; 3]; 2]);
+        assert_eq!(colours, "2 of 1 triangles have colours of their corners; expected all or none");
     }
 
     #[test]

@@ -151,6 +151,9 @@ pub(super) struct MaterialWire {
     pub k_g: Option<Triple<Reflectance>>,
     /// The highlight's exponent [default: 100 with k_g, else the mesh's own, else none].
     pub shininess: Option<Number<Shininess>>,
+    /// The radiance that the surface emits in linear light, one number or three; lights no other surface
+    /// [default: the mesh's own, else 0].
+    pub emitted: Option<Triple<Emission>>,
 }
 
 /// A light. From a point light, a surface at distance r receives power / (4 pi r^2).

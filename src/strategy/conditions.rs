@@ -47,6 +47,8 @@ impl Strategy {
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
             Fact::Textured => workload.is_textured() && supports(Fact::Textured),
             Fact::CutOut => workload.cut_outs && supports(Fact::Textured),
+            Fact::CornerColours => workload.corner_colours,
+            Fact::Emissive => workload.emissive,
             Fact::Environment => workload.sky_texels > 0 && supports(Fact::Soft),
             Fact::Soft => workload.is_soft() && supports(Fact::Soft),
             Fact::SmoothShadows => workload.smooth_shadows,

@@ -1,7 +1,7 @@
 //! Predicts, before anything is allocated, how much of the host's memory casting needs: the largest number of bytes in
 //! use at any moment.
 
-use super::requirements::{global_beside_mesh, scene_beside_mesh, scratch};
+use super::requirements::{CORNER_COLOURS_BYTES, global_beside_mesh, scene_beside_mesh, scratch};
 use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
@@ -154,6 +154,9 @@ fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
             "places in textures",
             &[(Mapped::floats(false) as u64 * 4, " B"), (w.triangles as u64, " triangles")],
         );
+    }
+    if w.corner_colours {
+        base.add("corner colours", &[(CORNER_COLOURS_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
     if w.sky_texels > 0 {
         base.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);

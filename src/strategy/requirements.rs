@@ -12,25 +12,29 @@ use super::workload::Workload;
 use super::{Copied, Layout, Records, Strategy, WorkingMemory};
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
-use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
+use crate::manifest::{GROUP_LANES, ROW_FLOATS, TILE_TRIANGLES, soup_floats};
 use crate::memory::thread_stack_bytes;
-use crate::scene::{Material, Triangle};
+use crate::scene::{CornerColours, Material, Triangle};
 
-/// Bytes of a triangle without shared vertices.
-const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
+/// Bytes of the colours of a triangle's corners, on the host and on a device.
+pub(super) const CORNER_COLOURS_BYTES: u64 = size_of::<CornerColours>() as u64;
 /// Bytes of a triangle in a leaf of the tree, or of the planes for a triangle and an origin (the eye or a light): three
 /// float4.
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 /// Size of a triangle's normals in bytes.
 const NORMAL_BYTES: u64 = crate::accel::NORMAL_FLOATS as u64 * 4;
-const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
 
 /// Bytes of a ray of a tile: its direction, the inverse distance of its nearest hit, the index of the triangle that it
 /// hit, the reciprocals of the direction, and data for the watertight test. During shading, there are also the surface
 /// that the ray hit, the arriving light and the sum of the light so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
+
+/// Returns the additional bytes of a material, and of a ray's surface, if surfaces emit light.
+fn emission_bytes(w: &Workload) -> u64 {
+    if w.emissive { Material::EMISSION_FLOATS as u64 * 4 } else { 0 }
+}
 
 /// Bytes of an entry of the stack with which work-items that share a tile traverse a tree: the word that identifies a
 /// child node, and the distance at which the child's box is entered.
@@ -184,12 +188,12 @@ fn add_corners(sum: &mut Sum, strategy: &Strategy, w: &Workload, [own, shared]: 
 /// Adds the bytes of the whole scene. All parts of the scene lie in the same kind of memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.layout.index_bits().is_none() {
-        sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        sum.add("scene", &[(soup_floats(w.emissive) as u64 * 4, " B"), (w.triangles as u64, " triangles")]);
         return;
     }
     add_vertices(sum, strategy, w);
     add_normals(sum, strategy, w);
-    sum.add("materials", &[(MATERIAL_BYTES, " B"), (w.materials as u64, "")]);
+    sum.add("materials", &[(Material::floats(w.emissive) as u64 * 4, " B"), (w.materials as u64, "")]);
     sum.add("their indices", &[(index_bytes(strategy.layout), " B"), (w.triangles as u64, " triangles")]);
 }
 
@@ -264,7 +268,15 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
         // same time.
         let [x, y] = w.local_size.map(u64::from);
         let x = if strategy.shares_tiles() { 1 } else { x };
-        sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
+        sum.add(
+            "tiles",
+            &[
+                (TILE_RAY_BYTES + emission_bytes(w), " B"),
+                ((across * down) as u64, " rays"),
+                (x, ""),
+                (y, ""),
+            ],
+        );
     }
     // A value that lives across a barrier is stored for all work-items at the same time. PoCL 3.1 also stores packets
     // of rays for all work-items at the same time.
@@ -294,6 +306,9 @@ pub(super) fn scene_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
     if w.is_textured() {
         sum.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
         sum.add("places in textures", &[(w.texture_row_bytes(), " B"), (w.triangles as u64, " triangles")]);
+    }
+    if w.corner_colours {
+        sum.add("corner colours", &[(CORNER_COLOURS_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
     if w.sky_texels > 0 {
         sum.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);

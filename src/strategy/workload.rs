@@ -34,6 +34,12 @@ pub struct Workload {
     pub mip_levels: bool,
     /// True if textures make holes in triangles.
     pub cut_outs: bool,
+    /// True if the corners of triangles have colours.
+    #[serde(default)]
+    pub corner_colours: bool,
+    /// True if surfaces emit light.
+    #[serde(default)]
+    pub emissive: bool,
     /// True if lights with a radius or an area are sampled.
     pub soft_lights: bool,
     /// True if a light has an area.
@@ -74,6 +80,8 @@ impl Workload {
         texture_words: 0,
         mip_levels: false,
         cut_outs: false,
+        corner_colours: false,
+        emissive: false,
         soft_lights: false,
         area_lights: false,
         sky: false,
@@ -98,6 +106,8 @@ impl Workload {
             texture_words: scene.mesh.textures.word_count(),
             mip_levels: scene.mesh.textures.have_levels(),
             cut_outs: scene.mesh.textures.have_holes(),
+            corner_colours: !scene.mesh.corner_colours.is_empty(),
+            emissive: scene.mesh.is_emissive(),
             soft_lights: false,
             area_lights: scene.has_area_lights(),
             sky: scene.sky.is_some(),

@@ -2,7 +2,7 @@
 // index_bits: none
 //
 // Each triangle has 26 floats (104 bytes) of its own, as in the paper: three corners (9), three normals (9), and the
-// material: k_L (3), k_G (3), s and kind (see Surface in common/rows.cl).
+// material: k_L (3), k_G (3), s and kind (see Surface in common/rows.cl). With EMISSIVE, there are four more floats.
 
 #ifndef SOUP_STRIDE
 #error "SOUP_STRIDE: floats of a triangle"

@@ -11,7 +11,9 @@ void after_closest_hit(Working *working, const Scene *scene, const Nearest *near
     const Hit hit = intersect_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
                                      working_get(working, RAY_DIRECTION));
     working_set(working, WEIGHTS, vec3(1.0f - hit.w1 - hit.w2, hit.w1, hit.w2));
-    const Surface surface = TEXTURED(gather_surfaces(&scene->geometry, nearest->triangle), &scene->textures,
-                                     nearest->triangle, hit.w1, hit.w2, working_get(working, RAY_DIRECTION), hit.t);
+    const Surface own = COLOURED(gather_surfaces(&scene->geometry, nearest->triangle), scene->corner_colours,
+                                 nearest->triangle, hit.w1, hit.w2);
+    const Surface surface = TEXTURED(own, &scene->textures, nearest->triangle, hit.w1, hit.w2,
+                                     working_get(working, RAY_DIRECTION), hit.t);
     shade(working, scene, &surface, TRIANGLE_ARGUMENT(nearest->triangle) hit.t, hits);
 }

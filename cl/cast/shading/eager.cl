@@ -10,8 +10,10 @@ void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit
     working_set(working, WEIGHTS, select3(nearer, weights, working_get(working, WEIGHTS)));
     Lanes column[FLOATS_OF_SURFACE];
     for (int lane = 0; lane < WIDTH; lane++) gather_surface(&scene->geometry, triangle, lane, column);
-    const Surface surface = TEXTURED(surface_of(column), &scene->textures,
-                                     SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT)), hit->w1, hit->w2,
+    const varying_int own_triangle = SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT));
+    const Surface own =
+        COLOURED(surface_of(column), scene->corner_colours, own_triangle, hit->w1, hit->w2);
+    const Surface surface = TEXTURED(own, &scene->textures, own_triangle, hit->w1, hit->w2,
                                      working_get(working, RAY_DIRECTION), hit->t);
     // If a nearer hit is found later, its radiance overwrites this result.
     shade(working, scene, &surface, TRIANGLE_ARGUMENT((varying_int)(triangle)) hit->t, nearer);

@@ -13,7 +13,7 @@ use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
 use crate::scene::wire::{MaterialWire, ObjectWire, Whole};
-use crate::scene::{Material, Mesh, Triangle, obj};
+use crate::scene::{Material, MaterialKind, Mesh, Triangle, obj};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 use std::path::Path;
@@ -68,6 +68,10 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
+        // k_l also replaces colours that vary within triangles.
+        if material.k_l.is_some() {
+            file.mesh.corner_colours.clear();
+        }
     }
     file
 }
@@ -76,11 +80,14 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
 /// shininess, the other one gets the paper's value.
 fn paint(base: &Material, wire: &MaterialWire) -> Material {
     let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
+    let emitted = wire.emitted.map_or(base.emitted, |radiance| Vec3::from_array(radiance.0));
+    let diffuse = Material { lambertian, emitted, ..*base };
     if wire.k_g.is_none() && wire.shininess.is_none() {
-        return Material { lambertian, ..*base };
+        return diffuse;
     }
     let glossy = wire.k_g.map_or(Vec3::splat(PAPER_GLOSSY), |k| Vec3::from_array(k.0));
-    Material::blinn_phong(lambertian, glossy, wire.shininess.map_or(PAPER_SHININESS, |s| s.0))
+    let shininess = wire.shininess.map_or(PAPER_SHININESS, |s| s.0);
+    Material { glossy, shininess, kind: MaterialKind::BlinnPhong, ..diffuse }
 }
 
 fn read_file(

@@ -1,10 +1,12 @@
-//! Colours of vertices and triangles. A triangle has one material, so it gets the mean of its corners'
-//! colours.
+//! Colours of vertices and triangles.
 
+use crate::scene::corner_colours::{CornerColours, packed};
 use crate::scene::material::Material;
+use crate::scene::mesh::PARALLEL_TRIANGLES;
 use crate::scene::{Mesh, Triangle};
-use crate::words::{counted, counted_are};
+use crate::words::counted_are;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Channels of colours are rounded to this many steps (8 bits, as in most files), so that triangles of almost
@@ -21,22 +23,29 @@ fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Assigns a new material to each triangle. The material's colour is the mean colour of the triangle's
-/// corners, multiplied by the colour of the triangle's previous material. `colours` has one linear colour per
-/// position.
+/// Gives the triangles the colours of their corners, by which the colours of their materials are multiplied.
+/// `colours` has one linear colour per position. If each triangle's corners have equal colours, each triangle gets
+/// a material of this colour instead, which takes less memory.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
-    paint_each(mesh, |_, triangle| {
-        let [a, b, c] = triangle.positions.map(|corner| colours[corner as usize]);
-        (a + b + c) / 3.0
-    });
+    let words: Vec<u32> =
+        colours.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|colour| packed(*colour)).collect();
+    let corners = |triangle: &Triangle| triangle.positions.map(|corner| words[corner as usize]);
+    let triangles = || mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+    let is_even = |[a, b, c]: CornerColours| a == b && b == c;
+    if triangles().all(|triangle| is_even(corners(triangle))) {
+        paint_each(mesh, |_, triangle| colours[triangle.positions[0] as usize]);
+    } else {
+        mesh.corner_colours = triangles().map(corners).collect();
+    }
 }
 
-/// Does the same as [`paint`], but `colours` has one linear colour per triangle.
+/// Assigns a new material to each triangle. The material's colour is that of the triangle, multiplied by the colour
+/// of the triangle's previous material. `colours` has one linear colour per triangle.
 pub(super) fn paint_triangles(mesh: &mut Mesh, colours: &[Vec3]) {
     paint_each(mesh, |number, _| colours[number]);
 }
 
-/// Does the same as [`paint`], but `colour` returns the linear colour of a triangle from the triangle's index
+/// Does the same as [`paint_triangles`], but `colour` returns the linear colour of a triangle from the triangle's index
 /// and the triangle itself.
 fn paint_each(mesh: &mut Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) {
     let (materials, numbers) = painted(mesh, colour);
@@ -80,18 +89,13 @@ pub(super) fn note_outside(count: usize, element: &str) -> Option<String> {
     (count > 0).then(|| format!("{} shown with channels limited to this range", elements()))
 }
 
-/// Returns a note which says that the colours of `count` vertices are averaged over each triangle.
-pub(in crate::scene) fn note(count: usize) -> String {
-    format!("colours of {}: each triangle has one colour, the mean of its corners", counted(count, "vertex"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::{Shape, generate};
 
     #[test]
-    fn a_triangle_has_the_mean_of_its_corners_and_equal_ones_share_a_material() {
+    fn triangles_of_one_colour_share_a_material() {
         let mut mesh = generate(&Shape::Ground);
         mesh.materials = vec![Material::lambertian(Vec3::splat(0.5))];
         let red = Vec3::new(linear(1.0), linear(0.2), 0.0);
@@ -99,6 +103,22 @@ mod tests {
         paint(&mut mesh, &colours);
         assert_eq!(mesh.materials.len(), 1);
         assert!((mesh.materials[0].lambertian - red * 0.5).abs().max_element() < 1e-6);
+        assert!(mesh.corner_colours.is_empty());
+    }
+
+    #[test]
+    fn corners_of_several_colours_keep_them_and_the_material() {
+        let mut mesh = generate(&Shape::Ground);
+        mesh.materials = vec![Material::lambertian(Vec3::splat(0.5))];
+        let mut colours = vec![Vec3::ONE; mesh.positions.len()];
+        let [a, b, c] = mesh.triangles[1].positions;
+        colours[b as usize] = Vec3::new(0.25, 0.0, 4.0);
+        paint(&mut mesh, &colours);
+        assert_eq!(mesh.materials, [Material::lambertian(Vec3::splat(0.5))]);
+        assert_eq!(mesh.corner_colours.len(), mesh.triangles.len());
+        let expected = [a, b, c].map(|corner| packed(colours[corner as usize]));
+        assert_eq!(mesh.corner_colours[1], expected);
+        assert_eq!(crate::scene::corner_colours::steps(expected[1]), [512, 0, 1023]);
     }
 
     #[test]

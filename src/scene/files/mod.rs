@@ -19,7 +19,7 @@ use crate::words::counted;
 use flaw::Named;
 use std::path::Path;
 
-pub(in crate::scene) use colours::{linear, note as colours_note, paint};
+pub(in crate::scene) use colours::{linear, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::Placement;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};

@@ -322,7 +322,6 @@ impl Parts {
             mesh.materials = white;
             let linear: Vec<Vec3> = self.vertices.iter().map(|vertex| vertex.colour.linear()).collect();
             colours::paint(mesh, &linear);
-            notes.push(colours::note(linear.len()));
             notes.extend(colours::note_outside(outside(&linear), "vertex"));
         } else if use_face_colours(header) {
             // Triangles of strips come last, and get the colour of the default material.
@@ -340,7 +339,9 @@ impl Parts {
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
             let comments = counted_are(textures, "TextureFile comment");
-            notes.push(format!("{comments} ignored: PLY files get no textures, but one colour per triangle"));
+            notes.push(format!(
+                "{comments} ignored: PLY files get no textures, only the colours of their vertices or faces"
+            ));
         }
         if have_colours(header, "face") && !use_face_colours(header) {
             let faces = counted(self.faces.len(), "face");

@@ -19,7 +19,7 @@ pub(in crate::scene) enum Wish {
     Blending,
     UnknownAlpha,
     Colour,
-    Emission,
+    EmissionPlace,
     Reflection,
     Refraction,
     Unlit,
@@ -42,7 +42,9 @@ impl Wish {
     /// Returns the feature's name, and what raycl does instead, both for messages.
     pub fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "only a material's colour and its holes can come from a texture"),
+            Self::Texture => {
+                ("textures", "only a material's colour, holes and emitted light can come from a texture")
+            }
             Self::TextureOption => ("options of textures", "they are ignored"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Blending => {
@@ -52,7 +54,10 @@ impl Wish {
                 ("an unknown kind of transparency", "the surface is opaque; expected OPAQUE, MASK or BLEND")
             }
             Self::Colour => ("a colour outside 0 to 1", "channels are limited to this range"),
-            Self::Emission => ("emitted light", "only the scene's lights and its sky illuminate"),
+            Self::EmissionPlace => (
+                "emitted light from a texture that is placed otherwise than the colour's",
+                "it is emitted without the texture",
+            ),
             Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),
             Self::Refraction => ("refraction", "every surface is opaque"),
             Self::Unlit => ("a colour without light", "the surface is lit like any other"),

@@ -24,7 +24,7 @@ mod textures;
 mod values;
 mod wishes;
 
-use super::files::{MeshFile, Placement, colours_note, paint};
+use super::files::{MeshFile, Placement, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
@@ -120,7 +120,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
         let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
         textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut notes);
     }
-    paint_vertices(&mut mesh, &points, &mut notes);
+    paint_vertices(&mut mesh, &points);
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
@@ -187,15 +187,13 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
 }
 
 /// Gives triangles the colours of their vertices, if at least one vertex has a colour.
-fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String>) {
-    let coloured = points.iter().map(|chunk| chunk.coloured).sum();
-    if coloured == 0 {
+fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk]) {
+    if points.iter().all(|chunk| chunk.coloured == 0) {
         return;
     }
     // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.
     mesh.materials[0].lambertian = Vec3::ONE;
     paint(mesh, &points::linear_colours(points));
-    notes.push(colours_note(coloured));
 }
 
 /// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If

@@ -265,18 +265,21 @@ impl Materials {
         notes.extend(values::note_more(checked.more, &source));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
-        for (material, Extras { mut asked, model, colour, mask }) in list.iter().zip(checked.extras) {
+        for (material, Extras { mut asked, model, colour, mask, emission, emitted }) in
+            list.iter().zip(checked.extras)
+        {
             let own = if material.name == NAMELESS { "" } else { &material.name };
             let number = self.list.len() as u32;
             names.whole.insert(own.to_owned(), number);
             let [_, short, _] = possible_names(own);
             names.short.insert(short.to_owned(), number);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
-            let completed = |map: Option<(usize, Map)>| {
+            let completed = |map: Option<(usize, Map)>, alone| {
                 map.map(|(line, map)| map.with_context(format!("{name}:{line}"), folder, alone))
             };
-            self.maps.push(Maps::new(completed(colour), completed(mask), &mut asked));
-            let material = convert(material);
+            let emission = completed(emission, emitted == Vec3::ZERO);
+            self.maps.push(Maps::new(completed(colour, alone), completed(mask, alone), emission, &mut asked));
+            let material = Material { emitted, ..convert(material) };
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
             self.asked.push(asked);
@@ -311,6 +314,10 @@ struct Extras {
     colour: Option<(usize, Map)>,
     /// The number of the line with `map_d`, from 1, and the value of `map_d`.
     mask: Option<(usize, Map)>,
+    /// The number of the line with `map_Ke`, from 1, and the value of `map_Ke`.
+    emission: Option<(usize, Map)>,
+    /// The value of `Ke`, the radiance that the surface emits; zero without it.
+    emitted: Vec3,
 }
 
 impl Extras {
@@ -322,6 +329,12 @@ impl Extras {
             }
             _ if keyword.eq_ignore_ascii_case(b"map_d") => {
                 self.mask = Some((line, Map::of_line("map_d", rest)?));
+            }
+            _ if keyword.eq_ignore_ascii_case(b"map_Ke") => {
+                self.emission = Some((line, Map::of_line("map_Ke", rest)?));
+            }
+            _ if keyword.eq_ignore_ascii_case(b"Ke") => {
+                self.emitted = Vec3::from_array(values::colour("Ke", rest)?);
             }
             _ => wishes::of_material(&mut self.asked, keyword, rest),
         }

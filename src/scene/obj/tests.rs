@@ -258,7 +258,6 @@ fn what_a_material_asks_for_is_noted_by_name_and_count() {
         ("d -halo 0.5", "asks for transparency (d)"),
         ("Tr 0.1", "asks for transparency (Tr)"),
         ("Tf 0.5 1 1", "asks for transparency (Tf)"),
-        ("Ke 0 0 2", "asks for emitted light (Ke)"),
         ("Ka 0.2 0.2 0.2", "asks for ambient light (Ka)"),
         ("Pr 0.5\nPm 1", "asks for physically based shading (Pm 1, Pr 1)"),
         ("illum 0", "asks for a colour without light (illum 0)"),
@@ -281,7 +280,7 @@ fn each_keyword_that_asks_for_something_is_noted_unless_it_says_off() {
         (&["illum 3", "illum 5", "illum 8"][..], "mirror reflections"),
         (&["illum 4", "illum 6", "illum 7", "illum 9"], "refraction"),
         (&["Pr 1", "Pm 1", "Ps 1", "Pc 1", "Pcr 1", "aniso 1", "anisor 1"], "physically based shading"),
-        (&["bump a", "disp a", "decal a", "norm a", "refl a", "map_Ke a"], "textures"),
+        (&["bump a", "disp a", "decal a", "norm a", "refl a"], "textures"),
     ];
     for (lines, expected) in of_materials {
         for line in lines {
@@ -324,7 +323,6 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
         ("call other.obj", "asks for another file or command (call)"),
         ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
-        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices: each triangle has one colour"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
         (

@@ -1,4 +1,4 @@
-//! Reads the textures of OBJ meshes: the lines `map_Kd` and `map_d` of materials. Assigns textures and
+//! Reads the textures of OBJ meshes: the lines `map_Kd`, `map_d` and `map_Ke` of materials. Assigns textures and
 //! texture coordinates to triangles.
 
 use super::asked::{Asked, Wish};
@@ -14,7 +14,7 @@ use crate::words::counted;
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Options of `map_Kd` and `map_d` that raycl ignores, and that have one argument each.
+/// Options of `map_Kd`, `map_d` and `map_Ke` that raycl ignores, and that have one argument each.
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
@@ -28,31 +28,37 @@ pub(super) struct Maps {
     colour: Option<Map>,
     /// The texture of `map_d`.
     mask: Option<Map>,
+    /// The texture of `map_Ke`.
+    emission: Option<Map>,
 }
 
 impl Maps {
-    /// Makes a material's textures, and counts their unsupported options. The settings of the colour texture
-    /// (scale, offset and wrap mode) place both the texture and the mask. If the mask has other settings,
-    /// they are counted as unsupported.
-    pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
-        [&colour, &mask].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
-        let settings = [&colour, &mask].map(|map| map.as_ref().map(Map::placement));
-        if let [Some(colour), Some(mask)] = settings
-            && colour != mask
-        {
-            asked.add(Wish::TextureOption, b"map_d -s, -o or -clamp");
+    /// Makes a material's textures, and counts their unsupported options. The settings of one texture (scale,
+    /// offset and wrap mode) place all of them. If the mask or the emission texture has other settings, they are
+    /// counted as unsupported.
+    pub fn new(colour: Option<Map>, mask: Option<Map>, emission: Option<Map>, asked: &mut Asked) -> Self {
+        [&colour, &mask, &emission].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
+        let maps = Self { colour, mask, emission };
+        let place = maps.mapping().map(Map::placement);
+        let others: [(_, &[u8]); 2] =
+            [(&maps.mask, b"map_d -s, -o or -clamp"), (&maps.emission, b"map_Ke -s, -o or -clamp")];
+        for (map, option) in others {
+            if map.as_ref().is_some_and(|map| Some(map.placement()) != place) {
+                asked.add(Wish::TextureOption, option);
+            }
         }
-        Self { colour, mask }
+        maps
     }
 
-    /// Returns true if the material has a colour texture or a mask.
+    /// Returns true if the material has a colour texture, a mask or an emission texture.
     pub fn has_any(&self) -> bool {
         self.mapping().is_some()
     }
 
-    /// Returns the map whose settings place the textures on a triangle: `map_Kd` or, without it, `map_d`.
+    /// Returns the map whose settings place the textures on a triangle: the first of `map_Kd`, `map_d` and
+    /// `map_Ke` that the material has.
     fn mapping(&self) -> Option<&Map> {
-        self.colour.as_ref().or(self.mask.as_ref())
+        self.colour.as_ref().or(self.mask.as_ref()).or(self.emission.as_ref())
     }
 
     /// Loads the textures; returns `None` if none could be loaded. Calls `report` for each texture that
@@ -80,14 +86,31 @@ impl Maps {
         let colour =
             load(&self.colour, Usage::colour(wrap), ["texture", "its material's own colour is used"]);
         let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
+        let emission = load(
+            &self.emission,
+            Usage::colour(wrap),
+            ["emission texture", "its material's own emitted light is used"],
+        );
         mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
-        (colour.is_some() || mask.is_some()).then_some((mapping, colour, mask))
+        let is_whitened = [(&self.colour, colour), (&self.emission, emission)]
+            .map(|(map, number)| number.is_some() && map.as_ref().is_some_and(|map| map.alone));
+        let all = [colour, mask, emission];
+        all.iter().any(Option::is_some).then_some(LoadedMaps { mapping, all, is_whitened })
     }
 }
 
-/// The map (`map_Kd` or `map_d`) whose settings place a material's textures, and the indices of the colour
-/// texture and of the mask in `Pictures::list`.
-type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
+/// The textures of a material that were read; `None` if none was.
+type Loaded<'a> = Option<LoadedMaps<'a>>;
+
+#[derive(Clone, Copy)]
+struct LoadedMaps<'a> {
+    /// The map whose settings place the textures.
+    mapping: &'a Map,
+    /// The indices of the colour texture, the mask and the emission texture in `Pictures::list`.
+    all: [Option<u32>; 3],
+    /// True if the colour texture, or the emission texture, is multiplied by white (see [`Map::alone`]).
+    is_whitened: [bool; 2],
+}
 
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,8 +121,8 @@ pub(super) struct Map {
     at: String,
     /// The folder of the material file, relative to the mesh's folder; empty, or with a slash at its end.
     folder: String,
-    /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white, since
-    /// black would hide it and the default grey would darken it.
+    /// True if the material's own colour (`Ke` for an emission texture, otherwise `Kd`) is missing or black. The
+    /// texture is then multiplied by white, since black would hide it and the default grey would darken it.
     alone: bool,
     scale: [f64; 2],
     offset: [f64; 2],
@@ -274,7 +297,11 @@ pub(super) fn apply(
     notes.extend(unusable.rest("texture"));
     let mut without = Vec::new();
     let rows = mesh.triangles.iter().zip(&faces.corners).enumerate().map(|(number, (triangle, corners))| {
-        let Some((map, colour, mask)) = loaded[triangle.material as usize] else { return Mapped::NONE };
+        let Some(LoadedMaps { mapping: map, all: [colour, mask, _], .. }) =
+            loaded[triangle.material as usize]
+        else {
+            return Mapped::NONE;
+        };
         let coordinates = |corner: u32| map.texture_coordinates(faces.coordinates.at(corner));
         let all = (!corners.contains(&MISSING)).then(|| corners.map(coordinates));
         let row = all.and_then(|corners| finite(Mapped::new(corners, colour, mask, [map.wrap; 2])));
@@ -284,19 +311,23 @@ pub(super) fn apply(
         })
     });
     let rows = rows.collect();
-    mesh.textures = Textures::of(pictures.list, rows);
+    for (material, maps) in mesh.materials.iter_mut().zip(&loaded) {
+        material.emission_texture = maps.and_then(|maps| maps.all[2]);
+    }
+    mesh.textures = Textures::of(pictures.list, rows, &mesh.materials);
     whiten(mesh, &loaded, &without);
+    mesh.leave_out_emission_textures(&without);
     if !without.is_empty() {
         notes.push(unmapped(without.len()));
     }
 }
 
-/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. `unmapped`
-/// has the indices of the triangles that have no texture coordinates, and thus show no texture. If the
+/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. Does the same with
+/// `Ke` and its emission texture. `unmapped` has the indices of the triangles that have no texture coordinates, and thus show no texture. If the
 /// material of such a triangle becomes white, the triangle gets a copy of the material as it was before.
 fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
-    let is_whitened =
-        |material: usize| matches!(loaded[material], Some((Map { alone: true, .. }, Some(_), _)));
+    let whitened = |material: usize| loaded[material].map_or([false; 2], |maps| maps.is_whitened);
+    let is_whitened = |material: usize| whitened(material) != [false; 2];
     let mut copies = HashMap::new();
     for &number in unmapped {
         let material = mesh.triangles[number].material;
@@ -310,7 +341,14 @@ fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
         }
     }
     for material in (0..loaded.len()).filter(|material| is_whitened(*material)) {
-        mesh.materials[material].lambertian = Vec3::ONE;
+        let [colour, emission] = whitened(material);
+        let own = &mut mesh.materials[material];
+        if colour {
+            own.lambertian = Vec3::ONE;
+        }
+        if emission {
+            own.emitted = Vec3::ONE;
+        }
     }
 }
 

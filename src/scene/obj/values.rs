@@ -46,7 +46,7 @@ impl Ignored {
     }
 }
 
-/// Parses the three values of `Kd` or `Ks`, or one value that sets all three, as MTL allows.
+/// Parses the three values of `Kd`, `Ks` or `Ke`, or one value that sets all three, as MTL allows.
 pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     let unfit = |kind: String, found: String| {
         let expected = format!("one or three numbers from 0 to {MAX_REFLECTANCE:e}");
@@ -55,6 +55,7 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
                 "Without Kd, the diffuse reflectance is {DEFAULT_LAMBERTIAN} (grey), or 1 if there is a \
                  texture"
             ),
+            "Ke" => "Without Ke, the surface emits no light".to_owned(),
             _ => format!("Without {key}, there is no highlight"),
         };
         Unfit { kind, found, expected, instead }
@@ -76,10 +77,10 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     }
 }
 
-/// Returns true if a line has more values than raycl reads of `Kd`, `Ks` or `Ns`.
+/// Returns true if a line has more values than raycl reads of `Kd`, `Ks`, `Ke` or `Ns`.
 pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
     let most = match key {
-        b"Kd" | b"Ks" => 3,
+        b"Kd" | b"Ks" | b"Ke" => 3,
         b"Ns" => 1,
         _ => return false,
     };
@@ -90,7 +91,7 @@ pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
 pub(super) fn note_more(lines: Seen, source: &Source) -> Option<String> {
     let note = || {
         let (line, lines) = (source.line(lines.first), counted(lines.count, "line"));
-        let what = "values after the third of Kd or Ks, or after the first of Ns, are not read";
+        let what = "values after the third of Kd, Ks or Ke, or after the first of Ns, are not read";
         format!("{}:{line}: {what} ({lines})", source.name)
     };
     (lines.count > 0).then(note)
@@ -108,10 +109,11 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     })
 }
 
-/// Returns the reason why a line with the keyword `key`, `map_Kd` or `map_d`, is ignored.
+/// Returns the reason why a line with the keyword `key`, `map_Kd`, `map_d` or `map_Ke`, is ignored.
 pub(super) fn unfit_map(key: &str, found: String, expected: &str) -> Unfit {
     let instead = match key {
         "map_d" => "the surface has no holes",
+        "map_Ke" => "the material's own emitted light is used",
         _ => "the material's own colour is used",
     };
     Unfit {

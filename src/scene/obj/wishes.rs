@@ -30,8 +30,8 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
 }
 
 /// Counts a line of a material if it asks for something that raycl does not support. `rest` is the line after
-/// the keyword. The function is not called for `newmtl`, `Kd`, `Ks`, `Ns`, `illum`, `map_Kd` and `map_d`,
-/// which other modules read.
+/// the keyword. The function is not called for `newmtl`, `Kd`, `Ks`, `Ke`, `Ns`, `illum`, `map_Kd`, `map_d` and
+/// `map_Ke`, which other modules read.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);
@@ -47,7 +47,6 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
         b"d" => (Wish::Transparency, any(|value| value < 1.0)),
         b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
         b"tf" => (Wish::Transparency, any(|value| value != 1.0)),
-        b"ke" => (Wish::Emission, not_zero()),
         b"ka" => (Wish::Ambient, not_zero()),
         b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => (Wish::Physical, not_zero()),
         _ => (Wish::Unknown, true),
@@ -63,7 +62,6 @@ pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
     match &keyword.to_ascii_lowercase()[..] {
         b"d" | b"tr" => Some((Wish::Transparency, 1)),
         b"tf" => Some((Wish::Transparency, 3)),
-        b"ke" => Some((Wish::Emission, 3)),
         b"ka" => Some((Wish::Ambient, 3)),
         b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => Some((Wish::Physical, 1)),
         _ => None,

@@ -1,6 +1,6 @@
 //! Types for the numbers of a scene file. These types refuse values out of range.
 
-use crate::scene::material::{MAX_REFLECTANCE, MAX_SHININESS};
+use crate::scene::material::{MAX_EMITTED, MAX_REFLECTANCE, MAX_SHININESS};
 use crate::scene::validate::MAX_POWER;
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Unexpected, Visitor};
 use serde_json::{Value, json};
@@ -41,6 +41,9 @@ ranges! {
     /// For k_L and k_G.
     Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value),
         { "minimum": 0, "maximum": MAX_REFLECTANCE };
+    /// For the radiance that a surface emits.
+    Emission: "a number from 0 to 1e6", |value| (0.0..=MAX_EMITTED).contains(&value),
+        { "minimum": 0, "maximum": MAX_EMITTED };
     /// For s, the exponent of a highlight.
     Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
         { "minimum": 0, "maximum": MAX_SHININESS };

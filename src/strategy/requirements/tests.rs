@@ -32,6 +32,8 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         texture_words: 0,
         mip_levels: false,
         cut_outs: false,
+        corner_colours: false,
+        emissive: false,
         soft_lights: false,
         area_lights: false,
         sky: false,

@@ -36,8 +36,6 @@ pub(super) struct LeftOut {
     /// The number of triangles whose texture coordinates are so far from 0 that single precision stores them
     /// inexactly.
     pub coarse: usize,
-    /// The number of triangles that have a texture but no texture coordinates.
-    pub unmapped: usize,
     /// The number of the file's meshes, if the file's scene contains none of them.
     pub unplaced: usize,
 }

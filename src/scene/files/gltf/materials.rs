@@ -1,8 +1,8 @@
-//! Reads the base colours of glTF materials, and counts the materials' unsupported features.
+//! Reads the base colours and the emitted light of glTF materials, and counts the materials' unsupported features.
 
-use super::textures::{colour_texture, unsupported_options};
+use super::textures::{colour_texture, emissive_is_apart, unsupported_options};
 use crate::scene::files::colours::is_outside;
-use crate::scene::material::Material;
+use crate::scene::material::{MAX_EMITTED, Material};
 use crate::scene::obj::{Asked, Wish};
 use glam::Vec3;
 use gltf::json::material::{AlphaMode, Material as Wire};
@@ -22,7 +22,7 @@ pub(super) fn read(root: &Root) -> Materials {
     // the default for meshes of all formats.
     let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
     for wire in &root.materials {
-        materials.list.push(Material::lambertian(base_colour(wire)));
+        materials.list.push(Material { emitted: emitted(wire), ..Material::lambertian(base_colour(wire)) });
         materials.asked.push(asked(root, wire));
     }
     let is_white = |primitive: &Primitive| primitive.material.is_none() && has_colours(primitive);
@@ -103,6 +103,21 @@ fn stated_colour(wire: &Wire) -> (&'static str, Vec3) {
     ("baseColorFactor", Vec3::new(red, green, blue))
 }
 
+/// Returns the emitted radiance: the factor, with channels from 0 to 1, times the strength that the extension
+/// KHR_materials_emissive_strength states.
+fn emitted(wire: &Wire) -> Vec3 {
+    let strength = extension(wire, "KHR_materials_emissive_strength");
+    let strength = strength.and_then(|strength| strength["emissiveStrength"].as_f64()).unwrap_or(1.0);
+    let factor = Vec3::from_array(wire.emissive_factor.0).clamp(Vec3::ZERO, Vec3::ONE);
+    factor * (strength as f32).clamp(0.0, MAX_EMITTED)
+}
+
+/// Returns true if a material emits light. An emissive texture is multiplied by `emissiveFactor`, which is 0 by
+/// default. If this factor is 0, the texture has no effect.
+pub(super) fn emits(wire: &Wire) -> bool {
+    emitted(wire) != Vec3::ZERO
+}
+
 fn others(wire: &Wire) -> impl Iterator<Item = (&String, &serde_json::Value)> {
     let others = wire.extensions.as_ref().map(|Extensions { others, .. }| others.iter());
     others.into_iter().flatten()
@@ -116,14 +131,10 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
 fn asked(root: &Root, wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;
-    // An emissive texture is multiplied by `emissiveFactor`, which is 0 by default. If this factor is 0, the
-    // texture has no effect.
-    let emits = wire.emissive_factor.0 != [0.0; 3];
     let textures = [
         ("metallicRoughnessTexture", pbr.metallic_roughness_texture.is_some()),
         ("normalTexture", wire.normal_texture.is_some()),
         ("occlusionTexture", wire.occlusion_texture.is_some()),
-        ("emissiveTexture", wire.emissive_texture.is_some() && emits),
     ];
     textures.iter().filter(|(_, has)| *has).for_each(|(name, _)| asked.add(Wish::Texture, name.as_bytes()));
     if let Some((wish, key)) = alpha_wish(wire) {
@@ -136,8 +147,11 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
     for option in unsupported_options(root, wire) {
         asked.add(Wish::TextureOption, option.as_bytes());
     }
-    if emits {
-        asked.add(Wish::Emission, b"emissiveFactor");
+    if is_outside(&Vec3::from_array(wire.emissive_factor.0)) {
+        asked.add(Wish::Colour, b"emissiveFactor");
+    }
+    if emissive_is_apart(root, wire) {
+        asked.add(Wish::EmissionPlace, b"emissiveTexture");
     }
     // In a material with one of these extensions, `metallicFactor` and `roughnessFactor` have no effect. A
     // material that does not state `metallicFactor` is metal.

@@ -36,11 +36,12 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let json::Read { root, animations } = json::read(named, json)?;
     extensions::refuse(named, &root)?;
     let buffers = buffers::load(&root, reach, binary).map_err(|what| named.error(what).with_help(BUFFERS))?;
-    let materials = materials::read(&root);
+    let mut materials = materials::read(&root);
     let placed = nodes::placed(&root).map_err(|what| named.error(what))?;
     let used = nodes::materials_of(&root, &placed);
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
-    let maps = Files { root: &root, buffers: &buffers, reach }.colour_maps(&used, &mut pictures, &mut notes);
+    let files = Files { root: &root, buffers: &buffers, reach };
+    let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
     let walk = Walk::of(numbers, &placed, &maps).map_err(|what| named.error(what))?;

@@ -47,6 +47,8 @@ pub(super) struct Walk<'a> {
     has_maps: bool,
     /// The texture coordinates of each triangle; empty if no material has a texture.
     mapped: Vec<Mapped>,
+    /// The indices of the triangles that have a texture but no texture coordinates.
+    unmapped: Vec<usize>,
     /// The index of the first triangle of each node that has a mesh. If no node has one, the index of the
     /// first triangle of each mesh.
     starts: Vec<u32>,
@@ -71,6 +73,7 @@ impl<'a> Walk<'a> {
             maps,
             has_maps: maps.iter().any(Option::is_some),
             mapped: Vec::new(),
+            unmapped: Vec::new(),
             starts: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
@@ -164,8 +167,9 @@ impl<'a> Walk<'a> {
     /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the second and the third
     /// corner of each triangle are swapped.
     fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
-        let LeftOut { unmapped, coarse, .. } = &mut self.left_out;
-        self.mapped.extend(part.triangles.iter().map(|corners| {
+        let Self { mapped, unmapped, left_out: LeftOut { coarse, .. }, .. } = self;
+        let first = mapped.len();
+        mapped.extend(part.triangles.iter().enumerate().map(|(number, corners)| {
             let Some(map) = map else { return Mapped::NONE };
             let mapped = || {
                 let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
@@ -174,7 +178,7 @@ impl<'a> Walk<'a> {
             };
             let row = (!part.coordinates.is_empty()).then(mapped).flatten();
             row.unwrap_or_else(|| {
-                *unmapped += 1;
+                unmapped.push(first + number);
                 Mapped::NONE
             })
         }));
@@ -282,17 +286,23 @@ impl<'a> Walk<'a> {
         let (positions, placement) =
             origin::settle_if(&self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
         let camera_notes = self.camera_notes();
-        let textures = Textures::of(pictures, self.mapped);
-        let mut mesh =
-            Mesh { positions, normals: self.normals, triangles: self.triangles, materials, textures };
+        let textures = Textures::of(pictures, self.mapped, &materials);
+        let mut mesh = Mesh {
+            positions,
+            normals: self.normals,
+            triangles: self.triangles,
+            materials,
+            textures,
+            corner_colours: Vec::new(),
+        };
         let mut notes = Vec::new();
         note_materials(&mesh, &mut notes);
+        mesh.leave_out_emission_textures(&self.unmapped);
         if self.coloured > 0 {
             colours::paint(&mut mesh, &self.colours);
-            notes.push(colours::note(self.coloured));
             notes.extend(colours::note_outside(self.outside, "vertex"));
         }
-        notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
+        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len())));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));

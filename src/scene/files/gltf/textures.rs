@@ -1,12 +1,13 @@
-//! Reads base-colour textures. Their pictures are in a buffer, in a separate file, or in the JSON as base64.
+//! Reads base-colour textures and emissive textures. Their pictures are in a buffer, in a separate file, or in the
+//! JSON as base64.
 
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
-use super::materials::{extension, least_alpha};
+use super::materials::{emits, extension, least_alpha};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted_name};
-use crate::scene::{Mapped, Wrap};
+use crate::scene::{Mapped, Material, Wrap};
 use glam::{DAffine2, DVec2};
 use gltf::json::material::Material as Wire;
 use gltf::json::texture::{Info, MagFilter, Sampler, Texture, WrappingMode};
@@ -19,11 +20,12 @@ use std::collections::HashSet;
 /// and beyond this value, neighbouring numbers differ by at least 1/2048 of the picture's side.
 const COARSE: f64 = 4096.0;
 
-/// The texture of a material's colour.
+/// The texture of a material's colour, and where a triangle lies in the material's textures.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ColourMap {
-    /// The texture's index in `Pictures::list`, not in the glTF file.
-    texture: u32,
+    /// The texture's index in `Pictures::list`, not in the glTF file; `None` if the material has only an emissive
+    /// texture.
+    texture: Option<u32>,
     usage: Usage,
     /// The index of the set of texture coordinates in a primitive.
     pub set: u32,
@@ -35,8 +37,8 @@ impl ColourMap {
     /// Returns the texture coordinates of a triangle with this material.
     pub fn mapped(&self, corners: [[f32; 2]; 3]) -> Mapped {
         let transformed = |corner| self.transform.transform_point2(vector(corner)).to_array();
-        let mask = (self.usage.least_alpha > 0).then_some(self.texture);
-        Mapped::new(corners.map(transformed), Some(self.texture), mask, self.usage.wrap)
+        let mask = self.texture.filter(|_| self.usage.least_alpha > 0);
+        Mapped::new(corners.map(transformed), self.texture, mask, self.usage.wrap)
     }
 
     /// Returns true if the coordinates of a triangle with this material are so far from 0 that they are
@@ -64,18 +66,19 @@ pub(super) struct Files<'a> {
 impl Files<'_> {
     /// Returns the texture of each material, in the file's order. A material without a texture, or whose
     /// index is not in `used`, gets `None`. A texture that cannot be read adds a note to `notes`, and its
-    /// material also gets `None`.
+    /// material also gets `None`. The function also gives the emissive textures to `materials`, in the same order.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
+        materials: &mut [Material],
         pictures: &mut Pictures,
         notes: &mut Vec<String>,
     ) -> Vec<Option<ColourMap>> {
         let mut unusable = FewNotes::default();
-        let map = |(index, wire): (usize, &Wire)| {
-            let info = colour_texture(wire).filter(|_| used.contains(&index))?;
+        let mut read = |info: Option<Info>, least_alpha: f32, instead: &str, notes: &mut Vec<String>| {
+            let info = info?;
             let number = info.index.value();
-            self.map(&info, least_alpha(wire), pictures)
+            self.map(&info, least_alpha, pictures)
                 .map_err(|why| {
                     // The reason may quote the file, so it is shown only if messages may quote the file.
                     let why = if self.reach.permitted.quotes {
@@ -83,19 +86,27 @@ impl Files<'_> {
                     } else {
                         " cannot be read".to_owned()
                     };
-                    let note = format!("texture {number}{why}: its material's own colour is used");
+                    let note = format!("texture {number}{why}: its material's own {instead} is used");
                     unusable.add(note.clone(), || note, notes);
                 })
                 .ok()
         };
-        let maps = self.root.materials.iter().enumerate().map(map).collect();
+        let mut maps = Vec::new();
+        for ((index, wire), material) in self.root.materials.iter().enumerate().zip(materials) {
+            let is_used = used.contains(&index);
+            let colour = read(colour_texture(wire).filter(|_| is_used), least_alpha(wire), "colour", notes);
+            let emissive = emissive_texture(self.root, wire).filter(|_| is_used);
+            let emissive = read(emissive, 0.0, "emitted light", notes);
+            material.emission_texture = emissive.and_then(|map| map.texture);
+            maps.push(colour.or(emissive.map(|map| ColourMap { texture: None, ..map })));
+        }
         notes.extend(unusable.rest("texture"));
         maps
     }
 
     fn map(self, info: &Info, least_alpha: f32, pictures: &mut Pictures) -> Parsed<ColourMap> {
         let texture = self.root.get(info.index).ok_or("does not exist")?;
-        let usage = Usage::mask(self.wrap(texture), least_alpha);
+        let usage = Usage::mask(wrap(self.root, texture), least_alpha);
         let image = self.root.get(texture.source);
         let image = image.ok_or("has no picture of a format that raycl reads")?;
         let (transform, set) = transform(info);
@@ -103,17 +114,7 @@ impl Files<'_> {
             return Err("has a transform that is not finite".to_owned());
         }
         let number = self.picture(texture.source, image, usage, pictures)?;
-        Ok(ColourMap { texture: number, usage, set: set.unwrap_or(info.tex_coord), transform })
-    }
-
-    fn wrap(self, texture: &Texture) -> [Wrap; 2] {
-        let of = |mode| match mode {
-            Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
-            Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
-            _ => Wrap::Repeat,
-        };
-        let wrap = |sampler: &Sampler| [of(sampler.wrap_s), of(sampler.wrap_t)];
-        sampler_of(self.root, texture).map_or([Wrap::Repeat; 2], wrap)
+        Ok(ColourMap { texture: Some(number), usage, set: set.unwrap_or(info.tex_coord), transform })
     }
 
     fn picture(
@@ -149,15 +150,33 @@ impl Files<'_> {
     }
 }
 
+fn wrap(root: &Root, texture: &Texture) -> [Wrap; 2] {
+    let of = |mode| match mode {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+        _ => Wrap::Repeat,
+    };
+    let wrap = |sampler: &Sampler| [of(sampler.wrap_s), of(sampler.wrap_t)];
+    sampler_of(root, texture).map_or([Wrap::Repeat; 2], wrap)
+}
+
 fn sampler_of<'a>(root: &'a Root, texture: &Texture) -> Option<&'a Sampler> {
     root.get(texture.sampler?)
 }
 
-/// Returns the unsupported options in the sampler of a material's colour texture: hard edges between texels,
-/// and wrap modes that glTF does not define.
+/// Returns the unsupported options in the samplers of a material's colour texture and its emissive texture: hard edges
+/// between texels, and wrap modes that glTF does not define.
 pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Item = &'static str> {
-    let texture = colour_texture(wire).and_then(|info| root.get(info.index));
-    let sampler = texture.and_then(|texture| sampler_of(root, texture));
+    let all = [colour_texture(wire), emissive_texture(root, wire)];
+    let mut options: Vec<_> =
+        all.into_iter().flatten().flat_map(|info| sampler_options(root, info)).collect();
+    options.sort_unstable();
+    options.dedup();
+    options.into_iter()
+}
+
+fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str> + use<> {
+    let sampler = root.get(info.index).and_then(|texture| sampler_of(root, texture));
     let options = sampler.map(|sampler| {
         let is_hard = matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest)));
         let is_unknown = |wrap| matches!(wrap, Checked::Invalid);
@@ -178,6 +197,26 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
         Some(older) => serde_json::from_value(older.get("diffuseTexture")?.clone()).ok(),
         None => wire.pbr_metallic_roughness.base_color_texture.clone(),
     }
+}
+
+/// Returns the texture of a material's emitted light; `None` if there is none, or if it is placed otherwise than the
+/// colour's texture.
+fn emissive_texture(root: &Root, wire: &Wire) -> Option<Info> {
+    wire.emissive_texture.clone().filter(|_| emits(wire) && !emissive_is_apart(root, wire))
+}
+
+/// Returns true if a material emits light from a texture, and has a colour texture with other texture coordinates, of
+/// another transform, or with other wrap modes. A triangle has only one set of coordinates for all of its textures.
+pub(super) fn emissive_is_apart(root: &Root, wire: &Wire) -> bool {
+    let (Some(emissive), Some(colour)) = (&wire.emissive_texture, &colour_texture(wire)) else {
+        return false;
+    };
+    let place = |info: &Info| {
+        let (transform, set) = transform(info);
+        let wrap = root.get(info.index).map(|texture| wrap(root, texture));
+        (transform, set.unwrap_or(info.tex_coord), wrap)
+    };
+    emits(wire) && place(emissive) != place(colour)
 }
 
 /// Converts a texture coordinate to double precision, so that its transform is exact enough.

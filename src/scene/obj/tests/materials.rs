@@ -92,6 +92,11 @@ fn a_highlight_without_strength_is_none_and_a_grey_is_three_values() {
     assert_eq!(material("Kd 0.5\nKs 0 0 0\nNs 7\n"), Material::lambertian(half));
     assert_eq!(material("Kd 0.5\nNs 7\n"), Material::lambertian(half));
     assert_eq!(material("Kd 0.5\nKs 0.25\nNs 7\n"), Material::blinn_phong(half, Vec3::splat(0.25), 7.0));
+    let emitted = Vec3::new(2.0, 0.0, 0.5);
+    assert_eq!(material("Kd 0.5\nKe 2 0 0.5\n"), Material { emitted, ..Material::lambertian(half) });
+    assert_eq!(material("Kd 0.5\nke 3\n").emitted, Vec3::splat(3.0));
+    // An emission texture that cannot be read emits nothing.
+    assert_eq!(material("Kd 0.5\nmap_Ke none.png\n"), Material::lambertian(half));
 }
 
 #[test]
@@ -378,8 +383,8 @@ fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
     let kinds = [
         ("m.mtl:3: `x` in Kd (expected ", "raycl ignores 3 such lines. "),
         (
-            "m.mtl:4: `nan` in Ke (expected a finite number). ",
-            "raycl ignores 1 such line. raycl does not support emitted light: ",
+            "m.mtl:4: `nan` in Ke (expected one or three numbers from 0 to 1e6). ",
+            "raycl ignores 1 such line. Without Ke, the surface emits no light",
         ),
         (
             "m.mtl:5: `inf` in d (expected a finite number). ",
@@ -550,7 +555,7 @@ fn values_after_those_of_a_colour_or_a_shininess_are_noted() {
     assert_eq!((material.lambertian, material.glossy), (Vec3::new(0.25, 0.5, 0.75), Vec3::ONE));
     assert_eq!(material.shininess, 10.0);
     let expected =
-        "m.mtl:2: values after the third of Kd or Ks, or after the first of Ns, are not read (3 lines)";
+        "m.mtl:2: values after the third of Kd, Ks or Ke, or after the first of Ns, are not read (3 lines)";
     assert!(file.notes.len() == 1 && file.notes[0].ends_with(expected), "{:?}", file.notes);
     let usual = notes_of("usemtl a", "newmtl a\nKd 0.5 # 1 2 3\nKs 1 1 1 # white\nNs 10\n");
     assert_eq!(usual, Vec::<String>::new());

@@ -225,7 +225,7 @@ fn a_picture_has_the_same_mip_levels_in_the_file_and_beside_it() {
             textured(materials).replace(&whole, uri).replace(primitive, &format!("{primitive}, {other}"));
         let reach = Reach { folder: folder.path(), permitted: PERMITTED };
         let mut textures = parse("a.gltf", reach, text.as_bytes()).unwrap().mesh.textures;
-        textures.add_levels();
+        textures.add_levels(&mut []);
         textures
     };
     let embedded = format!("data:image/png;base64,{}", STANDARD.encode(bytes.get_ref()));
@@ -353,4 +353,36 @@ fn pairs_of_coordinates_with_one_number_that_is_not_finite_are_counted() {
     let notes = read(&text).unwrap().notes;
     let expected = "2 texture coordinates with a number that is not finite are ignored";
     assert!(notes.iter().any(|note| note == expected), "{notes:?}");
+}
+
+#[test]
+fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
+    let with = |keys: &str, colour: &str| {
+        let colour = format!(r#""pbrMetallicRoughness": {{"metallicFactor": 0{colour}}}"#);
+        let file = read(&textured(&format!("{{{keys}, {colour}}}"))).unwrap();
+        let material = *file.mesh.material(&file.mesh.triangles[0]);
+        let (radiance, texture) = (material.emitted.to_array(), material.emission_texture);
+        (radiance, texture, file.mesh.textures.list.len(), file.notes.join("\n"))
+    };
+    let (of, none) = (|keys: &str| with(keys, ""), String::new);
+    let factor = r#""emissiveFactor": [0, 0.5, 1]"#;
+    assert_eq!(of(factor), ([0.0, 0.5, 1.0], None, 0, none()));
+    let strength = r#", "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 4}}"#;
+    assert_eq!(of(&format!("{factor}{strength}")).0, [0.0, 2.0, 4.0]);
+    // A texture is multiplied by the factor, which is 0 by default.
+    let texture = r#""emissiveTexture": {"index": 0}"#;
+    assert_eq!(of(texture), ([0.0; 3], None, 0, none()));
+    let both = format!("{factor}, {texture}");
+    assert_eq!(of(&both), ([0.0, 0.5, 1.0], Some(0), 1, none()));
+    // The texture of the colour is the same picture, in the same place or in another one.
+    let colour =
+        |transform: &str| with(&both, &format!(r#", "baseColorTexture": {{"index": 0{transform}}}"#));
+    assert_eq!(colour(""), ([0.0, 0.5, 1.0], Some(0), 1, none()));
+    let moved = colour(r#", "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}"#);
+    let note = "1 material asks for emitted light from a texture that is placed otherwise than the colour's \
+                (emissiveTexture), which raycl does not support: it is emitted without the texture";
+    assert_eq!((moved.1, moved.3.as_str()), (None, note));
+    let bright = of(r#""emissiveFactor": [2, 0, 0]"#);
+    assert_eq!(bright.0, [1.0, 0.0, 0.0]);
+    assert!(bright.3.contains("a colour outside 0 to 1 (emissiveFactor)"), "{}", bright.3);
 }
