@@ -40,9 +40,9 @@ mesh = \"room.obj\"
 exposure = 3
 ";
 const LAMP: &str =
-    "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.2 0.2 0.2\nKs 0.3 0.3 0.3\nKe 0.3 0.1 0.02\n";
+    "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.2 0.2 0.2\nKs 0.3 0.3 0.3\nKe 4.5 1.5 0.3\n";
 const TEXTURED: &str = "newmtl wall\nKd 0.7 0.6 0.5\nmap_Kd wall.png\nnewmtl lamp\nKd 0.4 0.4 0.4\nmap_Kd wall.png\n\
-                        Ke 0.3 0.3 0.3\nmap_Ke glow.png\n";
+                        Ke 4.5 4.5 4.5\nmap_Ke glow.png\n";
 const STRATEGIES: [&str; 9] = [
     "naive",
     "deferred,layout=indexed16,passes=separate",

@@ -1,9 +1,12 @@
 //! The materials of surfaces.
 
+use super::PAPER_EXPOSURE;
 use glam::Vec3;
 
 /// The default diffuse reflectance k_L. The ground in the paper has this k_L.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
+/// The radiance that the default display shows as white. It is the unit of the emitted light in the files of meshes.
+pub(super) const WHITE_RADIANCE: f32 = 1.0 / PAPER_EXPOSURE;
 /// The highlight's strength k_G in the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;
 /// The highlight's exponent s in the paper's figures.

@@ -99,9 +99,12 @@ pub struct Display {
     pub gamma: f32,
 }
 
+/// The default exposure, which is the paper's.
+const PAPER_EXPOSURE: f32 = 15.0;
+
 impl Default for Display {
     fn default() -> Self {
-        Self { exposure: 15.0, tone: Tone::Clip, gamma: 2.2 }
+        Self { exposure: PAPER_EXPOSURE, tone: Tone::Clip, gamma: 2.2 }
     }
 }
 

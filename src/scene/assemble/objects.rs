@@ -7,7 +7,7 @@ use crate::memory::Available;
 use crate::reader::lies_in;
 use crate::scene::document::Document;
 use crate::scene::files::{self, MeshFile};
-use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS};
+use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS, WHITE_RADIANCE};
 use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
@@ -66,6 +66,7 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
     // A mesh that was far from the origin was moved to the origin when it was read. A bare mesh stays there.
     let origin = if document.bare { DVec3::ZERO } else { file.placement.origin };
     transform.apply(&mut file.mesh, origin);
+    file.mesh.materials.iter_mut().for_each(|material| material.emitted *= WHITE_RADIANCE);
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
         // k_l also replaces colours that vary within triangles.

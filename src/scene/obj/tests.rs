@@ -379,8 +379,7 @@ fn notes_stay_short_and_counts_are_readable() {
     let words: String = (0..1_000).map(|i| format!("word{i}{}\n", "x".repeat(100))).collect();
     let notes = notes_of(&words, "");
     assert!(notes.len() == 1 && notes[0].len() < 600, "{notes:?}");
-    let coloured = "v 0 0 0 1 1 1\n".repeat(40_000);
-    assert!(notes_of(&coloured, "")[0].contains("colours of 40,000 vertices"));
+    assert!(notes_of(&"p 1\n".repeat(40_000), "")[0].contains("40,000 statements ask for points"));
 }
 
 #[test]

@@ -231,28 +231,25 @@ fn a_camera_that_sees_no_part_of_the_mesh_is_noted() {
 }
 
 #[test]
-fn colours_of_corners_make_one_of_the_triangle() {
+fn corners_keep_their_colours_beside_those_of_materials() {
     let text = triangle().replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "COLOR_0": 2}"#).replace(
         r#""type": "SCALAR"}"#,
         r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}"#,
     );
     let file = read(&text).unwrap();
     // The positions are used as colours: black, red and green.
-    let mean = Vec3::new(1.0, 1.0, 0.0) / 3.0;
+    let [black, red, green, white] = [0, 1023 << 20, 1023 << 10, (1 << 30) - 1];
     let colour = |mesh: &Mesh, at: usize| mesh.material(&mesh.triangles[at]).lambertian;
-    let actual = colour(&file.mesh, 0);
-    assert!((actual - mean).abs().max_element() < 5e-3, "{actual}");
-    assert!(file.notes.iter().any(|note| note.contains("colours of 3 vertices")), "{:?}", file.notes);
+    assert_eq!((colour(&file.mesh, 0), &file.mesh.corner_colours[..]), (Vec3::ONE, &[[black, red, green]][..]));
+    assert_eq!(file.notes, [""; 0]);
     // A second primitive has neither a material nor colours, and a third one has both.
     let others = r#""primitives": [{"attributes": {"POSITION": 0}},
 {"attributes": {"POSITION": 0, "COLOR_0": 2}, "material": 0}, "#;
     let materials = r#"{"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}], "#;
     let mixed = text.replace(r#""primitives": ["#, others).replacen('{', materials, 1);
     let mesh = read(&mixed).unwrap().mesh;
-    for (at, expected) in [(0, Vec3::splat(0.8)), (1, 0.5 * mean), (2, mean)] {
-        let actual = colour(&mesh, at);
-        assert!((actual - expected).abs().max_element() < 5e-3, "{at}: {actual}");
-    }
+    assert_eq!([0, 1, 2].map(|at| colour(&mesh, at)), [0.8, 0.5, 1.0].map(Vec3::splat));
+    assert_eq!(mesh.corner_colours, [[white; 3], [black, red, green], [black, red, green]]);
 }
 
 #[test]

@@ -114,7 +114,7 @@ impl Files<'_> {
             return Err("has a transform that is not finite".to_owned());
         }
         let number = self.picture(texture.source, image, usage, pictures)?;
-        Ok(ColourMap { texture: Some(number), usage, set: set.unwrap_or(info.tex_coord), transform })
+        Ok(ColourMap { texture: Some(number), usage, set, transform })
     }
 
     fn picture(
@@ -214,7 +214,7 @@ pub(super) fn emissive_is_apart(root: &Root, wire: &Wire) -> bool {
     let place = |info: &Info| {
         let (transform, set) = transform(info);
         let wrap = root.get(info.index).map(|texture| wrap(root, texture));
-        (transform, set.unwrap_or(info.tex_coord), wrap)
+        (transform, set, wrap)
     };
     emits(wire) && place(emissive) != place(colour)
 }
@@ -225,11 +225,11 @@ fn vector(coordinate: [f32; 2]) -> DVec2 {
 }
 
 /// Returns the transform that the extension KHR_texture_transform states, or the identity. Also returns the
-/// index of the set of texture coordinates, if the extension states one.
-fn transform(info: &Info) -> (DAffine2, Option<u32>) {
+/// index of the set of texture coordinates, which the extension may replace.
+fn transform(info: &Info) -> (DAffine2, u32) {
     let named =
         info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
-    let Some(named) = named else { return (DAffine2::IDENTITY, None) };
+    let Some(named) = named else { return (DAffine2::IDENTITY, info.tex_coord) };
     let pair = |key: &str, usual: f64| {
         let value = |at: usize| named[key][at].as_f64().unwrap_or(usual);
         DVec2::new(value(0), value(1))
@@ -238,5 +238,6 @@ fn transform(info: &Info) -> (DAffine2, Option<u32>) {
     // The angle is negated: glTF's rotation is counter-clockwise if v grows upwards, but v grows downwards.
     let transform =
         DAffine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
-    (transform, named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok()))
+    let set = named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok());
+    (transform, set.unwrap_or(info.tex_coord))
 }
