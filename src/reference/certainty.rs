@@ -575,7 +575,9 @@ mod tests {
             normals.zip(turns.into_iter().cycle()).for_each(|(normal, turn)| *normal += mixed * turn);
             scene
         };
-        for (light, mixed) in [(vec3(2.0, 3.0, 1.0), 0.0), (vec3(5.0, 0.5, -2.5), 0.0), (vec3(5.0, 0.5, -2.5), 0.7)] {
+        for (light, mixed) in
+            [(vec3(2.0, 3.0, 1.0), 0.0), (vec3(5.0, 0.5, -2.5), 0.0), (vec3(5.0, 0.5, -2.5), 0.7)]
+        {
             for culling in [Culling::None, Culling::Back] {
                 let percent = quickly(&smooth(light, mixed), culling);
                 assert!(percent >= 50, "{light}, {mixed}: {percent} of 100");

@@ -85,8 +85,8 @@ mod tests {
             mesh.append(part);
             mesh
         };
-        // The parts have 20% and 4% of the area.
+        // The parts have 20% and 2% of the area.
         assert!(coarse(&with_coarse_part(0.5)));
-        assert!(!coarse(&with_coarse_part(0.2)));
+        assert!(!coarse(&with_coarse_part(0.15)));
     }
 }

@@ -311,7 +311,8 @@ fn a_coarse_round_mesh_has_smooth_shadows_in_the_default_look_alone() {
     let of = |is_round: bool, dressed: bool, values: &[Setting]| {
         let mut text: String = corners.map(|corner| format!("v {corner}\nvn {corner}\n")).concat();
         for face in faces {
-            let corner = |index: i32| if is_round { format!(" {index}//{index}") } else { format!(" {index}") };
+            let corner =
+                |index: i32| if is_round { format!(" {index}//{index}") } else { format!(" {index}") };
             text += &format!("f{}\n", face.map(corner).concat());
         }
         let path = folder.path().join("a.obj");
