@@ -1,7 +1,8 @@
 //! The macros that the host defines for kernel programs, in lists that several kernel families use.
 
 use super::Fact::{
-    self, Always, AreaLights, CornerColours, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree,
+    self, Always, AreaLights, CornerColours, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured,
+    Tiled, Tree,
 };
 
 /// Names of macros, each with the condition under which the host defines the macro for a program.

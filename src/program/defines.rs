@@ -4,8 +4,8 @@ use crate::accel::{NORMAL_FLOATS, PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
 use crate::manifest::{
     AREA_LIGHT_FLOATS, Fact, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT,
-    ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, TEXTURE_HEAD_WORDS,
-    TILE_TRIANGLES, WORKING_VECTORS, soup_floats,
+    ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
+    WORKING_VECTORS, soup_floats,
 };
 use crate::scene::{AreaShape, COLOUR_STEPS, LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Strategy, Workload};

@@ -240,7 +240,10 @@ fn corners_keep_their_colours_beside_those_of_materials() {
     // The positions are used as colours: black, red and green.
     let [black, red, green, white] = [0, 1023 << 20, 1023 << 10, (1 << 30) - 1];
     let colour = |mesh: &Mesh, at: usize| mesh.material(&mesh.triangles[at]).lambertian;
-    assert_eq!((colour(&file.mesh, 0), &file.mesh.corner_colours[..]), (Vec3::ONE, &[[black, red, green]][..]));
+    assert_eq!(
+        (colour(&file.mesh, 0), &file.mesh.corner_colours[..]),
+        (Vec3::ONE, &[[black, red, green]][..])
+    );
     assert_eq!(file.notes, [""; 0]);
     // A second primitive has neither a material nor colours, and a third one has both.
     let others = r#""primitives": [{"attributes": {"POSITION": 0}},
