@@ -86,7 +86,10 @@ fn points_with_several_samples_are_verified_timed_and_named_and_show_what_render
     // Casters that do not take several samples, or no soft light, are refused by name.
     let refusals = [
         ("serial", "serial-f32 casts only one sample per pixel, but the scene has samples = 4"),
-        ("raster", "does not support lights with a radius, which the scene has: with one sample per pixel"),
+        (
+            "raster",
+            "does not support lights with a radius or edges, which the scene has: with one sample per pixel",
+        ),
     ];
     for (name, reason) in refusals {
         assert_eq!(of(&records, name, "soft")["outcome"], "measured");

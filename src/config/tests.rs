@@ -456,7 +456,7 @@ fn a_scene_is_taken_with_each_number_of_samples() {
     let named = |name: &str, samples| (name.to_owned(), samples);
     let (one, four) = (named("gourd", 1), named("gourd+samples=4", 4));
     assert_eq!(of("", &[]), of("samples = 1", &[]));
-    assert_eq!(of("samples = 4", &[]), [four.clone()]);
+    assert_eq!(of("samples = 4", &[]), std::slice::from_ref(&four));
     assert_eq!(
         of("samples = [4, 1, 4]", &[]),
         [four.clone(), one.clone()],

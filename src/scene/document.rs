@@ -354,15 +354,15 @@ mod tests {
     #[test]
     fn text_that_is_nothing_that_raycl_reads_is_reported_unless_its_name_says_toml() {
         let text = "nothing known\n";
-        let other = notes_or_error("a.xyz", text, true).unwrap_err();
-        assert!(other.starts_with("a.xyz:1: neither a scene (TOML) nor a mesh: "), "{other}");
+        let other = notes_or_error("a.thing", text, true).unwrap_err();
+        assert!(other.starts_with("a.thing:1: neither a scene (TOML) nor a mesh: "), "{other}");
         assert_eq!(
-            notes_or_error("a.xyz", text, false).unwrap_err(),
-            "a.xyz:1: neither a scene (TOML) nor a mesh"
+            notes_or_error("a.thing", text, false).unwrap_err(),
+            "a.thing:1: neither a scene (TOML) nor a mesh"
         );
         let toml = notes_or_error("a.toml", text, true).unwrap_err();
         assert!(!toml.contains("neither"), "{toml}");
-        let unknown_key = notes_or_error("a.xyz", "[[object]]\nsecret = 1\n", true).unwrap_err();
+        let unknown_key = notes_or_error("a.thing", "[[object]]\nsecret = 1\n", true).unwrap_err();
         assert!(!unknown_key.contains("neither"), "this is TOML: {unknown_key}");
     }
 

@@ -224,27 +224,7 @@ impl Scene {
         if self.smooth_shadows {
             hash_words(&mut hasher, [u32::from_be_bytes(*b"even")].into_iter());
         }
-        if self.has_soft_lights() {
-            hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
-        }
-        for (number, light) in (0..).zip(&self.lights) {
-            let Some(Area { shape, edges }) = light.area else { continue };
-            hash_words(&mut hasher, [u32::from_be_bytes(*b"area"), number, shape as u32].into_iter());
-            hash_words(&mut hasher, edges.into_iter().flat_map(|edge| edge.to_array()).map(f32::to_bits));
-        }
-        if let Some(picture) = self.sky.as_ref().and_then(|sky| sky.picture.as_ref()) {
-            hash_words(&mut hasher, picture.size.into_iter().chain([picture.is_seen.into()]));
-            let numbers =
-                picture.ahead.to_array().into_iter().chain(picture.texels.iter().flatten().copied());
-            hash_words(&mut hasher, numbers.map(f32::to_bits));
-        }
-        if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
-            let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
-            // A marker word comes before the sky's numbers. Without the marker, a sky could result
-            // in the same hash as the radii of lights.
-            hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
-            hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
-        }
+        self.hash_soft_light(&mut hasher);
         hash_words(&mut hasher, mesh.textures.mapped.iter().flat_map(|row| row.to_words()));
         // Marker words keep emitted light and the colours of corners apart.
         if mesh.is_emissive() {
@@ -257,6 +237,31 @@ impl Scene {
             hash_words(&mut hasher, mesh.corner_colours.as_flattened().iter().copied());
         }
         hasher.finalize().to_hex()[..16].to_string()
+    }
+
+    /// Adds the extent of lights, and the sky, to a hash. A scene without them adds nothing.
+    fn hash_soft_light(&self, hasher: &mut blake3::Hasher) {
+        if self.has_soft_lights() {
+            hash_words(hasher, self.lights.iter().map(|light| light.radius.to_bits()));
+        }
+        for (number, light) in (0..).zip(&self.lights) {
+            let Some(Area { shape, edges }) = light.area else { continue };
+            hash_words(hasher, [u32::from_be_bytes(*b"area"), number, shape as u32].into_iter());
+            hash_words(hasher, edges.into_iter().flat_map(|edge| edge.to_array()).map(f32::to_bits));
+        }
+        if let Some(picture) = self.sky.as_ref().and_then(|sky| sky.picture.as_ref()) {
+            hash_words(hasher, picture.size.into_iter().chain([picture.is_seen.into()]));
+            let numbers =
+                picture.ahead.to_array().into_iter().chain(picture.texels.iter().flatten().copied());
+            hash_words(hasher, numbers.map(f32::to_bits));
+        }
+        if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
+            let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
+            // A marker word comes before the sky's numbers. Without the marker, a sky could result
+            // in the same hash as the radii of lights.
+            hash_words(hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
+            hash_words(hasher, numbers.chain([*reach]).map(f32::to_bits));
+        }
     }
 }
 
