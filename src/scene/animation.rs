@@ -82,8 +82,8 @@ impl Animation {
     }
 
     /// Builds the scenes of later frames, so that [`INPUTS`](super::INPUTS), the list of the files that were
-    /// read, contains all pictures that these frames use. A later frame is built only if a track that can
-    /// lead to pictures has a keyframe there.
+    /// read, contains all pictures that these frames use. A later frame is built only if it is a keyframe of
+    /// a track whose values can name pictures, or meshes that use pictures.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
@@ -444,8 +444,8 @@ mod tests {
         let help = &error.help;
         assert!(help.ends_with("a.toml:12: track `camera.position` at frame 3"), "{help}");
 
-        // In the first case, an option sets another value of the scene. In the second case, an option sets
-        // the value of the second keyframe.
+        // In the first of two cases, an option sets a value that the track does not change. In the second
+        // case, an option sets the value of the track's second keyframe.
         let path = folder.path().join("a.toml");
         let middle = Value::Array([0, 0, 0].map(Value::from).to_vec());
         let locations = [format!("{}:12", path.display()), format!("animation.track.0.values.1 = {middle}")];
@@ -457,7 +457,7 @@ mod tests {
             assert!(error.remedy().ends_with(&expected), "{}", error.remedy());
         }
 
-        // The track's own value is the mistake.
+        // Here, the value that the track sets is the mistake: it names a vertex that does not exist.
         let tracks = "[[animation.track]]\npath = \"object.0.faces\"\nvalues = [[[0, 1, 2]], [[0, 1, 7]]]\n\
             interpolation = \"step\"\n";
         let (_folder, first, mut animation) = animated(tracks);
@@ -474,8 +474,8 @@ mod tests {
         assert_eq!(load_scene(&path).unwrap_err().remedy(), PATHS);
     }
 
-    /// The path of the first track begins with the text of the second track's path, but sets no part of the value
-    /// that the second track sets.
+    /// The path of the first track begins with the text of the second track's path, but sets no part of the
+    /// value that the second track sets.
     #[test]
     fn light_10_is_no_part_of_light_1() {
         let tracks = "[[animation.track]]\npath = \"light.10.power\"\nvalues = [6, 8]\n\

@@ -17,19 +17,20 @@ pub enum AreaShape {
     Disc = 2,
 }
 
-/// The surface of an area light. Its centre is the light's position. Its front has the same radiance in all directions
-/// (it is a Lambertian emitter), and its back is dark.
+/// The surface of an area light, with its centre at the light's position. The front of the surface has the
+/// same radiance in all directions (it is a Lambertian emitter), and the back is dark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Area {
-    /// The shape.
+    /// Whether the surface is a rectangle or a disc.
     pub shape: AreaShape,
-    /// Two edges of the rectangle, in the scene's units. The light's front is the side to which their cross product
-    /// points.
+    /// Two edges of the rectangle (for a disc: of the rectangle around it), in the scene's units. The light's
+    /// front is the side to which the cross product of the two edges points.
     pub edges: [Vec3; 2],
 }
 
 impl Area {
-    /// Returns the unit normal of the front. Devices and the reference use this vector, rounded in the same way.
+    /// Returns the unit normal of the light's front. Devices and the reference use this vector, which is
+    /// rounded to single precision.
     pub fn front(&self) -> Vec3 {
         let [first, second] = self.edges.map(|edge| edge.as_dvec3().normalize_or_zero());
         first.cross(second).normalize_or_zero().as_vec3()
@@ -47,7 +48,8 @@ impl Area {
         first.cross(second).length()
     }
 
-    /// Returns the surface with other edges: those that `turn` returns for this surface's.
+    /// Returns a copy of this surface in which each edge is replaced by the vector that `turn` returns for
+    /// it.
     #[must_use]
     pub(super) fn turned(&self, turn: impl Fn(Vec3) -> Vec3) -> Self {
         Self { edges: self.edges.map(turn), ..*self }
@@ -65,7 +67,7 @@ mod tests {
             assert_eq!(of(a * Vec3::X, b * Vec3::Y).front(), Vec3::Z, "{a:e} {b:e}");
             assert_eq!(of(b * Vec3::Y, a * Vec3::X).front(), Vec3::NEG_Z, "{a:e} {b:e}");
         }
-        // A slanted second edge does not turn the plane.
+        // If the edges are not perpendicular, the front still has the direction of their cross product.
         assert_eq!(of(Vec3::X, Vec3::new(5.0, 1.0, 0.0)).front(), Vec3::Z);
     }
 

@@ -36,7 +36,7 @@ pub(super) struct Assembled {
     /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
     /// mesh counts as an object. A ground that raycl added counts as the last object.
     pub starts: Vec<u32>,
-    /// Number of triangles without those of a ground that raycl added.
+    /// Number of triangles, not counting those of a ground that raycl added.
     pub own_triangles: usize,
     /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that
     /// has no lights.
@@ -135,7 +135,7 @@ fn turn_normals(mesh: &mut Mesh, around: Option<Ball>, camera: &Camera, shot: Sh
     }
     normals::turn_outwards(mesh);
     // In a room, the inner sides of the walls are visible at every angle. An open mesh, such as a sheet, has
-    // no outside. In these two cases, the first view decides which side is lit.
+    // no outside. In a room and for an open mesh, the turntable's first view decides which side is lit.
     let has_outside = around.is_some_and(|ball| ball.is_closed()) && !encloses(mesh, camera.position);
     if !has_outside && facing::is_averted(mesh, camera, shot.aspect) {
         normals::reverse(mesh);

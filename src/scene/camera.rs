@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 /// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis. Row 0 of a picture is at the top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// The eye.
+    /// The position of the eye, where all rays start.
     pub position: Vec3,
     /// Unit vector towards larger pixel x.
     pub right: Vec3,
@@ -20,11 +20,11 @@ pub struct Camera {
     pub fov_is_vertical: bool,
     /// Hits are ignored if their depth along `forward` is at most this distance.
     pub z_near: f32,
-    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down. It is zero if the
-    /// pixel has a single sample.
+    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down. The offset is zero
+    /// if the pixel has a single sample.
     pub shift: [f32; 2],
-    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width. It is less than 1 if
-    /// the pixel's area is divided among several samples.
+    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width. This share is less
+    /// than 1 if the pixel's area is divided among several samples.
     pub cone_share: f32,
     /// The size, in pixels, of the image whose aspect ratio determines the field of view; `None` for the
     /// camera's own image. For a half picture, this is the size of the whole picture, because the two aspect
@@ -150,7 +150,8 @@ impl Camera {
 }
 
 impl PixelFrame {
-    /// Returns the direction through pixel coordinates (x, y), of depth 1.
+    /// Returns the direction of the ray through pixel coordinates (x, y). The direction has depth 1 along the
+    /// camera's forward axis.
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         self.corner + self.step_x * x + self.step_y * y
     }

@@ -4,18 +4,20 @@ use super::Mesh;
 use super::framing::Ball;
 use glam::DVec3;
 
-/// A triangle is coarse if smooth shadows lift its middle by more than this part of the radius of the mesh's ball. If
-/// the mesh fills a picture that is 1000 pixels high, this is about half a pixel. For comparison: of a sphere's area,
-/// 41% is in coarse triangles if the sphere has 9,000 triangles, and nothing if it has 16,000.
+/// A triangle is coarse if smooth shadows lift its middle by more than this fraction of the radius of the
+/// ball around the mesh. If the mesh fills a picture that is 1000 pixels high, this is about half a pixel.
+/// For comparison: of a sphere's area, 41% is in coarse triangles if the sphere has 9,000 triangles, and
+/// nothing if it has 16,000.
 const COARSE_LIFT: f64 = 1e-3;
-/// A mesh is coarse if coarse triangles have more than this share of its area. In fine scans, noise makes some triangles
-/// coarse: 1.2% of the Stanford bunny's area with 69,451 triangles, 0.1% of the dragon's with 202,520.
+/// A mesh is coarse if coarse triangles have more than this share of its area. In fine scans, noise makes
+/// some triangles coarse: 1.2% of the Stanford bunny's area with 69,451 triangles, 0.1% of the dragon's with
+/// 202,520.
 const COARSE_SHARE: f64 = 0.05;
 /// In a mesh of more triangles, only about this many are examined, so that the decision takes little time.
 const MOST_EXAMINED: usize = 1 << 13;
 
-/// Returns true if a mesh is so coarse that its facets visibly shadow each other in steps. `ball` is the mesh's ball. A
-/// mesh with flat facets is never coarse, since smooth shadows do not change it.
+/// Returns true if a mesh is so coarse that its facets visibly shadow each other in steps. `ball` is the ball
+/// around the mesh. A mesh with flat facets is never coarse, since smooth shadows do not change it.
 pub(super) fn is_coarse(mesh: &Mesh, ball: Ball) -> bool {
     let (_, radius) = ball.centre_and_radius();
     let step = mesh.triangles.len().div_ceil(MOST_EXAMINED).max(1);
@@ -32,7 +34,8 @@ pub(super) fn is_coarse(mesh: &Mesh, ball: Ball) -> bool {
     coarse > COARSE_SHARE * all
 }
 
-/// Returns the distance by which smooth shadows lift a triangle's middle (`smooth_point` in `src/reference/shade.rs`).
+/// Returns the distance by which smooth shadows lift a triangle's middle (`smooth_point` in
+/// `src/reference/shade.rs`).
 fn lift_of_middle(corners: [DVec3; 3], normals: [DVec3; 3]) -> f64 {
     let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
     let lift = |(corner, normal): (DVec3, DVec3)| {
@@ -85,7 +88,7 @@ mod tests {
             mesh.append(part);
             mesh
         };
-        // The parts have 20% and 2% of the area.
+        // In the two meshes, the coarse part has 20% and 2% of the area.
         assert!(coarse(&with_coarse_part(0.5)));
         assert!(!coarse(&with_coarse_part(0.15)));
     }

@@ -1,12 +1,13 @@
-//! Colours of triangles' corners. Each is stored in one word.
+//! Colours of triangles' corners. Each colour is stored in one 32-bit word.
 
 use glam::Vec3;
 
 /// The colours of a triangle's three corners.
 pub type CornerColours = [u32; 3];
 
-/// A channel has this many steps, which take 10 bits. It is the square root of linear light, so that dark colours
-/// have finer steps than bright ones. A step is at most half as large as a step of 8-bit sRGB.
+/// The largest stored value of a colour's channel, which takes 10 bits. The stored value is proportional to
+/// the square root of linear light, so that dark colours have finer steps than bright ones. A step is at most
+/// half as large as a step of 8-bit sRGB.
 pub const COLOUR_STEPS: u32 = 1023;
 
 /// The colours of a triangle whose corners have no colours of their own.
@@ -19,7 +20,7 @@ pub(super) fn packed(linear: Vec3) -> u32 {
     red << 20 | green << 10 | blue
 }
 
-/// Returns the steps of red, green and blue in a word.
+/// Returns the stored values of red, green and blue, from 0 to `COLOUR_STEPS`, in the word of a colour.
 pub fn steps(word: u32) -> [u32; 3] {
     [word >> 20, word >> 10, word].map(|channel| channel & COLOUR_STEPS)
 }

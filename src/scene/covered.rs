@@ -1,6 +1,6 @@
 //! Estimates which share of a picture a scene covers. If a mesh covers only a small part of the picture, few
-//! tiles contain hits. The fastest strategies are then not those for a full picture
-//! (`src/strategy/fastest.rs`).
+//! tiles contain hits. For such a picture, the fastest strategies are not the same as for a picture that a
+//! scene fills (`src/strategy/fastest.rs`).
 
 use super::{Camera, Scene};
 use glam::{DVec2, DVec3};

@@ -21,7 +21,7 @@ const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply,
 /// The help in an error about a scene that is a pipe or a device.
 const PIPED: &str = "read a pipe through standard input, with `raycl render - < PIPE` or `COMMAND | raycl render -`; or give the path of an ordinary file";
 
-/// Returns the remedy if a scene cannot be opened.
+/// Returns the help in the error about a scene that cannot be opened.
 fn instead_of(error: &std::io::Error) -> &'static str {
     // `reader::open` refuses a pipe with this kind of error.
     if error.kind() == std::io::ErrorKind::InvalidInput { PIPED } else { ANY_SCENE }

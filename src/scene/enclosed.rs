@@ -1,7 +1,7 @@
 //! Tests whether surfaces lie all around the eye, as in a room. In a room, more rays hit something than in a
-//! picture of an object, and shadow rays are longer. The fastest strategies are therefore not those for a
-//! picture of an object (`src/strategy/fastest.rs`). On a turntable, an eye in a room sees the walls from
-//! inside, so the walls' normals must point inwards (`assemble.rs`).
+//! picture of an object, and shadow rays are longer. In a room, the fastest strategies are therefore not the
+//! same as for a picture of an object (`src/strategy/fastest.rs`). On a turntable, an eye in a room sees the
+//! walls from inside, so the walls' normals must point inwards (`assemble.rs`).
 
 use super::{Mesh, Scene};
 use glam::Vec3;

@@ -16,20 +16,21 @@ const ACROSS: usize = 48;
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's
-/// forward axis, and true if the surface faces away. The depth is infinite if there is no surface; instead of true or
-/// false, the value is `None` for no surface, and for a ground that raycl added.
+/// forward axis, and true if the surface faces away. If there is no surface at a sample, the depth is
+/// infinite, and the second value is `None`. The second value is also `None` for a ground that raycl added.
 type Nearest = Vec<(f64, Option<bool>)>;
 
-/// The beginning of the note if the eye is inside an object, although the scene file does not set the eye's position.
-/// The eye is then usually at the origin, which is often inside an object. If the file sets the position, its author
-/// probably wants to see an object's inside, and an angle would have no effect beside the position.
+/// The beginning of the note if the eye is inside an object, although the scene file does not set the eye's
+/// position. The eye is then usually at the origin, which is often inside an object. If the file sets the
+/// position, its author probably wants to see an object's inside, and an angle would have no effect beside
+/// the position.
 const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimuth 30 --elevation 20` (azimuth_degrees \
                       and elevation_degrees of [camera]) places the camera outside, where it sees the whole scene; ";
 
 /// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
-/// `aspect`. `starts` contains the index of the first triangle of each object. Only the first `own` triangles count: the
-/// others are a ground that raycl added. `is_turned` is true for a scene on a
-/// turntable with `two_sided`: raycl has then already reversed either all normals of the scene or none. `eye_is_set` is
+/// `aspect`. `starts` contains the index of the first triangle of each object. Only the first `own` triangles
+/// count: all later triangles are a ground that raycl added. `is_turned` is true for a scene on a turntable
+/// with `two_sided`: raycl has then already reversed either all normals of the scene or none. `eye_is_set` is
 /// true if the scene file or a setting sets the eye's position.
 pub(super) fn note(
     scene: &Scene,
@@ -54,8 +55,8 @@ pub(super) fn note(
     })
 }
 
-/// Returns true if `eye` is inside the bounding box of an object. `starts` contains the index of the first triangle of
-/// each object. The box of a flat object, such as a ground, contains no eye.
+/// Returns true if `eye` is inside the bounding box of an object. `starts` contains the index of the first
+/// triangle of each object. The box of a flat object, such as a ground, contains no eye.
 fn is_inside(mesh: &Mesh, starts: &[u32], eye: Vec3) -> bool {
     let ends = starts.iter().skip(1).map(|start| *start as usize).chain([mesh.triangles.len()]);
     starts.iter().zip(ends).any(|(start, end)| {
@@ -80,8 +81,9 @@ fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     averted_part_of(mesh, mesh.triangles.len(), camera, aspect)
 }
 
-/// Returns the same fraction of the visible surface of the first `own` triangles. The other triangles hide what is
-/// behind them, but do not count.
+/// Returns the fraction of the visible surface of the first `own` triangles whose normals point away from the
+/// camera; `None` if none of these triangles is visible. Later triangles hide what is behind them, but do not
+/// count.
 fn averted_part_of(mesh: &Mesh, own: usize, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
     let grid = Grid::new(camera, [ACROSS, down]);
@@ -240,7 +242,8 @@ mod tests {
         assert!((part - 1.0 / 3.0).abs() < 0.01, "{part}");
     }
 
-    /// Returns a rectangle at z = -`depth` with this normal, from x = `left` to `right` and from y = `low` to `high`.
+    /// Returns a rectangle at z = -`depth` with this normal, from x = `left` to `right` and from y = `low` to
+    /// `high`.
     fn rectangle(depth: f32, [left, right]: [f32; 2], [low, high]: [f32; 2], normal: Vec3) -> Mesh {
         Mesh {
             positions: [[left, low], [right, low], [right, high], [left, high]]
@@ -254,7 +257,8 @@ mod tests {
         }
     }
 
-    /// Returns a rectangle from x = -1 to 1, with `height` from the lowest to the highest y.
+    /// Returns a rectangle at z = -`depth`, from x = -1 to 1. `height` has the rectangle's lowest and highest
+    /// y.
     fn wall(depth: f32, height: [f32; 2], normal: Vec3) -> Mesh {
         rectangle(depth, [-1.0, 1.0], height, normal)
     }

@@ -31,9 +31,10 @@ pub(super) struct FrameCache {
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
-    /// The text of all objects of this frame.
+    /// A text from which it can be seen whether two frames have equal objects: all objects of this frame, and
+    /// the scene's values that apply to all objects.
     objects: String,
-    /// The text of all objects of the previous frame, and the joined objects that were made from it.
+    /// The value of `objects` when the objects were joined last, and the joined objects.
     joined: Option<(String, Joined)>,
     /// The mesh whose bounds were computed last, and these bounds.
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,
@@ -45,7 +46,7 @@ pub(super) struct FrameCache {
 
 impl FrameCache {
     /// Begins a frame with the scene file `document`. `objects_change` is true if the animation changes an
-    /// object or the scene's `crease`. The meshes in `meshes` become those of the previous frame; older
+    /// object or the scene's `crease`. The meshes in `meshes` become the meshes of the previous frame; older
     /// meshes are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
@@ -58,7 +59,8 @@ impl FrameCache {
     }
 
     /// Returns the objects of this frame, joined into one mesh. If the text of all objects is the same as in
-    /// the previous frame, returns the previous frame's result. Otherwise, `make` joins the objects.
+    /// the previous frame, returns the previous frame's result. If the text differs, `make` joins the
+    /// objects.
     pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
         if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
             self.meshes = std::mem::take(&mut self.earlier);
@@ -72,7 +74,7 @@ impl FrameCache {
 
     /// Returns the mesh of the object with the index `object`, before the object's transform and materials
     /// are applied. If this frame or the previous frame has a mesh for the same text (`keys`), this mesh is
-    /// reused. Otherwise, `make` builds the mesh.
+    /// reused. If neither frame has such a mesh, `make` builds the mesh.
     pub fn mesh(&mut self, object: usize, make: impl FnOnce() -> Result<MeshFile>) -> Result<MeshFile> {
         let Some(key) = self.keys.get(object) else { return make() };
         let mesh = match self.meshes.entry(key.clone()) {

@@ -5,17 +5,18 @@ use super::{Camera, Light, Shot};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Default field of view across the height. Like a portrait lens, it distorts little.
+/// Default field of view across the height. Like a portrait lens, this field of view distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's width or of its height. In the other direction, it fills at
-/// most this fraction.
+/// The mesh fills this fraction of the picture's width or of its height, and at most this fraction of the
+/// other of the two.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 /// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
 const TURNS: u32 = 24;
-/// The eye is at least this much farther from the centre of the mesh's ball than the point of the mesh that is nearest
-/// to the eye, in radii of the ball. Both distances are measured along the viewing direction.
+/// The eye is at least this much farther from the centre of the ball around the mesh than the point of the
+/// mesh that is nearest to the eye, in radii of the ball. Both distances are measured along the viewing
+/// direction.
 const NEAREST_RADII: f64 = 0.3;
 /// Smallest radius of the ball that represents a mesh, as a fraction of the distance from the origin to the
 /// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.
@@ -44,8 +45,9 @@ const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's
 /// normal has an absolute value of less than this.
 const VERTICAL: f64 = 0.1;
-/// Distance of the lights from the centre of the mesh's ball, in radii of this ball. Nearer lights would
-/// light the mesh unevenly; with lights much farther away, the shading would show less of the mesh's shape.
+/// Distance of the lights from the centre of the ball around the mesh, in radii of this ball. Nearer lights
+/// would light the mesh unevenly; with lights much farther away, the shading would show less of the mesh's
+/// shape.
 const LIGHT_RADII: f64 = 10.0;
 
 /// The ball that represents a mesh in framing and lighting.
@@ -176,9 +178,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let (tan_x, tan_y) = if look.fov_is_vertical { (tan * aspect, tan) } else { (tan, tan / aspect) };
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
     // The view pyramid, made narrower by `FILL`, has four sides. Consider the planes through the centre of
-    // the mesh's ball that are parallel to these sides. `reach_after` returns five numbers. The first four
-    // say how far, across or up the picture, a corner is beyond the right, left, upper and lower plane. The
-    // last number says how much nearer to the eye the corner is than the centre.
+    // the ball around the mesh that are parallel to these sides. `reach_after` returns five numbers. The
+    // first four say how far, across or up the picture, a corner is beyond the right, left, upper and lower
+    // plane. The last number says how much nearer to the eye the corner is than the centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -209,8 +211,8 @@ struct Areas {
     /// The sum of the area vectors (normal times area). Each triangle's normal points to the side of the
     /// triangle to which the mesh's own normals point.
     vector: DVec3,
-    /// The sum of the area vectors with other normals: each points to the side from which the triangle's
-    /// corners appear counter-clockwise.
+    /// The sum of the area vectors, with normals that follow from the order of corners: each normal points to
+    /// the side from which the triangle's corners appear counter-clockwise.
     wound: DVec3,
     area: f64,
     /// The area of the largest triangle.
@@ -272,9 +274,9 @@ impl Areas {
     }
 
     /// Returns true if the mesh is closed: the area vectors (normal times area) of a closed mesh's triangles
-    /// add up to almost zero. The mesh's normals may be wrong, for example if all have the same direction.
-    /// The order of corners may be wrong instead. It is therefore enough if one of the sums `vector` and
-    /// `wound` is small.
+    /// add up to almost zero. The mesh's normals may be wrong, for example if all have the same direction. In
+    /// other meshes, the order of corners may be wrong. A mesh therefore counts as closed if one of the sums
+    /// `vector` and `wound` is small.
     fn are_closed(&self) -> bool {
         [self.vector, self.wound].iter().any(|sum| sum.length() <= OPEN_PART * self.area)
     }
@@ -303,8 +305,8 @@ impl Areas {
     }
 
     /// Returns the horizontal direction to the open sides of a room. A vertical side of the bounding box is
-    /// open if it has no wall, but the opposite side has a wall. Returns zero if there is no such side, and
-    /// `None` if the mesh is not a room.
+    /// open if it has no wall, but the opposite side has a wall. Returns zero if no side is open, and `None`
+    /// if the mesh is not a room.
     fn away_from_walls(&self, [low, high]: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let size = high - low;
         let sides = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
@@ -324,10 +326,10 @@ impl Areas {
     /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is
     /// not open ([`OPEN_PART`]). A room is seen through the side that has no wall; the result is `None` if
     /// each upright wall of the room has a wall on the opposite side. A mesh whose walls face outwards is a
-    /// room only if bodies lie between the walls. Otherwise, the mesh is a shell, such as the housing of a
-    /// device without its back. The shape of a shell does not tell which side is to be seen. Any mesh that is
-    /// not a room, such as a shell or the scan of a face, is seen from the direction in which its normals
-    /// point on average.
+    /// room only if bodies lie between the walls. Without such bodies, the mesh is a shell, such as the
+    /// housing of a device without its back. The shape of a shell does not tell which side is to be seen. Any
+    /// mesh that is not a room, such as a shell or the scan of a face, is seen from the direction in which
+    /// its normals point on average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;
@@ -352,7 +354,7 @@ fn front_sign(mesh: &Mesh, triangle: &Triangle, [a, b, c]: [DVec3; 3]) -> f64 {
 /// Returns true if a triangle's front is on the wrong side of the surface. Two neighbours whose fronts are on
 /// the same side of a surface pass their common edge in opposite directions. The front of `triangle` is on
 /// the wrong side if each of its edges belongs to exactly one other triangle, which passes the edge in the
-/// same direction as `triangle`. These must be three different triangles.
+/// same direction as `triangle`. The triangles at the three edges must be three different ones.
 fn is_wound_wrongly(mesh: &Mesh, triangle: &Triangle) -> bool {
     let edges = |triangle: &Triangle| {
         let [a, b, c] = outline(mesh, triangle);

@@ -32,7 +32,8 @@ pub struct Loaded {
     /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
     /// scene is visible. Pictures with another aspect ratio then need another camera.
     pub is_framed: bool,
-    /// The animation, if the scene file has one. It makes the scenes of the frames after the first.
+    /// The animation, if the scene file has one. The animation makes the scenes of all frames after the
+    /// first.
     pub animation: Option<Animation>,
     /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
     pub notes: Vec<String>,
@@ -44,8 +45,8 @@ pub struct Loaded {
 pub struct Shot {
     /// The ratio of the pictures' width to their height.
     pub aspect: f64,
-    /// True if the scene turns on a turntable. The camera is then so far away that the whole scene is visible
-    /// at every angle.
+    /// True if the scene turns on a turntable. On a turntable, the camera is so far away that the whole scene
+    /// is visible at every angle.
     pub turns: bool,
     /// True if a bare mesh without lights gets soft light, a sky and usually a ground.
     pub dressed: bool,
@@ -63,10 +64,11 @@ impl Shot {
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show
 /// whether it is a scene or a mesh; if the contents are unclear, the file's extension decides. For a mesh
 /// without a scene file, the camera and the lights are those of the mesh's own file. If this file has no
-/// camera, the camera looks at the mesh from the right, above and in front. It looks into a room through the
-/// room's open side, and at another open mesh horizontally, from the side to which its faces point on
-/// average. The whole mesh is then visible in images that are at least as wide as high. If the file has no
-/// lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
+/// camera, the camera looks at the mesh from the right, above and in front. The camera looks into a room
+/// through the room's open side. The camera looks horizontally at any other open mesh, from the side to which
+/// the mesh's faces point on average. The whole mesh is then visible in images that are at least as wide as
+/// high. If the file has no lights, the mesh gets a key light and a fill light. The normals of the mesh are
+/// turned to the viewer.
 ///
 /// # Errors
 ///

@@ -5,7 +5,8 @@ use glam::Vec3;
 
 /// The default diffuse reflectance k_L. The ground in the paper has this k_L.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
-/// The radiance that the default display shows as white. It is the unit of the emitted light in the files of meshes.
+/// The radiance that the default display shows as white. Files of meshes state emitted light in units of this
+/// radiance.
 pub(super) const WHITE_RADIANCE: f32 = 1.0 / PAPER_EXPOSURE;
 /// The highlight's strength k_G in the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;
@@ -41,11 +42,12 @@ pub struct Material {
     pub shininess: f32,
     /// Which reflectance formula the surface has.
     pub kind: MaterialKind,
-    /// The radiance that both sides of the surface emit in every direction. It is added to the reflected
-    /// radiance, and lights no other surface.
+    /// The radiance that both sides of the surface emit in every direction. This radiance is added to the
+    /// reflected radiance, and lights no other surface.
     pub emitted: Vec3,
     /// The number of the texture, in [`Textures::list`](super::Textures::list), whose colour `emitted` is
-    /// multiplied by; `None` without such a texture. Its coordinates are those of the triangle's own texture.
+    /// multiplied by; `None` without such a texture. A triangle has the same texture coordinates for this
+    /// texture as for its colour texture.
     pub emission_texture: Option<u32>,
 }
 
@@ -59,7 +61,8 @@ impl Material {
     /// Number of floats of a material on a device, in a scene in which no surface emits light: k_L, k_G, s,
     /// kind.
     pub const FLOATS: usize = 8;
-    /// Number of floats of the emitted radiance and its texture, which follow if a surface emits light.
+    /// Number of floats of the emitted radiance and its texture. The radiance and the texture follow the
+    /// other floats of each material if a surface of the scene emits light.
     pub const EMISSION_FLOATS: usize = 4;
 
     /// Returns a diffuse material.
@@ -90,7 +93,8 @@ impl Material {
         Self::FLOATS + if emissive { Self::EMISSION_FLOATS } else { 0 }
     }
 
-    /// Returns the floats for a device.
+    /// Returns the floats of this material on a device. `emissive` is true if a surface of the scene emits
+    /// light.
     pub fn for_device(self, emissive: bool) -> impl Iterator<Item = f32> {
         self.to_floats().into_iter().chain(self.emission_floats()).take(Self::floats(emissive))
     }

@@ -34,17 +34,18 @@ impl Triangle {
 /// Triangles with their materials and textures. Normals need not have length 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Corner positions, in the scene's units.
+    /// The positions to which the corners of triangles refer, in the scene's units.
     pub positions: Vec<Vec3>,
-    /// Corner normals.
+    /// The normals to which the corners of triangles refer.
     pub normals: Vec<Vec3>,
     /// The triangles.
     pub triangles: Vec<Triangle>,
-    /// The triangles' materials.
+    /// The materials to which triangles refer.
     pub materials: Vec<Material>,
-    /// The triangles' textures.
+    /// The textures, and the texture coordinates of each triangle.
     pub textures: Textures,
-    /// The colours of each triangle's corners, in the mesh's order; empty if every triangle has one colour.
+    /// The colours of each triangle's corners, in the order of `triangles`; empty if every triangle has one
+    /// colour.
     pub corner_colours: Vec<CornerColours>,
 }
 
@@ -145,7 +146,8 @@ impl Mesh {
         }));
     }
 
-    /// Appends the colours of the corners of `triangles` more triangles; `colours` is empty if they have none.
+    /// Appends the colours of the corners of `triangles` more triangles; `colours` is empty if these
+    /// triangles have no colours of corners.
     fn append_colours(&mut self, colours: Vec<CornerColours>, triangles: usize) {
         if self.corner_colours.is_empty() && colours.is_empty() {
             return;

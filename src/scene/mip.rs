@@ -33,8 +33,8 @@ impl Mesh {
 }
 
 impl Textures {
-    /// Adds mip levels to all pictures that are used as colours. If the picture is also the mask of the same
-    /// surface, the texels are weighted by their alpha. `materials` are those of the mesh.
+    /// Adds mip levels to all pictures that are used as colours. If a picture is both the colour and the mask
+    /// of a surface, the picture's texels are weighted by their alpha. `materials` are those of the mesh.
     pub(super) fn add_levels(&mut self, materials: &mut [Material]) {
         let weights = self.separate_weights(materials);
         let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();
@@ -57,9 +57,10 @@ impl Textures {
 
     /// Returns one value per texture: true if the texels of its mip levels are weighted by their alpha,
     /// otherwise false. The value is `None` if the texture is not used as a colour. If some triangles need a
-    /// texture with these weights and other triangles need it without, the texture is copied. The original
-    /// has the weights that the first of these triangles needs. Triangles that need the other weights get the
-    /// copy. The texels of emission textures are never weighted by their alpha.
+    /// texture with weights by alpha, and other triangles need the same texture without these weights, the
+    /// texture is copied. The original has the weights that the first of these triangles needs. Triangles
+    /// that need the other weights get the copy. The texels of emission textures are never weighted by their
+    /// alpha.
     fn separate_weights(&mut self, materials: &mut [Material]) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];
@@ -95,8 +96,8 @@ impl Textures {
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units.
 /// A ray cone as wide as this side covers one texel if it meets the triangle at a right angle. Returns zeros
-/// if the triangle has no area or no texture. A triangle that has only an emission texture has the texels of this
-/// texture.
+/// if the triangle has no area or no texture. A triangle that has only an emission texture has the texels of
+/// this texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let emission = || mesh.material(&mesh.triangles[triangle]).emission_texture;
@@ -156,7 +157,8 @@ fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
 struct Covered {
     /// The index of the first covered texel.
     first: usize,
-    /// The weights of three texels in the mean. They add up to 1; a texel that is not covered has 0.
+    /// The weights of three texels in the mean. The weights add up to 1; a texel that is not covered has the
+    /// weight 0.
     shares: [f32; 3],
 }
 
@@ -290,8 +292,8 @@ mod tests {
         assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
         let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
         assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
-        // Only the last picture is used both as a colour and as the mask of the same surface. So only its texels
-        // are weighted by their alpha.
+        // Only the last picture is used both as a colour and as the mask of the same surface. So only its
+        // texels are weighted by their alpha.
         assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
     }
 

@@ -65,8 +65,9 @@ pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light. If pixels get several samples, it is a ball (with a radius above 0) or a surface (with an area), otherwise a
-/// point. With an area, the point lights like a very small surface.
+/// A light. If pixels get several samples, a light with a radius above 0 is a ball, and a light with an area
+/// is a surface. All other lights are points. With one sample per pixel, every light is a point, but a light
+/// with an area still lights like a very small surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// The light's position, in the scene's units.
@@ -94,8 +95,8 @@ pub struct Display {
     pub exposure: f32,
     /// The tone curve; the paper's is [`Tone::Clip`].
     pub tone: Tone,
-    /// The gamma of the formula: after the tone curve, values are raised to the power 1 / gamma. In the paper,
-    /// gamma is 2.2.
+    /// The gamma of the formula: after the tone curve, values are raised to the power 1 / gamma. In the
+    /// paper, gamma is 2.2.
     pub gamma: f32,
 }
 
@@ -200,7 +201,7 @@ impl Scene {
         hash_words(&mut hasher, lights.chain(view).flat_map(|vector| vector.to_array()).map(f32::to_bits));
         let vertical = f32::from(camera.fov_is_vertical);
         let display = [self.display.exposure, self.display.gamma];
-        // Scenes with the usual tone curve keep the hash that they had before there were others.
+        // Scenes with the usual tone curve keep the hash that they had before there were other tone curves.
         let tone = (self.display.tone != Tone::Clip).then_some(self.display.tone as u32);
         hash_words(&mut hasher, tone.into_iter());
         let numbers = [camera.tan_half_fov, vertical, camera.z_near, self.shadow_bias];
@@ -210,8 +211,9 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, transparency, soft lights and a sky adds nothing more to the hash. Its
-        // hash is therefore the same as in records of older versions, which had none of these features.
+        // A scene without textures, transparency, soft lights and a sky adds nothing more to the hash. The
+        // hash of such a scene is therefore the same as in records of older versions, which had none of these
+        // features.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
@@ -226,7 +228,8 @@ impl Scene {
         }
         self.hash_soft_light(&mut hasher);
         hash_words(&mut hasher, mesh.textures.mapped.iter().flat_map(|row| row.to_words()));
-        // Marker words keep emitted light and the colours of corners apart.
+        // A marker word comes before emitted light, and another one before the colours of corners, so that
+        // the hash distinguishes the two.
         if mesh.is_emissive() {
             hash_words(&mut hasher, [u32::from_be_bytes(*b"emit")].into_iter());
             let emitted = mesh.materials.iter().flat_map(|material| material.emission_floats());
@@ -239,7 +242,8 @@ impl Scene {
         hasher.finalize().to_hex()[..16].to_string()
     }
 
-    /// Adds the extent of lights, and the sky, to a hash. A scene without them adds nothing.
+    /// Adds the radii and surfaces of lights, and the sky, to a hash. A scene without soft lights and without
+    /// a sky adds nothing.
     fn hash_soft_light(&self, hasher: &mut blake3::Hasher) {
         if self.has_soft_lights() {
             hash_words(hasher, self.lights.iter().map(|light| light.radius.to_bits()));

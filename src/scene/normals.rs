@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// The largest number of threads that add the normals of triangles at their positions. More threads would gain little,
-/// because each reads all triangles.
+/// The largest number of threads that add the normals of triangles at their positions. More threads would
+/// gain little, because each reads all triangles.
 const MOST_READERS: usize = 16;
 
 /// Gives every corner a finite normal that is not zero. Generated normals are smooth, except at creases:
@@ -41,8 +41,8 @@ pub(super) fn flatten(mesh: &mut Mesh) {
 }
 
 /// Reverses the normals of every triangle whose front (the side to which its normals point) faces away from
-/// `eye`. Otherwise, the visible side of such a triangle would be dark. All normals of a triangle are
-/// reversed together, since reversing only some of them would disturb the shading along outlines.
+/// `eye`. Without the reversal, the visible side of such a triangle would be dark. All normals of a triangle
+/// are reversed together, since reversing only some of them would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {
@@ -63,7 +63,7 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
 /// Reverses the normals of the triangles for which `turned` is true. Other triangles may share these normals,
 /// so reversed copies are appended, one of each normal that a turned triangle has.
 fn reverse_normals_of(mesh: &mut Mesh, turned: &[bool]) {
-    // The index of each normal's reversed copy, or MISSING if there is no copy.
+    // For each normal, the index of its reversed copy, or MISSING if there is no copy.
     let mut copies = vec![MISSING; mesh.normals.len()];
     for (triangle, _) in mesh.triangles.iter_mut().zip(turned).filter(|(_, turned)| **turned) {
         triangle.normals = triangle.normals.map(|index| {
@@ -117,8 +117,9 @@ fn generate(mesh: &mut Mesh) {
 fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
     // The sums are f64: in f32, the cross product of very short edges could round to zero.
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
-    // A thread sums at a part of the positions, and reads all triangles. The summands of a position are added by
-    // one thread, in the triangles' order, so the sums do not depend on the number of threads.
+    // Each thread computes the sums of a part of the positions, and reads all triangles. The summands of a
+    // position are added by one thread, in the triangles' order, so the sums do not depend on the number of
+    // threads.
     let threads = rayon::current_num_threads().min(MOST_READERS);
     let part = mesh.positions.len().div_ceil(threads).max(PARALLEL_TRIANGLES);
     sums.par_chunks_mut(part).enumerate().for_each(|(number, sums)| {
@@ -142,8 +143,8 @@ fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
 }
 
 /// Returns the normal unchanged, unless its squared length is so small or so large that later products could
-/// leave the range of f32. In this case, the result has the length 1, or is zero if the normal cannot be
-/// normalised.
+/// leave the range of f32. A normal with such an extreme length is returned with the length 1, or as zero if
+/// it cannot be normalised.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;

@@ -12,9 +12,8 @@ pub struct Orbit {
     pub up: DVec3,
     /// The radius of the ball around the scene, in the scene's units; 1 if the ball was not computed.
     pub radius: f64,
-    /// True if lights move with the camera. This is the case if raycl added the lights to a mesh without a
-    /// scene file. Lights from a scene file, from the mesh's own file (glTF) or from the user's options stay
-    /// in place.
+    /// True if lights move with the camera. Lights move if raycl added them to a mesh without a scene file.
+    /// Lights from a scene file, from the mesh's own file (glTF) or from the user's options stay in place.
     pub with_lights: bool,
 }
 

@@ -15,9 +15,10 @@ const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after
 /// the last element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting
-/// of the camera's azimuth or elevation, the camera shows the whole scene. Such a setting therefore removes
-/// the position, direction and field of view from the table. Later settings may set the direction and the
-/// field of view again. Returns an error if one setting sets an angle and another setting sets the position.
+/// of the camera's azimuth or elevation, the camera shows the whole scene. A setting of one of these angles
+/// therefore removes the camera's position, direction and field of view from the table. Later settings may
+/// set the direction and the field of view again. Returns an error if one setting sets an angle and another
+/// setting sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     for setting in settings {
@@ -66,7 +67,7 @@ fn remove_pose_and_fov(document: &mut Table) {
     }
 }
 
-/// Returns true if a track of this path, such as `camera.look_at.1` or `camera`, changes the camera's
+/// Returns true if a track with this path, such as `camera.look_at.1` or `camera`, changes the camera's
 /// position, direction, field of view or one of its angles.
 fn moves_camera(path: &str) -> bool {
     let mut names = path.split('.');

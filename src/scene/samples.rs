@@ -1,7 +1,7 @@
-//! The samples of a pixel. Their positions are distributed like the pixel filter, so that all samples have
-//! the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on
-//! Interactive Ray Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation
-//! Buffer", 1990), so that the rays of neighbouring pixels stay nearly parallel.
+//! The samples of a pixel. The positions of the samples are distributed like the pixel filter, so that all
+//! samples have the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium
+//! on Interactive Ray Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The
+//! Accumulation Buffer", 1990), so that the rays of neighbouring pixels stay nearly parallel.
 
 use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 
@@ -10,7 +10,7 @@ const WIDTH: f64 = 1.5;
 /// The coefficients of the filter's cosine series (Harris, "On the Use of Windows for Harmonic
 /// Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
-/// Number of bisections in the search for a quantile of the filter. Double precision needs only 53.
+/// Number of bisections in the search for a quantile of the filter. 53 would be enough for double precision.
 const HALVINGS: u32 = 54;
 /// With adaptive sampling, every pixel first gets 1 / `FIRST_OF` of the largest number of samples,
 /// rounded up.
@@ -171,8 +171,8 @@ impl Sample {
     }
 }
 
-/// Returns the samples of a pixel that gets `count` samples, at least one. All such pixels have the same
-/// samples.
+/// Returns the samples of a pixel that gets `count` samples, at least one. All pixels with `count` samples
+/// have the same samples.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let (offsets, most) = ((0..).zip(pixel_offsets(count)), count.max(1));
     let one = Sample { count: most, most, ..Sample::CENTRE };
@@ -183,8 +183,8 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 /// samples follow Sobol's sequence (Owen-scrambled), and are denser where the filter is larger. The most
 /// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring this
 /// sample to the front, each index is replaced by its exclusive or with the most central sample's index. This
-/// keeps the samples of each aligned block of the sequence (2^k samples from a multiple of 2^k on) together.
-/// Only aligned blocks are evenly distributed.
+/// replacement keeps the samples of each aligned block of the sequence (2^k samples from a multiple of 2^k
+/// on) together. Only aligned blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];

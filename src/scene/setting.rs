@@ -147,9 +147,9 @@ impl Changed {
 
     /// Returns a sentence that names the values that were set; `None` if there is none to name. The sentence
     /// is for the help in an error about a mistake outside these values. `text` is the document after all
-    /// values were set. The sentence names all settings. If `near` is `None`, it also names all tracks. If
-    /// `near` is a range of `text`, it names only those tracks that set a value in the same part of the
-    /// scene.
+    /// values were set. The sentence names all settings. If `near` is `None`, the sentence also names all
+    /// tracks. If `near` is a range of `text`, the sentence names only those tracks that set a value in the
+    /// same part of the scene.
     pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
         let part = near.map(|span| part_of(text, span));
         let is_in_part = |part: &Vec<String>, track: &TrackValue| {

@@ -1,4 +1,5 @@
-//! The sky: light from all directions. It is either a gradient from the horizon to the zenith, or a picture.
+//! The sky: light from all directions. A sky is either a gradient from the horizon to the zenith, or a
+//! picture.
 
 use super::{INPUTS, files};
 use crate::filetype::FileType;
@@ -18,7 +19,7 @@ const MOST_ACROSS: u32 = 1 << 13;
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Memory per texel while a picture is read, in bytes. During decoding, up to two copies of four floats (32
 /// bytes) are in memory. After decoding, up to three copies of three floats (36 bytes) are in memory. The
-/// other 4 bytes are a reserve.
+/// last 4 of the 40 bytes are a reserve.
 const TEXEL_BYTES: u64 = 40;
 /// A value below zero is reported in a note if its absolute value exceeds this share of the picture's mean
 /// value. Smaller negative values are common, because filters of other programs produce them.
@@ -33,7 +34,7 @@ pub struct Sky {
     pub horizon: Vec3,
     /// The direction of the zenith, of unit length.
     pub up: Vec3,
-    /// Surfaces farther away than this, in the scene's units, do not occlude the sky.
+    /// Surfaces farther from a hit than this distance, in the scene's units, do not occlude the sky.
     pub reach: f32,
     /// The radiance from each direction, if a picture defines it.
     pub picture: Option<Arc<SkyPicture>>,

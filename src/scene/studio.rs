@@ -20,7 +20,7 @@ const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 /// The sky's radiance from the horizon and from below it.
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces that are farther from a hit than this do not occlude the sky. The distance is in radii of the
-/// mesh's ball.
+/// ball around the mesh.
 const REACH_RADII: f64 = 3.0;
 /// The value that replaces [`REACH_RADII`] for a mesh that is open on one side, such as a room without its
 /// front wall.
@@ -28,13 +28,13 @@ const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square rings. The numbers are the distances of the squares'
-/// edges from the middle, in radii of the mesh's ball. The last distance is so large that a usual view does
-/// not reach it. The triangles near the middle are small, because rounding errors of a ray-triangle test grow
-/// with the triangle's size. If the ground had only large triangles, shadow rays at a low angle would hit the
-/// ground from which they start.
+/// edges from the middle, in radii of the ball around the mesh. The last distance is so large that a usual
+/// view does not reach it. The triangles near the middle are small, because rounding errors of a ray-triangle
+/// test grow with the triangle's size. If the ground had only large triangles, shadow rays at a low angle
+/// would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
-/// Distance of the ground below the mesh, in radii of the mesh's ball, so that the ground does not coincide
-/// with a mesh's flat bottom.
+/// Distance of the ground below the mesh, in radii of the ball around the mesh, so that the ground does not
+/// coincide with a mesh's flat bottom.
 const GAP_RADII: f64 = 2e-4;
 
 /// The default surroundings of a mesh.
@@ -42,9 +42,9 @@ const GAP_RADII: f64 = 2e-4;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground. It is `None` if the mesh is open on one side, like a room without its front wall. It is
-    /// also `None` if the eye is lower than the mesh's lowest point, or if the ground's coordinates would
-    /// exceed `MAX_COORDINATE`.
+    /// The ground. `ground` is `None` if the mesh is open on one side, like a room without its front wall.
+    /// `ground` is also `None` if the eye is lower than the mesh's lowest point, or if the ground's
+    /// coordinates would exceed `MAX_COORDINATE`.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,
@@ -107,9 +107,9 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     })
 }
 
-/// Returns the corners of the ground's triangles. The first two triangles are the inner square. Around it lie square
-/// rings of eight triangles each, two for each side. The drawing shows the inner square and the first ring, with the
-/// corners' indices.
+/// Returns the corners of the ground's triangles. The first two triangles are the inner square. Around it lie
+/// square rings of eight triangles each, two for each side. The drawing shows the inner square and the first
+/// ring, with the corners' indices.
 ///
 /// ```text
 ///  7 ------------- 6
@@ -189,15 +189,15 @@ mod tests {
         assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
     }
 
-    /// The expected background is the radiance of a level ground under the whole sky. This is the ground's
-    /// k_L, times a radiance that is two thirds the zenith's and one third the horizon's.
+    /// The expected background is the radiance of a level ground under the whole sky. The background is the
+    /// ground's k_L, times a radiance that is two thirds the zenith's and one third the horizon's.
     #[test]
     fn the_background_is_the_colour_of_the_ground_far_away() {
         let background = studio(DVec3::Y, 25.0).1.background;
         assert!(background.distance(Vec3::new(0.007_072, 0.007_453_3, 0.008_197_3)) < 1e-6, "{background}");
     }
 
-    /// In a room, the far walls would otherwise hide the whole sky.
+    /// If far surfaces counted, the far walls of a room would hide the whole sky.
     #[test]
     fn only_near_surfaces_hide_the_sky_from_a_mesh_that_is_open_on_one_side() {
         let whole = generate(&Shape::Sphere { triangles: 400 });

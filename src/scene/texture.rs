@@ -126,9 +126,10 @@ impl Mapped {
 /// All textures of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Textures {
-    /// The pictures.
+    /// The textures: pictures with their wrap modes.
     pub list: Vec<Texture>,
-    /// The mapping of each triangle, in the mesh's order; empty if no triangle has a texture or a mask.
+    /// The texture coordinates, texture and mask of each triangle, in the order of the mesh's triangles;
+    /// empty if no triangle has a texture or a mask.
     pub mapped: Vec<Mapped>,
 }
 

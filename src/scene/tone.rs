@@ -14,7 +14,8 @@ pub enum Tone {
     Filmic,
 }
 
-/// Exposed radiance is cut at this value, which all curves display as the brightest: larger values could overflow.
+/// Exposed radiance is cut at this value, which all curves display as the brightest: larger values could
+/// overflow.
 const MOST: f64 = 1e6;
 
 impl Tone {
@@ -27,11 +28,13 @@ impl Tone {
     }
 
     /// Returns the coefficients a, b, c and d of the curve: exposed radiance x has the brightness
-    /// min(x (a x + b) / (x (c x + d) + 1), 1). `cl/common/mark_rough.cl` computes the same in single precision.
+    /// min(x (a x + b) / (x (c x + d) + 1), 1). `cl/common/mark_rough.cl` computes the same in single
+    /// precision.
     pub fn coefficients(self) -> [f64; 4] {
         match self {
             Self::Clip => [0.0, 1.0, 0.0, 0.0],
-            // Narkowicz's coefficients, divided by his last one, so that the constant becomes 1.
+            // Narkowicz's coefficients, divided by his last coefficient, so that the constant term of the
+            // denominator becomes 1.
             Self::Filmic => [2.51, 0.03, 2.43, 0.59].map(|coefficient| coefficient / 0.14),
         }
     }
@@ -45,7 +48,8 @@ impl Tone {
 
     /// Returns the smallest exposed radiance that has this brightness, which is from 0 to 1.
     pub fn inverse(self, brightness: f64) -> f64 {
-        // The positive root of (a - c y) x^2 + (b - d y) x - y = 0, in a form that needs no division by a - c y.
+        // The positive root of (a - c y) x^2 + (b - d y) x - y = 0, in a form that needs no division by
+        // a - c y.
         let ([a, b, c, d], y) = (self.coefficients(), brightness);
         let (square, linear) = (a - c * y, b - d * y);
         2.0 * y / (linear + (linear * linear + 4.0 * square * y).sqrt())
@@ -60,7 +64,8 @@ mod tests {
     fn the_usual_curve_cuts_and_the_filmic_curve_has_its_published_values() {
         let clipped = [f64::NAN, -1.0, 0.25, 1.0, 7.0, f64::INFINITY].map(|x| Tone::Clip.apply(x));
         assert_eq!(clipped, [0.0, 0.0, 0.25, 1.0, 1.0, 1.0]);
-        // Computed by hand from the formula: at 0.18, (0.18 * 0.4818) / (0.18 * 1.0274 + 0.14) = 0.086724 / 0.324932.
+        // Computed by hand from the formula: at 0.18, (0.18 * 0.4818) / (0.18 * 1.0274 + 0.14) =
+        // 0.086724 / 0.324932.
         for (x, y) in
             [(f64::NAN, 0.0), (0.0, 0.0), (0.18, 0.266_899), (1.0, 2.54 / 3.16), (7.3, 1.0), (1e300, 1.0)]
         {

@@ -25,7 +25,7 @@ impl Transform {
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 
     /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the
-    /// positions when the file was read. It is added again before the scale is applied.
+    /// positions when the file was read. This vector is added again before the scale is applied.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
         // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact
         // coordinates.

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 /// must stay below the largest f32, 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// Largest power of a light, which is enough for a scene of the largest allowed size. It is also the largest
-/// radiance of the sky and of the background. Kernels add several samples before they divide the sum, so this
-/// radiance must be much less than the largest f32, 3.4e38.
+/// Largest power of a light, which is enough for a scene of the largest allowed size. The same value is the
+/// largest radiance of the sky and of the background. Kernels add several samples before they divide the sum,
+/// so this radiance must be much less than the largest f32, 3.4e38.
 pub const MAX_POWER: f32 = 1e28;
 
 /// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up
@@ -165,15 +165,15 @@ impl Brightness {
     /// bounding box counts as the nearest surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
-        // Straight ahead, a surface is four times as bright as a point of the same power.
+        // Straight in front of it, an area light is four times as bright as a point light of the same power.
         let (reach, ahead) = light.area.map_or((light.radius, 1.0), |area| (area.reach(), 4.0));
         let nearest = (outside - reach).max(self.nearest);
         let spread = ahead / (4.0 * std::f64::consts::PI * f64::from(nearest).powi(2));
         let incoming = spread * f64::from(light.power.max_element());
         let sum = incoming * self.reflectance * self.lights as f64;
         let product = spread.max(incoming).max(sum);
-        // `nearest` is 0 only if the scene has no extent. It then has no surface that a light could make too
-        // bright.
+        // `nearest` is 0 only if the scene has no extent. A scene without extent has no surface that a light
+        // could make too bright.
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
@@ -438,7 +438,8 @@ mod tests {
         // A light with a radius of 9 reaches up to 1 unit above the box. At this distance, a hundred times as
         // much light arrives as at 10 units.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
-        // The corners of a surface reach as far as such a ball. A smaller one sends four times as much light ahead.
+        // An area light with edges of 13 has a half diagonal of 9.2, so it may reach as far as this ball.
+        // Straight in front of it, even a small area light gives four times as much light as a point light.
         let area = |edge: f32| {
             let edges = [edge * Vec3::X, edge * Vec3::Y];
             Light { area: Some(Area { shape: AreaShape::Rectangle, edges }), ..light(5e33, 0.0) }

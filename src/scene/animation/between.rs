@@ -107,7 +107,7 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe. This is the slope of the parabola through this
+/// Returns the slope at the first or the last keyframe. The result is the slope of the parabola through this
 /// keyframe and the two nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical
 /// Computing with MATLAB, 2004, section 3.6). The first argument has the lengths, in frames, of the two lines
 /// between these three keyframes; the second argument has the slopes of these lines. In both arguments, the

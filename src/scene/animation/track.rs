@@ -106,8 +106,8 @@ impl Track {
     /// picture, or a mesh file that names pictures.
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
-        // A keyframe that was placed by `evenly` can lie between two frames. The picture is then needed from
-        // the later frame on.
+        // A keyframe that was placed by `evenly` can lie between two frames. A picture that such a keyframe
+        // names is needed from the later of the two frames on.
         self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 
@@ -176,8 +176,8 @@ fn given(
 }
 
 /// Returns the frames of `values` evenly spaced keyframes. The first keyframe is at frame 1, and the last of
-/// several keyframes is at frame `frames`. The others can lie between two frames. An animation of one frame
-/// has only the first keyframe.
+/// several keyframes is at frame `frames`. All other keyframes can lie between two frames. An animation of
+/// one frame has only the first keyframe.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let values = if frames == 1 { 1 } else { values };
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);

@@ -1,5 +1,5 @@
-//! The lights of a scene. They come from the scene file, from a bare mesh's own file or from a studio (the
-//! default surroundings of a bare mesh), or are a key light and a fill light.
+//! The lights of a scene: the lights in the scene file, in a bare mesh's own file or in a studio (the default
+//! surroundings of a bare mesh), or else a key light and a fill light.
 
 use super::Seen;
 use crate::error::Result;
@@ -12,10 +12,10 @@ use crate::scene::wire::{LightWire, SceneWire};
 use crate::scene::{Area, Camera, Light};
 use glam::Vec3;
 
-/// Returns the lights of a scene. If there is a `studio`, these are the studio's lights. Otherwise, these are
-/// the lights that the scene file or the user sets. If none are set for a bare mesh, these are the lights of
-/// the mesh's own file. If that file has no lights and the user sets no sky, these are a key light and a fill
-/// light.
+/// Returns the lights of a scene. With a `studio`, these are the studio's lights. Without a studio, the
+/// function returns the lights that the scene file or the user sets. If the user sets no lights for a bare
+/// mesh, the function returns the lights of the mesh's own file. If that file has no lights and the user sets
+/// no sky, the function returns a key light and a fill light.
 pub(super) fn lights(
     document: &Document,
     wire: &SceneWire,

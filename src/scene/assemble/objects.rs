@@ -63,7 +63,8 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    // A mesh that was far from the origin was moved to the origin when it was read. A bare mesh stays there.
+    // A mesh that was far from the origin was moved to the origin when it was read. A bare mesh stays at the
+    // origin.
     let origin = if document.bare { DVec3::ZERO } else { file.placement.origin };
     transform.apply(&mut file.mesh, origin);
     file.mesh.materials.iter_mut().for_each(|material| material.emitted *= WHITE_RADIANCE);
@@ -107,8 +108,8 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // Messages may quote a bare mesh if `document.quotes` is true. They may quote any other mesh if its file
-    // is in the scene file's folder.
+    // Messages may quote a bare mesh if `document.quotes` is true. Messages may quote a mesh that a scene
+    // file names if the mesh is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
@@ -228,9 +229,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
 
 /// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
 /// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
-/// memory again. Both together take one and a half times the mesh's memory. Two triangles therefore need the
-/// memory of three triangles, one and a half positions and one and a half normals. The numbers of positions
-/// and of normals are rounded up to two.
+/// memory again. The mesh and this memory together take one and a half times the mesh's memory. Two triangles
+/// therefore need the memory of three triangles, one and a half positions and one and a half normals. The
+/// numbers of positions and of normals are rounded up to two.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

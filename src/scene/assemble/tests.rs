@@ -212,7 +212,8 @@ fn a_scene_without_any_light_is_noted() {
     assert!(is_noted(""));
     assert!(!is_noted("[[light]]\nposition = [1, 3, 1]\npower = 10\n"));
     assert!(!is_noted("[sky]\nzenith = 1\n"));
-    // The note names the last line of the file, and not of the text with the values that are set.
+    // The note names the last line of the file, and not the last line of the text into which the settings
+    // were written.
     std::fs::write(&path, object).unwrap();
     let settings = [("display.exposure".to_owned(), Value::Float(2.0))];
     let notes = load_scene_with(&path, &settings).unwrap().notes;
@@ -598,7 +599,8 @@ fn a_camera_without_a_direction_is_reported_at_the_key_that_is_probably_wrong() 
     assert_eq!(message_and_line(&format!("[camera]\n{keys}")), (parallel.to_owned(), 3));
 }
 
-/// The light is at a corner of the triangle, so it counts as a ten-millionth of the scene's diagonal away.
+/// The light is at a corner of the triangle. raycl computes its brightness at the smallest distance that
+/// counts, a ten-millionth of the scene's diagonal.
 #[test]
 fn a_light_that_is_too_bright_is_reported_at_its_power() {
     let light = "shadow_bias = 0\n[[light]]\nposition = [0, 0, -2]\npower = 1e28\n";
@@ -811,7 +813,8 @@ fn an_eye_inside_an_object_is_noted_with_the_options_that_place_it_outside() {
     assert!(!outside.contains("the eye is inside"), "{outside}");
 }
 
-/// An angle would have no effect beside the position, and the author probably wants to see the inside.
+/// The note does not advise an azimuth or an elevation: beside the file's `position`, these angles would have
+/// no effect, and the author probably wants to see the inside of the object.
 #[test]
 fn an_eye_that_the_file_places_inside_an_object_is_not_sent_outside() {
     let folder = tempfile::tempdir().unwrap();

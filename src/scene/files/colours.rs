@@ -24,8 +24,8 @@ fn displayed(linear: f32) -> f32 {
 }
 
 /// Gives the triangles the colours of their corners, by which the colours of their materials are multiplied.
-/// `colours` has one linear colour per position. If each triangle's corners have equal colours, each triangle gets
-/// a material of this colour instead, which takes less memory.
+/// `colours` has one linear colour per position. If each triangle's corners have equal colours, each triangle
+/// gets a material of this colour instead, which takes less memory.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     let words: Vec<u32> =
         colours.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|colour| packed(*colour)).collect();
@@ -39,14 +39,14 @@ pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     }
 }
 
-/// Assigns a new material to each triangle. The material's colour is that of the triangle, multiplied by the colour
-/// of the triangle's previous material. `colours` has one linear colour per triangle.
+/// Assigns a new material to each triangle. The material's colour is that of the triangle, multiplied by the
+/// colour of the triangle's previous material. `colours` has one linear colour per triangle.
 pub(super) fn paint_triangles(mesh: &mut Mesh, colours: &[Vec3]) {
     paint_each(mesh, |number, _| colours[number]);
 }
 
-/// Does the same as [`paint_triangles`], but `colour` returns the linear colour of a triangle from the triangle's index
-/// and the triangle itself.
+/// Assigns a new material to each triangle, like [`paint_triangles`]. `colour` returns the linear colour of a
+/// triangle from the triangle's index and the triangle itself.
 fn paint_each(mesh: &mut Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) {
     let (materials, numbers) = painted(mesh, colour);
     mesh.materials = materials;

@@ -3,9 +3,9 @@
 
 use crate::error::Error;
 
-/// The remedy for a file that is wrong.
+/// The remedy, in the help of an error, for a mesh file with a mistake.
 const EXPORT: &str = "the file may be cut off or damaged; export it again, or convert it to OBJ";
-/// The remedy if the error may not quote the file.
+/// The remedy if the error must not quote the mesh file.
 const OUTSIDE: &str = "the mesh's text is not shown, since the mesh is outside the folder of the file that names it; \
      `raycl render FILE` shows the mistake";
 
@@ -14,12 +14,13 @@ const OUTSIDE: &str = "the mesh's text is not shown, since the mesh is outside t
 pub(super) struct Flaw {
     /// The number of the line with the mistake, if it is known.
     line: Option<usize>,
-    /// What is wrong.
+    /// The description of the mistake.
     what: String,
-    /// What is wrong, without text of the file; `None` if `what` quotes nothing from the file.
+    /// The description of the mistake without text of the file; `None` if `what` quotes nothing from the
+    /// file.
     unquoted: Option<String>,
-    /// The remedy in the error's help. It is replaced by `OUTSIDE` if the error shows `unquoted` instead of
-    /// `what`.
+    /// The remedy in the error's help. An error that shows `unquoted` instead of `what` has the remedy
+    /// `OUTSIDE` instead of this one.
     remedy: &'static str,
 }
 

@@ -40,8 +40,8 @@ pub(in crate::scene) struct MeshFile {
     /// How the mesh was moved and scaled, in double precision, before its positions were rounded to single
     /// precision.
     pub placement: Placement,
-    /// The index of the first triangle of each part after the first; empty unless the file is glTF. The parts
-    /// of a glTF file are its nodes with a mesh.
+    /// For a glTF file: the index of the first triangle of each node with a mesh, except the first such node.
+    /// Empty for other files.
     pub more_starts: Vec<u32>,
     /// The first usable camera of the file, moved and scaled like the mesh; `None` if there is none.
     pub camera: Option<Camera>,
@@ -49,7 +49,7 @@ pub(in crate::scene) struct MeshFile {
     pub camera_notes: Vec<String>,
     /// The file's lights, moved and scaled like the mesh.
     pub lights: Vec<FileLight>,
-    /// Notes for the user.
+    /// Notes for the user on parts of the file that raycl ignores or changes.
     pub notes: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ pub(in crate::scene) fn read(
     let unreadable = |error| Error::unreadable("mesh", path, &error, "give the path of a mesh");
     let bytes = opened.bytes(Kind::Mesh).map_err(unreadable)?;
     let (name, folder) = (path.display().to_string(), path.parent().unwrap_or(Path::new("")));
-    // The reader of OBJ files has a message of its own.
+    // An empty OBJ file is refused later: the reader of OBJ files has its own message for it.
     if bytes.is_empty() && format != MeshFormat::Obj {
         let message = format!("{name} is empty; expected {}", format.name());
         return Err(Error::input(message).with_help("copy, download or export the file again"));

@@ -25,9 +25,10 @@ const LARGEST_RADIUS: f64 = 1e9;
 /// subtracted from each position, and the result is multiplied by a power of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct Placement {
-    /// The vector that is subtracted; zero unless the mesh lies far from the file's origin.
+    /// The vector that is subtracted from each position; zero unless the mesh lies far from the file's
+    /// origin.
     pub origin: DVec3,
-    /// The power of two; 1 unless the mesh is extremely small or large.
+    /// The power of two by which each position is multiplied; 1 unless the mesh is extremely small or large.
     pub scale: f64,
 }
 
@@ -48,8 +49,8 @@ impl Placement {
     }
 
     /// Returns the identity if the bounds, which are rounded to single precision, show that the mesh need not
-    /// be moved or scaled. Otherwise returns `None`: the placement must then be computed from the bounds in
-    /// double precision.
+    /// be moved or scaled. If the bounds do not show this, returns `None`: the placement must then be
+    /// computed from the bounds in double precision.
     pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let radius = length(high - low) / 2.0;
@@ -64,8 +65,8 @@ impl Placement {
     }
 
     /// Converts a position of the mesh from the file's coordinates to the mesh's coordinates, in single
-    /// precision. A position that no triangle uses may be beyond `MAX_COORDINATE` after the conversion. Such
-    /// a position is moved to this limit.
+    /// precision. After the conversion, a position that no triangle uses may be beyond `MAX_COORDINATE`; it
+    /// is then moved to this limit.
     pub fn settled(&self, position: DVec3) -> Vec3 {
         let most = DVec3::splat(MAX_COORDINATE.into());
         self.apply(position).clamp(-most, most).as_vec3()

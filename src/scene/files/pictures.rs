@@ -20,8 +20,8 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// The supported formats. The first bytes of a file show its format, but TGA has no typical first bytes. If
 /// the first bytes are of no known format, the file is a TGA if it has a TGA's footer or extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
-/// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Older files have
-/// none.
+/// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Files of older
+/// versions have no footer.
 const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 
 /// A result whose error continues a message that begins with the picture's name.
@@ -157,7 +157,8 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
-    // A decoded texel takes at most 8 bytes. The conversion to four channels of 8 bits takes as much again.
+    // A decoded texel takes at most 8 bytes. The conversion to four channels of 8 bits takes at most another
+    // 8 bytes.
     room_for(size, 16, &Available::read())?;
     let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
     Ok(([width, height], words(&picture)))

@@ -101,7 +101,8 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
 /// memory and time.
 fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw> {
     let mut left = payload as u64;
-    // In an ASCII file, a separator follows each number. The last number of the file needs none.
+    // In an ASCII file, a separator follows each number. After the last number of the file, no separator is
+    // needed.
     let unneeded = u64::from(header.encoding == Encoding::Ascii);
     for element in header.elements.values().filter(|element| element.count > 0) {
         let name = quoted(element.name.as_bytes());
@@ -313,7 +314,7 @@ impl Parts {
         Ok(all)
     }
 
-    /// Gives the triangles the colours of their vertices or, if vertices have none, of their faces.
+    /// Gives the triangles the colours of their vertices or, if vertices have no colours, of their faces.
     /// `of_faces` has the linear colour of each triangle of a face.
     fn paint(&self, mesh: &mut Mesh, header: &Header, mut of_faces: Vec<Vec3>, notes: &mut Vec<String>) {
         let white = vec![Material::lambertian(Vec3::ONE)];

@@ -140,7 +140,7 @@ const WORDS: [&str; 9] =
 /// The number of a line, from 1, and a word in this line.
 type Word<'a> = (usize, &'a [u8]);
 
-/// What a text file contains.
+/// The contents of a text file.
 struct Text {
     /// Three corners per triangle.
     corners: Vec<DVec3>,

@@ -63,7 +63,7 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
         let noted = notes(&format!("{thin}f 5 6 7\n"));
         assert_eq!(noted, ["nothing is visible, since the mesh's only triangle has no area"], "{thin}");
     }
-    // None of these corners is at the origin.
+    // No corner of this triangle is at the origin.
     let shifted = "v 1 1 0\nv 2 1 0\nv 4 1 0\n";
     assert_eq!(
         notes(&format!("{shifted}f 5 6 7\n")),

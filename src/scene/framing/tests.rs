@@ -224,7 +224,8 @@ fn a_point_is_framed_too() {
     assert!(lights(&camera, ball).iter().all(|light| light.power.min_element() > 0.0));
 }
 
-/// Far from the origin, neighbouring f32 numbers are far apart.
+/// Far from the origin, neighbouring f32 numbers are far apart, so an eye very close to a point could round
+/// to this point.
 #[test]
 fn the_eye_is_not_in_the_centre_of_a_point_far_from_the_origin() {
     let mut mesh = generate(&Shape::Ground);
@@ -332,7 +333,7 @@ fn a_room_is_seen_through_its_open_side_whatever_the_order_of_its_corners() {
 }
 
 /// The walls of a shell face outwards. The walls of a room also face outwards if its faces list their corners
-/// in reversed order. Only bodies inside show that such a mesh is a room.
+/// in reversed order. Only bodies between the walls show that a mesh whose walls face outwards is a room.
 #[test]
 fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
     let opening = |inside: &[(Vec3, Vec3, [i32; 6])]| {
@@ -425,8 +426,8 @@ fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
         assert_eq!(cube(&[wrong], false), (false, true), "{wrong}");
     }
     // If the mesh has its own normals, the order of corners does not matter. If the normals follow from the
-    // order of corners, a whole side that faces inwards opens the mesh. Here, this is the front, whose
-    // triangles are the last two.
+    // order of corners, a whole side that faces inwards opens the mesh. In this test, the front faces
+    // inwards; its triangles are the last two.
     assert_eq!(cube(&[10, 11], true), (false, true));
     assert_eq!(cube(&[10, 11], false), (false, false));
     // A cube without a side has the same sum of area vectors as a cube with one reversed triangle.

@@ -55,8 +55,8 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     mesh.normals.extend(normals);
 }
 
-/// Returns sorted pairs: the index of a position, and the index of a triangle at this position. These are the
-/// positions where a face's normal differs from the smooth normal by more than half the crease angle;
+/// Returns sorted pairs: the index of a position, and the index of a triangle at this position. The pairs are
+/// only of positions where a face's normal differs from the smooth normal by more than half the crease angle;
 /// `least_cosine` is the cosine of this half. Only at these positions can the normals of two faces differ by
 /// more than the crease angle.
 fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {

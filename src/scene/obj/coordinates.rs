@@ -100,8 +100,8 @@ mod tests {
         let read = |line: &[u8]| coordinate(0, line).unwrap();
         assert_eq!(read(b" 0.1 64.000001"), [f64::from(0.1_f32), 64.0]);
         assert_eq!(read(b" 500000.1 -64.1"), [500_000.1, -64.1]);
-        // Double precision would hold this number, but single precision must be able to hold the shifted
-        // coordinates.
+        // The number 1e39 is finite in double precision, but not in single precision. The number is refused,
+        // because shifted coordinates are stored in single precision.
         assert!(coordinate(0, b" 1e39 0").is_err());
     }
 

@@ -75,8 +75,8 @@ pub(super) struct FaceChunk {
     short: Seen,
 }
 
-/// Reads the faces of a piece. The result's list of triangles is `triangles`, an empty list whose memory is used
-/// again.
+/// Reads the faces of a piece. `triangles` is an empty list whose memory is reused: it becomes the result's
+/// list of triangles.
 pub(super) fn read(
     context: &FaceContext,
     chunk: &Chunk,
@@ -209,9 +209,9 @@ fn read_corners(
     Ok(())
 }
 
-/// Appends the corners of a face to `corners` and returns true if the line has the most frequent form: blanks before
-/// each corner, and only positive indices that exist in the file. Returns false for all other lines, which [`corner`]
-/// reads; some corners may have been appended.
+/// Appends the corners of a face to `corners` and returns true if the line has the most frequent form: blanks
+/// before each corner, and only positive indices that exist in the file. Returns false for all other lines,
+/// after appending perhaps some of the corners; the caller then reads these lines with [`corner`].
 fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corner>) -> bool {
     let mut rest = line;
     while let Some(text) = after_blanks(rest) {
@@ -258,8 +258,8 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
     }
 }
 
-/// Splits a corner in the form `1`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None` if the corner
-/// has another form, or if one of its indices does not exist in the file.
+/// Splits a corner in the form `1`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None` if
+/// the corner has another form, or if one of its indices does not exist in the file.
 fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'a [u8])> {
     let index = |number: u32, total: usize| (number as usize <= total).then(|| number - 1);
     let (position, mut rest) = leading_index(text)?;

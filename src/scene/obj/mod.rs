@@ -1,11 +1,11 @@
 //! Reads Wavefront OBJ files into a [`Mesh`], also files with mistakes and unusual forms.
 //!
 //! This module does not use the OBJ reader of the crate `tobj`, because version 4.0.5 has several limits. The
-//! reader accepts NaN, infinities and `1e400`, and returns fewer normals than positions for `f 1//1 2 3`. It
-//! turns `l 1 2 3` into a triangle, and divides concave polygons into fans. It ignores the first line of a
-//! file with a byte order mark, and refuses `\` continuations and Latin-1 text. It reports no line numbers,
-//! and uses one core. Tests compare raycl's meshes with those of this reader. raycl uses the MTL reader of
-//! `tobj` ([`mtl`]).
+//! reader accepts NaN, infinities and `1e400`, and returns fewer normals than positions for `f 1//1 2 3`.
+//! `tobj` turns `l 1 2 3` into a triangle, and divides concave polygons into fans. `tobj` ignores the first
+//! line of a file with a byte order mark, and refuses `\` continuations and Latin-1 text. `tobj` reports no
+//! line numbers, and uses one core. Tests compare raycl's meshes with those of this reader. raycl uses the
+//! MTL reader of `tobj` ([`mtl`]).
 //!
 //! The text is divided into pieces of whole lines, which are read in parallel. A first pass over the text
 //! reads vertices and normals. If a material has a texture, another pass reads texture coordinates. The last
@@ -72,8 +72,9 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
 }
 
 /// Reads a mesh. Returns the mesh or, if it must be read again, the way in which it must be read. There are
-/// two reasons to read a mesh again. Some triangles may have coordinates that are valid only if the mesh is
-/// scaled. Or vertices that no face uses may have influenced the mesh's placement.
+/// two reasons to read a mesh again. The first reason is that some triangles have coordinates that are valid
+/// only if the mesh is scaled. The second reason is that vertices that no face uses have influenced the
+/// mesh's placement.
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
     let chunks = text::chunks(source.text);
     let (points, placement) = read_points(&chunks, reading);
@@ -248,8 +249,8 @@ fn placement_of_used(
     starts: &[faces::Start],
     reading: &Reading,
 ) -> Option<Placement> {
-    // Often, the bounds of the triangles show that `placement` is right. Only otherwise are the vertices read
-    // once more.
+    // Often, the bounds of the triangles show that `placement` is right. The vertices are read once more only
+    // if the bounds do not show this.
     let (low, high) = mesh.bounds()?;
     let is_usual = placement == Placement::IDENTITY && Placement::of_rounded(low, high).is_some();
     let is_whole = || mesh.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all());
@@ -269,12 +270,13 @@ fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) 
     coordinates
 }
 
-/// Reads the faces of all pieces. Returns the triangles of the whole file, and the other results of each piece.
+/// Reads the faces of all pieces. Returns the triangles of the whole file, and the other results of each
+/// piece.
 ///
-/// The pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the end
-/// of the list, and the next group is read into the same memory. For large files, this is faster than new memory
-/// for each piece, since the system fills new memory with zeros. For the same reason, all threads move triangles.
-/// After the last group, the memory of a piece is freed as soon as its triangles are moved.
+/// The pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the
+/// end of the list, and the next group is read into the same memory. For large files, this is faster than new
+/// memory for each piece, since the system fills new memory with zeros. For the same reason, all threads move
+/// triangles. After the last group, the memory of a piece is freed as soon as its triangles are moved.
 fn read_faces(
     source: &Source,
     context: &FaceContext,

@@ -40,9 +40,9 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds notes on the others. Among several files that define a
-/// material of the same name, the file in the last `mtllib` line counts. Among such files in one line, the
-/// first file counts. The specification of OBJ demands this order.
+/// Loads all MTL files that can be loaded, and adds notes on files that cannot be loaded. Among several files
+/// that define a material of the same name, the file in the last `mtllib` line counts. Among such files in
+/// one line, the first file counts. The specification of OBJ demands this order.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -84,8 +84,8 @@ struct Loader {
 struct Names {
     /// The names as they are in the file.
     whole: HashMap<String, u32>,
-    /// Each name up to the first word that is only `#`. Such a word certainly begins a comment (see
-    /// `possible_names`). These names are used only if no name in `whole` fits.
+    /// Each name up to the first word that is only `#`. A word that is only `#` certainly begins a comment
+    /// (see `possible_names`). The shortened names are used only if no name in `whole` fits.
     short: HashMap<String, u32>,
 }
 
@@ -157,11 +157,11 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 
 impl Reach<'_> {
     /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
-    /// one name if a file with this name exists (the name may end before a comment). It is also one name if
-    /// the first word neither ends in `.mtl` nor is the name of a file. In all other cases, each word is a
-    /// name. Some programs write a blank within a name as `\ `. If a file with such a name exists, the text
-    /// is divided only at its other blanks. If there is no file with a name, raycl also tries the name
-    /// without its folders.
+    /// one name if a file with this name exists (the name may end before a comment). The whole text is also
+    /// one name if its first word neither ends in `.mtl` nor is the name of a file. In all other cases, each
+    /// word is a name. Some programs write a blank within a name as `\ `. If a file with such a blank in its
+    /// name exists, the text is divided only at its other blanks. If there is no file with a name, raycl also
+    /// tries the name without its folders.
     fn file_names(&self, library: &str) -> Vec<String> {
         let exists = |name: &str| self.locate(name).is_ok();
         let existing = |text: &str| possible_paths(text).find(|path| exists(path)).map(str::to_owned);
@@ -228,8 +228,8 @@ impl Reach<'_> {
     }
 }
 
-/// Divides a text at its blanks, except those that follow a `\`. Such a blank belongs to a name, and the `\`
-/// before it is removed.
+/// Divides a text at its blanks, except those that follow a `\`. A blank after a `\` belongs to a name, and
+/// the `\` is removed.
 fn unescaped_words(text: &str) -> Vec<String> {
     let joined = text.replace("\\ ", "\0");
     joined.split_whitespace().map(|word| word.replace('\0', " ")).collect()
@@ -316,7 +316,8 @@ struct Extras {
     mask: Option<(usize, Map)>,
     /// The number of the line with `map_Ke`, from 1, and the value of `map_Ke`.
     emission: Option<(usize, Map)>,
-    /// The value of `Ke`, the radiance that the surface emits; zero without it.
+    /// The value of `Ke`: the emitted light, in units of the radiance that the default display shows as
+    /// white; zero without `Ke`.
     emitted: Vec3,
 }
 
@@ -489,7 +490,8 @@ mod tests {
             assert!(note.starts_with(&format!("material file `{name}` cannot be read (")), "{notes:?}");
         }
         assert_eq!(notes[3], "2 more material files cannot be used either");
-        // The names must not be quoted, so the first three notes would be equal.
+        // The names must not be quoted, so the first three notes would be equal, and only one of them is
+        // shown.
         let (notes, _) = read(&library, &[], false);
         assert!(notes[0].starts_with("material file cannot be read ("), "{notes:?}");
         assert_eq!(notes[1], "4 more material files cannot be used either");

@@ -7,8 +7,8 @@ use crate::scene::normals::MISSING;
 use crate::words::counted_are;
 use std::collections::BTreeSet;
 
-/// Adds notes on smoothing groups and on other statements that are not supported. `mesh` must not have
-/// generated normals yet.
+/// Adds notes on smoothing groups and on other statements that are not supported. Must be called before
+/// normals are generated for `mesh`.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
     // A single group needs no note, since all faces without normals become smooth anyway.

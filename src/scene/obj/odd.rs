@@ -55,8 +55,8 @@ pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
     }
 }
 
-/// Returns an error if a triangle uses a vertex that is not valid. Otherwise, adds a note on the vertices
-/// that are not valid, if there are any.
+/// Returns an error if a triangle uses a vertex that is not valid. If no triangle uses such a vertex, adds a
+/// note on the vertices that are not valid, if there are any.
 pub(super) fn check_vertices(
     odd: &[Odd],
     mesh: &Mesh,

@@ -15,8 +15,8 @@ use std::collections::BTreeSet;
 /// The colour of a vertex for which the file has no colour. Colours are later limited to white, so this
 /// colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a channel is larger than this, the file's colours are from 0 to 255. The limit is above 1, because
-/// rounded channels may be slightly larger than 1.
+/// If a channel of a colour is larger than this, all channels in the file count as numbers from 0 to 255. The
+/// limit is above 1, because rounded channels may be slightly larger than 1.
 const MOST_OF_UNIT: f32 = 1.5;
 /// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
 /// limit is finite in double precision.
@@ -33,9 +33,11 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// Positions are unchanged. They are valid if their coordinates are within +-`MAX_COORDINATE`.
+    /// Positions are neither moved nor scaled. A position is valid if its coordinates are within
+    /// +-`MAX_COORDINATE`.
     pub const USUAL: Self = Self { placement: None, is_large: false };
-    /// Positions are unchanged. They are valid if their coordinates are within +-[`LARGEST`].
+    /// Positions are neither moved nor scaled. A position is valid if its coordinates are within
+    /// +-[`LARGEST`].
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
     /// Returns true if positions are neither moved nor scaled, and if large coordinates are not valid.
@@ -93,9 +95,9 @@ pub(super) struct PointChunk {
     pub smoothing: BTreeSet<String>,
     /// The vertices with only two coordinates.
     pub flat: Vec<Odd>,
-    /// The vertices that are not valid. Their positions are NaN.
+    /// The vertices that are not valid. In `positions`, these vertices are NaN.
     pub odd_vertices: Vec<Odd>,
-    /// The normals that are not valid. They are zero.
+    /// The normals that are not valid. In `normals`, these normals are zero.
     pub odd_normals: Vec<Odd>,
     /// Unsupported statements.
     pub asked: Asked,
@@ -279,7 +281,8 @@ pub(super) fn is_large(rest: &[u8]) -> bool {
     Reading::LARGE.exact(&mut tokens(rest)).is_some()
 }
 
-/// Reads the first three numbers of a line; others may follow. `what` is "vertex" or "normal", for messages.
+/// Reads the first three numbers of a line; further numbers may follow. `what` is "vertex" or "normal", for
+/// messages.
 fn vector<'a>(
     offset: usize,
     what: &str,

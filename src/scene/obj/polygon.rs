@@ -26,7 +26,7 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
     (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&flat))
 }
 
-/// Projects the outline onto the coordinate plane in which its area is largest. The result runs
+/// Projects the outline onto the coordinate plane in which its area is largest. The projected corners run
 /// counter-clockwise.
 fn flatten(outline: &[DVec3]) -> Vec<DVec2> {
     let next = outline.iter().cycle().skip(1);
@@ -80,7 +80,7 @@ fn clip_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
     let mut left = Remaining::of(flat);
     let mut triangles = Vec::with_capacity(flat.len() - 2);
     while left.corners.len() > 3 {
-        // A self-intersecting polygon may have no ear. In this case, the first corner is cut off.
+        // A self-intersecting polygon may have no ear. If there is no ear, the first corner is cut off.
         let ear = left.is_ear.iter().position(|is_ear| *is_ear).unwrap_or(0);
         triangles.push(left.around(ear));
         left.cut(ear);
@@ -128,8 +128,8 @@ impl<'a> Remaining<'a> {
         area(a, b, c)
     }
 
-    /// Cuts a corner off. This changes only the triangles of the corner's two neighbours, so only these two
-    /// are tested again.
+    /// Cuts a corner off. Cutting it off changes only the triangles of the corner's two neighbours, so only
+    /// these two are tested again.
     fn cut(&mut self, at: usize) {
         self.corners.remove(at);
         self.is_ear.remove(at);
@@ -279,8 +279,8 @@ mod tests {
         assert!(!is_convex(&flatten(&outline)) && outline.len() > MAX_CONCAVE_CORNERS);
         let (sum, oriented) = total_area(&outline);
         assert!((sum - oriented).abs() < 1e-5, "overlap: {sum} against {oriented}");
-        // The outline gets a dent that is deeper than rounding explains. The outline is refused, also after
-        // it is moved far from the origin.
+        // The outline gets a dent that is deeper than rounding explains. The outline with the dent is
+        // refused, also after it is moved far from the origin.
         outline[100].x -= 0.3;
         assert_eq!(triangulate(&outline), None);
         outline.iter_mut().for_each(|corner| corner.y += 1e7);
@@ -291,8 +291,9 @@ mod tests {
         assert_eq!(triangulate(&quad).map(|triangles| triangles.contains(&[0, 1, 2])), Some(false));
     }
 
-    /// The first triangle of the fan is reversed, and twice its area is twice the height of the second corner. The
-    /// outline's largest coordinate is 2, so the seam has a width of 4.768e-7. Three sides have a length of 4.236.
+    /// The first triangle of the fan is reversed, and twice its area is twice the height of the second
+    /// corner. The outline's largest coordinate is 2, so the seam has a width of 4.768e-7. Together, three of
+    /// the outline's sides have a length of 4.236.
     #[test]
     fn reversed_triangles_of_a_fan_are_at_most_as_large_as_a_seam_along_its_outline() {
         let outline = |height: f64| [(0.0, 0.0), (1.0, height), (2.0, 0.0), (1.0, 2.0)].map(DVec2::from);

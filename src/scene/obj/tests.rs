@@ -1,5 +1,5 @@
-//! Tests with irregular and invalid files. For valid files, the results are compared with those of the crate
-//! `tobj`.
+//! Tests with irregular and invalid OBJ files. For valid files, the results are compared with those of the
+//! crate `tobj`.
 
 mod materials;
 mod odd;

@@ -59,8 +59,8 @@ impl Seen {
         self.count += 1;
     }
 
-    /// Returns the total number of these lines in this piece of the file and in a later one, and the byte offset of
-    /// the first of them.
+    /// Joins the lines of this piece of the file and of a later piece: returns their total number, and the
+    /// byte offset of the first line.
     pub fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,
@@ -123,7 +123,7 @@ impl Source<'_> {
 }
 
 /// Returns the form that the first line of a text should have, according to the line's keyword. Every error
-/// names such a form, even if it must not quote the line.
+/// names the expected form of the line, even if the error must not quote the line.
 fn expected(text: &[u8]) -> &'static str {
     let line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
     match keyword(line.trim_ascii_start()).0 {
@@ -136,7 +136,7 @@ fn expected(text: &[u8]) -> &'static str {
     }
 }
 
-/// Some whole lines of a text.
+/// A piece of a text, which consists of whole lines.
 pub(super) struct Chunk<'a> {
     start: usize,
     bytes: &'a [u8],
@@ -160,8 +160,8 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces: about `PIECES_PER_THREAD` for each thread, unless they would be too short
-/// or too long.
+/// Divides a text at line ends into pieces: about `PIECES_PER_THREAD` for each thread, unless they would be
+/// too short or too long.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     let target = (text.len() / (PIECES_PER_THREAD * rayon::current_num_threads()))
         .clamp(CHUNK_BYTES, MOST_CHUNK_BYTES);
@@ -339,13 +339,13 @@ fn short_number(token: &[u8]) -> Option<f32> {
 }
 
 /// Splits a decimal number of few digits off the beginning of a text. The digits as an integer and the power
-/// of ten are exact in f32, so their quotient is the f32 nearest to the number (Clinger, "How to Read Floating
-/// Point Numbers Accurately", 1990).
+/// of ten are exact in f32, so their quotient is the f32 nearest to the number (Clinger, "How to Read
+/// Floating Point Numbers Accurately", 1990).
 fn leading_number(text: &[u8]) -> Option<(f32, &[u8])> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     let digits = text.strip_prefix(b"-").unwrap_or(text);
     let (mut integer, mut point, mut length) = (0_u64, None, 0);
-    // Ten digits fit into 64 bits, so no step needs a check.
+    // Ten digits fit into 64 bits, so no step needs a check for overflow.
     for byte in digits.iter().take(10) {
         match byte {
             b'0'..=b'9' => integer = 10 * integer + u64::from(byte - b'0'),
@@ -368,8 +368,8 @@ pub(super) fn after_blanks(text: &[u8]) -> Option<&[u8]> {
     (rest.len() < text.len()).then_some(rest)
 }
 
-/// Reads three numbers in the most frequent form: each has few digits and follows blanks. Returns `None` for all
-/// other text, which [`tokens`] and [`number`] read.
+/// Reads three numbers in the most frequent form: each has few digits and follows blanks. Returns `None` for
+/// all other text, which [`tokens`] and [`number`] read.
 pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
     let mut values = [0.0; 3];
     let mut rest = line;
@@ -379,11 +379,11 @@ pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
     rest.is_empty().then_some(values)
 }
 
-/// Splits an index (a number of one to nine digits) off the beginning of a text. Returns `None` if the text does
-/// not begin with a digit, or if the number is 0. If there are more than nine digits, the rest begins with a
-/// digit.
+/// Splits an index (a number of one to nine digits) off the beginning of a text. Returns `None` if the text
+/// does not begin with a digit, or if the number is 0. If there are more than nine digits, the rest begins
+/// with a digit.
 pub(super) fn leading_index(text: &[u8]) -> Option<(u32, &[u8])> {
-    // Numbers of nine digits fit into 32 bits, so no step needs a check.
+    // Numbers of nine digits fit into 32 bits, so no step needs a check for overflow.
     let (mut value, mut length) = (0, 0);
     for byte in text.iter().take(9).take_while(|byte| byte.is_ascii_digit()) {
         value = 10 * value + u32::from(byte - b'0');

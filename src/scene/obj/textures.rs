@@ -1,5 +1,5 @@
-//! Reads the textures of OBJ meshes: the lines `map_Kd`, `map_d` and `map_Ke` of materials. Assigns textures and
-//! texture coordinates to triangles.
+//! Reads the textures of OBJ meshes: the lines `map_Kd`, `map_d` and `map_Ke` of materials. Assigns textures
+//! and texture coordinates to triangles.
 
 use super::asked::{Asked, Wish};
 use super::coordinates::Coordinates;
@@ -34,8 +34,8 @@ pub(super) struct Maps {
 
 impl Maps {
     /// Makes a material's textures, and counts their unsupported options. The settings of one texture (scale,
-    /// offset and wrap mode) place all of them. If the mask or the emission texture has other settings, they are
-    /// counted as unsupported.
+    /// offset and wrap mode) place all textures of the material. If the mask or the emission texture has
+    /// other settings, its settings are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, emission: Option<Map>, asked: &mut Asked) -> Self {
         [&colour, &mask, &emission].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
         let maps = Self { colour, mask, emission };
@@ -121,8 +121,9 @@ pub(super) struct Map {
     at: String,
     /// The folder of the material file, relative to the mesh's folder; empty, or with a slash at its end.
     folder: String,
-    /// True if the material's own colour (`Ke` for an emission texture, otherwise `Kd`) is missing or black. The
-    /// texture is then multiplied by white, since black would hide it and the default grey would darken it.
+    /// True if the material's own colour (`Ke` for an emission texture, otherwise `Kd`) is missing or black.
+    /// The texture is then multiplied by white, since black would hide it and the default grey would darken
+    /// it.
     alone: bool,
     scale: [f64; 2],
     offset: [f64; 2],
@@ -322,9 +323,10 @@ pub(super) fn apply(
     }
 }
 
-/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. Does the same with
-/// `Ke` and its emission texture. `unmapped` has the indices of the triangles that have no texture coordinates, and thus show no texture. If the
-/// material of such a triangle becomes white, the triangle gets a copy of the material as it was before.
+/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. Does the
+/// same with the `Ke` colour and the emission texture. `unmapped` has the indices of the triangles that have
+/// no texture coordinates, and thus show no texture. If the material of such a triangle becomes white, the
+/// triangle gets a copy of the material as it was before.
 fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
     let whitened = |material: usize| loaded[material].map_or([false; 2], |maps| maps.is_whitened);
     let is_whitened = |material: usize| whitened(material) != [false; 2];

@@ -19,12 +19,13 @@ pub(super) struct Unfit {
     instead: String,
 }
 
-/// The ignored lines of a material file. Each kind has one entry, with the reason for its first line.
+/// The ignored lines of a material file. Each kind of ignored line has one element: the reason why its first
+/// line is ignored, and the number of its lines.
 #[derive(Default)]
 pub(super) struct Ignored(Vec<(Unfit, Seen)>);
 
 impl Ignored {
-    /// Counts the line at `offset`.
+    /// Counts an ignored line. `offset` is the line's byte offset in the text.
     pub fn add(&mut self, offset: usize, unfit: Unfit) {
         match self.0.iter_mut().find(|(known, _)| known.kind == unfit.kind) {
             Some((_, lines)) => lines.at(offset),

@@ -30,8 +30,8 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
 }
 
 /// Counts a line of a material if it asks for something that raycl does not support. `rest` is the line after
-/// the keyword. The function is not called for `newmtl`, `Kd`, `Ks`, `Ke`, `Ns`, `illum`, `map_Kd`, `map_d` and
-/// `map_Ke`, which other modules read.
+/// the keyword. The function is not called for `newmtl`, `Kd`, `Ks`, `Ke`, `Ns`, `illum`, `map_Kd`, `map_d`
+/// and `map_Ke`, which other modules read.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);

@@ -42,8 +42,8 @@ fn scattered(index: u32) -> f32 {
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Returns the gourd's radius and height at t. They are those of a unit sphere, but the radius is changed so
-/// that the gourd has a belly, a waist and a head.
+/// Returns the gourd's radius and height at t. Radius and height are those of a unit sphere, but the radius
+/// is multiplied by a factor that gives the gourd a belly, a waist and a head.
 fn profile(t: f64) -> (f64, f64) {
     let (sin, cos) = (PI * t).sin_cos();
     let bulge = |at: f64, width: f64| (-((t - at) / width).powi(2)).exp();

@@ -12,8 +12,8 @@ const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
 /// The least number of triangles of a column. With fewer triangles, a column would not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
-/// The fraction of the hall's triangles that the columns get. It is large, because only the columns are
-/// round.
+/// The fraction of the hall's triangles that the columns get. This fraction is large, because only the
+/// columns are round.
 const COLUMN_SHARE: f64 = 0.75;
 
 /// Returns a hall of about `triangles` triangles, at least twelve. With fewer than 640 triangles, the hall

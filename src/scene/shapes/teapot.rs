@@ -30,8 +30,8 @@ pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
 }
 
 /// Returns the teapot with about `triangles` triangles, at least 64. The numbers of columns and rows may
-/// differ. This leaves no gaps, because two neighbouring patches both divide their common edge by the number
-/// of columns, or both by the number of rows.
+/// differ. Different numbers leave no gaps, because two neighbouring patches both divide their common edge by
+/// the number of columns, or both by the number of rows.
 pub(super) fn of_triangles(triangles: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
     teapot(columns, rows)

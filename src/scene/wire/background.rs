@@ -94,7 +94,7 @@ mod tests {
         }
     }
 
-    /// A letter with an accent takes two bytes. A digit may not have a sign.
+    /// In the refused texts, some letters have an accent and take two bytes, and some digits have a sign.
     #[test]
     fn a_colour_has_nothing_but_digits() {
         for text in ["#aé", "#éa", "#é", "#éééé", "#aé34", "#2030é", "#+2+3+4", "#-2-3-4", "#+23"] {

@@ -13,8 +13,8 @@ const KNOWN: [&str; 4] =
 /// Beginnings of the names of further extensions on which other modules write notes. These extensions concern
 /// only surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// An extension that gives a surface several materials to choose from. It does not count as known, although
-/// its name begins with `KHR_materials_`, because no other module writes a note on it.
+/// An extension that gives a surface several materials to choose from. This extension does not count as
+/// known, although its name begins with `KHR_materials_`, because no other module writes a note on it.
 const VARIANTS: &str = "KHR_materials_variants";
 /// raycl assumes that an extension whose name contains one of these words compresses vertices in a form that
 /// raycl cannot read.

@@ -82,7 +82,7 @@ fn strip(value: &mut Value) {
     }
 }
 
-/// The advice for files of another version.
+/// The help in the error about a file of another version than glTF 2.0.
 const CONVERT: &str =
     "export the file as glTF 2.0; `gltf-pipeline -i OLD.gltf -o NEW.gltf` converts version 1.0";
 

@@ -1,4 +1,5 @@
-//! Reads the base colours and the emitted light of glTF materials, and counts the materials' unsupported features.
+//! Reads the base colours and the emitted light of glTF materials, and counts the materials' unsupported
+//! features.
 
 use super::textures::{colour_texture, emissive_is_apart, unsupported_options};
 use crate::scene::files::colours::is_outside;
@@ -50,9 +51,10 @@ const BLENDED: f32 = 0.5;
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        // Here, the factor is below one half, so with the factor, every point would be a hole. An example is a
-        // flat mesh that imitates a soft shadow. Without holes, the surface would hide the surfaces behind it.
-        // The factor is therefore ignored: only the texture's alpha decides which points are holes.
+        // Here, the factor by which the texture's alpha is multiplied is below one half, so every point would
+        // be a hole. An example is a flat mesh that imitates a soft shadow. Without holes, the surface would
+        // hide the surfaces behind it. The factor is therefore ignored: only the texture's alpha decides
+        // which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
@@ -65,7 +67,7 @@ pub(super) fn uses_alpha(wire: &Wire) -> bool {
 }
 
 /// Returns the cutoff, 0 or more: a point is in a hole if its alpha, the texture's alpha times the factor, is
-/// less than this.
+/// less than the cutoff.
 fn cutoff(wire: &Wire) -> f32 {
     match wire.alpha_mode {
         Checked::Valid(AlphaMode::Blend) => BLENDED,
@@ -103,8 +105,9 @@ fn stated_colour(wire: &Wire) -> (&'static str, Vec3) {
     ("baseColorFactor", Vec3::new(red, green, blue))
 }
 
-/// Returns the emitted radiance: the factor, with channels from 0 to 1, times the strength that the extension
-/// KHR_materials_emissive_strength states.
+/// Returns the emitted light, in units of the radiance that the default display shows as white: the emissive
+/// factor, with channels from 0 to 1, times the strength that the extension KHR_materials_emissive_strength
+/// states.
 fn emitted(wire: &Wire) -> Vec3 {
     let strength = extension(wire, "KHR_materials_emissive_strength");
     let strength = strength.and_then(|strength| strength["emissiveStrength"].as_f64()).unwrap_or(1.0);
@@ -112,8 +115,8 @@ fn emitted(wire: &Wire) -> Vec3 {
     factor * (strength as f32).clamp(0.0, MAX_EMITTED)
 }
 
-/// Returns true if a material emits light. An emissive texture is multiplied by `emissiveFactor`, which is 0 by
-/// default. If this factor is 0, the texture has no effect.
+/// Returns true if a material emits light. An emissive texture is multiplied by `emissiveFactor`, which is 0
+/// by default. If this factor is 0, the texture has no effect.
 pub(super) fn emits(wire: &Wire) -> bool {
     emitted(wire) != Vec3::ZERO
 }

@@ -62,8 +62,8 @@ mod tests {
     use glam::DMat4;
     use gltf::json::{Index, Root};
 
-    /// The meshes are a primitive of 2 triangles, a primitive of 200 triangles, and both primitives together. Without
-    /// normals, each triangle has three positions of its own.
+    /// The meshes are a primitive of 2 triangles, a primitive of 200 triangles, and both primitives together.
+    /// Without normals, each triangle has three positions of its own.
     #[test]
     fn a_mesh_counts_as_often_as_it_is_placed_and_only_the_largest_primitive_is_read_at_a_time() {
         let text = r#"{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}, {"mesh": 1}, {"mesh": 2}],

@@ -29,7 +29,8 @@ const ONE_PARENT: &str = "glTF allows a node at most one parent: export the scen
 /// A node of the scene, and the transform from the node's coordinates to the scene's coordinates.
 pub(super) type PlacedNode = (Index<Node>, DMat4);
 
-/// What was read from the nodes so far. Positions are in the scene's coordinates, in double precision.
+/// The data that were read from the scene's nodes so far. Positions are in the scene's coordinates, in double
+/// precision.
 pub(super) struct Walk<'a> {
     numbers: Numbers<'a>,
     positions: Vec<DVec3>,
@@ -49,7 +50,7 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The indices of the triangles that have a texture but no texture coordinates.
     unmapped: Vec<usize>,
-    /// The index of the first triangle of each node that has a mesh. If no node has one, the index of the
+    /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the index of the
     /// first triangle of each mesh.
     starts: Vec<u32>,
     /// For each perspective camera: its position in double precision, the camera moved to the origin, and its
@@ -251,8 +252,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns true if the file's first camera and its lights, scaled like the mesh, are within raycl's
-    /// limits. If this is false, the mesh is not scaled. A camera beyond the limits is so far away, at least
-    /// 1e11 radii of the mesh, that the mesh covers less than a pixel.
+    /// limits. If the result is false, the mesh is not scaled. A camera beyond the limits is so far away, at
+    /// least 1e11 radii of the mesh, that the mesh covers less than a pixel.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
@@ -342,8 +343,8 @@ pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
     Ok(placed)
 }
 
-/// Returns the mesh of each node in `placed` that has one. If no node has a mesh, returns all meshes of the
-/// file.
+/// Returns the mesh of each node in `placed` that has a mesh. If no node has a mesh, returns all meshes of
+/// the file.
 pub(super) fn meshes_of(root: &Root, placed: &[PlacedNode]) -> Vec<Index<GltfMesh>> {
     let of_nodes: Vec<_> = placed.iter().filter_map(|(node, _)| root.get(*node)?.mesh).collect();
     if of_nodes.is_empty() { (0..root.meshes.len() as u32).map(Index::new).collect() } else { of_nodes }

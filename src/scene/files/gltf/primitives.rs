@@ -81,7 +81,7 @@ impl Used {
     }
 }
 
-/// The kind of a primitive.
+/// A primitive: triangles, or a kind that raycl does not show.
 pub(super) enum Shape {
     Triangles(Part),
     /// Lines, points, or a primitive without positions.

@@ -1,4 +1,4 @@
-//! Tests with small valid and invalid files.
+//! Tests with small valid and invalid glTF files.
 
 mod textures;
 
@@ -732,8 +732,8 @@ fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
     assert_eq!(file.mesh.triangles.len(), 2);
     assert_eq!(file.notes, [""; 0]);
     // The colours are now nine bytes of the positions, read as whole numbers. Two of these bytes are not
-    // zero: they are bytes of the floating-point number 1. They are two channels of the third colour, so this
-    // colour has channels larger than 1.
+    // zero: they are bytes of the floating-point number 1. As colours, the two bytes are channels of the
+    // third colour, so this colour has channels larger than 1.
     let notes = with(r#""byteOffset": 8, "componentType": 5121"#).notes;
     let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
     assert_eq!(notes, [outside]);

@@ -1,5 +1,5 @@
-//! Reads base-colour textures and emissive textures. Their pictures are in a buffer, in a separate file, or in the
-//! JSON as base64.
+//! Reads base-colour textures and emissive textures. Their pictures are in a buffer, in a separate file, or
+//! in the JSON as base64.
 
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
@@ -20,11 +20,12 @@ use std::collections::HashSet;
 /// and beyond this value, neighbouring numbers differ by at least 1/2048 of the picture's side.
 const COARSE: f64 = 4096.0;
 
-/// The texture of a material's colour, and where a triangle lies in the material's textures.
+/// A material's base-colour texture, and how the file's texture coordinates become coordinates in the
+/// material's textures.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ColourMap {
-    /// The texture's index in `Pictures::list`, not in the glTF file; `None` if the material has only an emissive
-    /// texture.
+    /// The texture's index in `Pictures::list`, not in the glTF file; `None` if the material has only an
+    /// emissive texture.
     texture: Option<u32>,
     usage: Usage,
     /// The index of the set of texture coordinates in a primitive.
@@ -66,7 +67,8 @@ pub(super) struct Files<'a> {
 impl Files<'_> {
     /// Returns the texture of each material, in the file's order. A material without a texture, or whose
     /// index is not in `used`, gets `None`. A texture that cannot be read adds a note to `notes`, and its
-    /// material also gets `None`. The function also gives the emissive textures to `materials`, in the same order.
+    /// material also gets `None`. The function also gives the emissive textures to `materials`, in the same
+    /// order.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
@@ -164,8 +166,8 @@ fn sampler_of<'a>(root: &'a Root, texture: &Texture) -> Option<&'a Sampler> {
     root.get(texture.sampler?)
 }
 
-/// Returns the unsupported options in the samplers of a material's colour texture and its emissive texture: hard edges
-/// between texels, and wrap modes that glTF does not define.
+/// Returns the unsupported options in the samplers of a material's colour texture and its emissive texture:
+/// hard edges between texels, and wrap modes that glTF does not define.
 pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Item = &'static str> {
     let all = [colour_texture(wire), emissive_texture(root, wire)];
     let mut options: Vec<_> =
@@ -199,14 +201,15 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
-/// Returns the texture of a material's emitted light; `None` if there is none, or if it is placed otherwise than the
-/// colour's texture.
+/// Returns the texture of a material's emitted light; `None` if there is none, or if it is placed otherwise
+/// than the colour's texture.
 fn emissive_texture(root: &Root, wire: &Wire) -> Option<Info> {
     wire.emissive_texture.clone().filter(|_| emits(wire) && !emissive_is_apart(root, wire))
 }
 
-/// Returns true if a material emits light from a texture, and has a colour texture with other texture coordinates, of
-/// another transform, or with other wrap modes. A triangle has only one set of coordinates for all of its textures.
+/// Returns true if a material emits light from a texture, and has a colour texture with other texture
+/// coordinates, another transform or other wrap modes than the emissive texture. A triangle has only one set
+/// of coordinates for all of its textures.
 pub(super) fn emissive_is_apart(root: &Root, wire: &Wire) -> bool {
     let (Some(emissive), Some(colour)) = (&wire.emissive_texture, &colour_texture(wire)) else {
         return false;

@@ -4,7 +4,8 @@ use crate::scene::files::colours;
 use glam::Vec3;
 use ply_rs_bw::ply::Property;
 
-/// The names of the colour channels of vertices and faces. A file uses the names of one row.
+/// The names of the colour channels of vertices and faces. A file uses the three names of one row of this
+/// table.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 /// The names of the alpha channel.
@@ -25,7 +26,7 @@ pub(super) struct Colour {
 }
 
 impl Colour {
-    /// Returns black, the colour of an element without channels. It is opaque.
+    /// Returns opaque black, the colour of an element without channels.
     pub fn new() -> Self {
         Self { channels: Vec3::ZERO, alpha: 1.0 }
     }

@@ -6,7 +6,7 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
-/// A vertex. A property that the file does not have stays 0, or 1 for alpha.
+/// A vertex. A property that the file does not have stays 0; a missing alpha stays 1.
 pub(super) struct Vertex {
     pub position: DVec3,
     pub normal: Vec3,

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 /// The first words of the lines that PLY defines for a header.
 const WORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
-/// The types of numbers.
+/// The names that PLY defines for types of numbers.
 const TYPES: [&str; 16] = [
     "char", "uchar", "short", "ushort", "int", "uint", "float", "double", "int8", "uint8", "int16", "uint16",
     "int32", "uint32", "float32", "float64",
@@ -97,7 +97,7 @@ pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     Some(flaw)
 }
 
-/// Returns the error for the header line of a property that has these types.
+/// Returns the error for the header line of a property. `types` has the names of the types in this line.
 fn of_types(types: &[&str]) -> Flaw {
     match types.iter().find(|of| !TYPES.contains(of)) {
         Some(unknown) => {
@@ -109,8 +109,8 @@ fn of_types(types: &[&str]) -> Flaw {
     }
 }
 
-/// Returns the byte that ends each line of a header. It is CR if the first line ends with a CR that no LF
-/// follows, and otherwise LF. Only the first line is examined: after the header's last line, a binary file
+/// Returns the byte that ends each line of a header. This byte is CR if the first line ends with a CR that no
+/// LF follows, and otherwise LF. Only the first line is examined: after the header's last line, a binary file
 /// has data, which may begin with a byte equal to LF.
 fn line_end(head: &[u8]) -> u8 {
     match head.iter().position(|&byte| byte == b'\n' || byte == b'\r') {

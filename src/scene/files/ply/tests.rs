@@ -1,4 +1,4 @@
-//! Tests with small files.
+//! Tests with small PLY files.
 
 use super::*;
 
@@ -44,7 +44,7 @@ fn triangles_get_the_colours_of_their_faces_unless_vertices_have_colours() {
     let expected = [Vec3::X, green, green, Vec3::splat(0.8)];
     let actual = triangle_colours(&file);
     assert!(actual.len() == 4 && actual.iter().zip(&expected).all(|(a, b)| near(a, b)), "{actual:?}");
-    // Alpha and channels above 1 of faces are noted like those of vertices.
+    // The alpha of faces, and their channels above 1, cause the same notes as those of vertices.
     let clear = PAINTED.replace("property uchar blue\n", "property uchar blue\nproperty uchar alpha\n");
     let clear = clear.replace("255 0 0\n", "255 0 0 7\n").replace("0 188 0\n", "0 188 0 255\n");
     let file = parse("a.ply", clear.as_bytes()).unwrap();
@@ -251,7 +251,7 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
             }
         }
     }
-    // Nothing follows the last number of an ASCII file.
+    // In an ASCII file, no separator need follow the last number.
     let message = message_of("ascii", "element vertex 4\nproperty uchar x", "1 2 3 4");
     assert!(!message.contains("too short"), "{message}");
     let two =
@@ -296,8 +296,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
         message.contains(&format!(" + {face} B x 1000 faces + {COLOUR_BYTES} B x 1000 colours")),
         "{message}"
     );
-    // Each face may have a different colour, so the number of colours is the number of faces. It is at most
-    // 2^24, the number of all colours with 8 bits per channel.
+    // Each face may have a different colour, so the number of colours is the number of faces. This number is
+    // at most 2^24, the number of all colours with 8 bits per channel.
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
         let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();

@@ -118,8 +118,8 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
         parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
     };
     // In OBJ, the second coordinate in a texture is measured upwards from the texture's lower edge; if this
-    // coordinate is missing, it is 0. The fourth vertex makes the number of vertices differ from the number of texture
-    // coordinates, from whose end negative indices count.
+    // coordinate is missing, it is 0. The fourth vertex makes the number of vertices differ from the number
+    // of texture coordinates, from whose end negative indices count.
     let coordinates = "v 0 0 1\nvt 0.25 0\nvt 0.5\nvt 0 0.75\n";
     for face in ["f 1/1 2/2 3/3", "f 1/-3 2/-2 3/-1", "f 1/1/ 2/2/ 3/3/"] {
         let rows = mapped(&format!("{coordinates}{face}\n"));
@@ -236,9 +236,9 @@ fn a_comment_may_follow_a_name() {
         "{notes:?}"
     );
     assert!(notes[1].contains("(material `red`)"), "{notes:?}");
-    // If no space follows the `#`, it begins a comment only if the name before it is known.
+    // If no space follows a `#`, the `#` begins a comment only if the name before it is known.
     assert_eq!(red(&both, "mtllib #1.mtl\nusemtl red #walls"), (1.0, Vec::new()));
-    // A material may be nameless, with or without a comment.
+    // The name of a material may be empty, and a comment may follow the empty name.
     let nameless = "newmtl # nameless\nKd 0.5 0 0\n";
     assert_eq!(red(nameless, "mtllib #1.mtl\nusemtl # none"), (0.5, Vec::new()));
 }

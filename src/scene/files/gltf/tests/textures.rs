@@ -107,7 +107,7 @@ fn a_texture_coordinate_that_is_not_finite_counts_as_missing() {
     }
 }
 
-/// Returns a material whose texture has this KHR_texture_transform.
+/// Returns a material whose texture has the KHR_texture_transform `transform`.
 fn transformed(transform: &str) -> String {
     let extensions = format!(r#"{{"KHR_texture_transform": {{{transform}}}}}"#);
     format!(
@@ -374,7 +374,8 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
     assert_eq!(of(texture), ([0.0; 3], None, 0, none()));
     let both = format!("{factor}, {texture}");
     assert_eq!(of(&both), ([0.0, 0.5, 1.0], Some(0), 1, none()));
-    // The texture of the colour is the same picture, in the same place or in another one.
+    // The base-colour texture is the same picture as the emissive texture, with the same transform or with
+    // another one.
     let colour =
         |transform: &str| with(&both, &format!(r#", "baseColorTexture": {{"index": 0{transform}}}"#));
     assert_eq!(colour(""), ([0.0, 0.5, 1.0], Some(0), 1, none()));
