@@ -353,7 +353,7 @@ fn tracks_that_do_not_go_together_have_their_position_and_a_remedy() {
             "`camera.position` replaces the value of the track `camera.position.1`",
             "put this track before all tracks that set a part of its value",
         ),
-        // The first two tracks together make a valid light, so the third one is the mistake.
+        // The first two tracks together make a valid light, so the third track is the mistake.
         (
             track(
                 "path = \"light.1.position\"\nvalues = [[0, 3, 0]]\n[[animation.track]]\npath = \"light.1.power\"\nvalues = [9]\n[[animation.track]]\npath = \"shadow_bias\"\nvalues = [0.1, -1]",

@@ -10,7 +10,7 @@ use std::fs::read_to_string;
 
 /// A kernel's name, and its file.
 type Place = (String, String);
-/// The families whose kernels include a kernel, and the kernel's role.
+/// The families to which a kernel belongs, and the kernel's role.
 type Use = (BTreeSet<String>, String);
 
 /// The role of a kernel that belongs to no family.

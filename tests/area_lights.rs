@@ -4,8 +4,9 @@ use crate::binary::{WorkFolder, device, has};
 use crate::common::due;
 use image::RgbImage;
 
-/// A square over the ground, under a rectangle and a disc, beside a ball and a point. The plane of the rectangle cuts
-/// the ground within the picture, so a part of the ground sees only the rectangle's back. The disc is an ellipse.
+/// A square over the ground, lit by four lights: a rectangle, a disc, a ball and a point. The plane of the
+/// rectangle cuts the ground within the picture, so a part of the ground sees only the rectangle's back. The
+/// disc is an ellipse.
 const LAMPS: &str = "[camera]
 position = [0, 1.2, 1.5]
 look_at = [0, -0.7, -3]
@@ -69,8 +70,8 @@ fn every_family_agrees_with_the_reference() {
     has(&folder.mistake(&raster, 2), &["does not support lights with a radius or edges", "--samples 1"]);
 }
 
-/// PoCL takes long to compile kernels whose work-items share a tile, so one program casts this family's only picture.
-/// Under a sky, rays to area lights and to the sky are in one queue.
+/// PoCL takes long to compile kernels whose work-items share a tile, so this test casts only one picture.
+/// Under a sky, the rays to area lights and to the sky are in one queue of leftover shadow rays.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", &format!("{LAMPS}[sky]\nzenith = 0.05\n"))]);
@@ -127,7 +128,8 @@ fn a_light_is_a_point_a_ball_or_a_surface() {
     }
 }
 
-/// Each change is one mistake in a kernel: in the choice of a point, in the received light, or in its side.
+/// Each change is one mistake in a kernel: in the choice of a light's sample point, in the received light, or
+/// in the side to which a light shines.
 #[test]
 fn a_broken_area_light_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", LAMPS)]);

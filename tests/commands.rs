@@ -220,7 +220,8 @@ fn bash_completes_commands_options_and_presets() {
         );
     }
     assert!(!offered(&["raycl", ""]).contains(&"worker".to_owned()), "it is hidden");
-    // Bash divides --terminal=s into three words. The value of `--terminal` must not follow after a blank.
+    // Bash divides `--terminal=s` into three words. After `--terminal` and a blank, no value is offered,
+    // since raycl accepts a value only after `=`.
     assert_eq!(offered(&["raycl", "view", "--terminal", "=", "s"]), ["sixel"]);
     assert_eq!(offered(&["raycl", "view", "--terminal", "="]), ["blocks", "kitty", "sixel"]);
     assert!(!offered(&["raycl", "view", "--terminal", ""]).contains(&"sixel".to_owned()), "it is refused");

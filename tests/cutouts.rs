@@ -5,7 +5,7 @@ use crate::common::due;
 use crate::textures::gltf;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 
-/// A sheet in front of a wall and above a floor: light falls through its holes.
+/// A sheet in front of a wall and above a floor: light falls through the sheet's holes.
 const ROOM: &str = "mtllib room.mtl
 v -1 -1 -2
 v 1 -1 -2
@@ -260,8 +260,9 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let kernels = folder.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = folder.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
-    // Only the hole differs. If the kernel did not subtract one unit from the least alpha, rounding would
-    // also turn an eighth of the solid pixels into holes.
+    // With the unchanged kernel, the picture differs from the one without a mask only at the hole. If the
+    // kernel did not subtract one unit from the least alpha, rounding would also turn an eighth of the solid
+    // pixels into holes.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(folder.path("leaf.png")).expect("a picture");

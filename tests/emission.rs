@@ -83,7 +83,7 @@ fn every_family_adds_emitted_light_like_the_reference() {
     for strategy in ["tile", "tile-group", "bvh", "raster"] {
         folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
     }
-    // A scene's own value replaces the file's, and only the lamp differs.
+    // The scene's value of `emitted` replaces that of the material file, and only the lamp looks different.
     let dark = folder.picture(&["--set", "object.0.material.emitted=0", "--verify"]).0;
     let (lamp, wall) = ((34, 22), (22, 14));
     assert_eq!(bright[wall], dark[wall]);
@@ -100,7 +100,7 @@ fn emitted_light_needs_no_other_light_and_is_added_once_if_there_are_many() {
     folder.write("scene.toml", &format!("{gone}{rest}"));
     let dark = agree(&folder, &["naive", "raster", "bvh", "tile", "tile-group"], &[]);
     assert_eq!((dark[(22, 14)].0, dark[(34, 22)].0.map(|channel| channel > 0)), ([0; 3], [true; 3]));
-    // More lights than a round of tile-group has.
+    // These are more lights than `tile-group` processes in one round.
     let lights: String = (0..70)
         .map(|i| format!("[[light]]\nposition = [{}, 1.4, -1]\npower = 0.5\n", f64::from(i) * 0.02))
         .collect();
@@ -118,7 +118,8 @@ fn every_family_with_textures_multiplies_emitted_light_by_a_texture() {
     assert!(apart(&picture, &folder.picture(&["--set", "textures=false"]).0) > 100);
     let raster = ["render", "scene.toml", "--device", &device(), "--strategy", "raster"];
     has(&folder.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
-    // The emission texture may be the only one. Without `Ke`, it is multiplied by white.
+    // A scene may have an emission texture and no other texture. Without `Ke`, the emission texture is
+    // multiplied by white.
     folder.write("room.mtl", "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.4 0.4 0.4\nmap_Ke glow.png\n");
     agree(&folder, &["naive", "bvh", "tile", "tile-group"], &[]);
     // A triangle without texture coordinates emits the material's own light.

@@ -229,8 +229,9 @@ fn what_is_mirrored_from_below_a_surface_is_dark() {
     folder.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
 }
 
-/// A shiny square, seen from straight ahead. Its normal is opposite to the axis that kernels turn to a
-/// surface's normal, so that the axis of this turn is undefined.
+/// A shiny square, seen from straight ahead. Kernels choose half vectors around a fixed axis, and apply the
+/// shortest rotation that turns this axis to the surface's normal. The square's normal is opposite to the
+/// fixed axis, so the shortest rotation is undefined.
 const OPPOSITE: &str = "[camera]
 position = [-1.08, -1.44, -2.4]
 look_at = [0, 0, 0]

@@ -400,8 +400,8 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     let ground = Ground::new(60);
     let run = ground.start(&[]);
     until("a point is done", || !ground.records().is_empty());
-    // From now on, the run's own process cannot make any file larger than 1000 bytes. This limit does not apply to
-    // its worker, nor to the driver's cache.
+    // From now on, the run's own process cannot make any file larger than 1000 bytes. This limit applies
+    // neither to the run's worker nor to the driver's cache.
     let limit = Rlimit { current: Some(1000), maximum: Some(1000) };
     prlimit(Pid::from_raw(run.id() as i32), Resource::Fsize, limit).expect("a limit");
     let output = finish(run);

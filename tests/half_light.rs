@@ -78,9 +78,9 @@ fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     }
 }
 
-/// The unoccluded light of a black surface is 0, so no pixel of the half picture is similar to it. The
-/// weights of these pixels must nevertheless not be 0, since the filter divides by their sum. In the changed
-/// kernel, the weights are 0.
+/// The unoccluded light of a black surface is 0, so the filter finds no similar pixel in the half picture.
+/// The weights of the half picture's pixels must nevertheless not be 0, since the filter divides by the sum
+/// of these weights. In the changed kernel, the weights are 0.
 #[test]
 fn a_black_mesh_is_black() {
     let black = format!("mtllib mesh.mtl\nusemtl black\n{MESH}");

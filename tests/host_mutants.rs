@@ -5,7 +5,7 @@ use crate::binary::repository;
 use serde::Deserialize;
 use std::path::Path;
 
-/// A row of the table.
+/// A row of `tests/mutants/host.toml`: a change to Rust code.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Mutant {

@@ -194,8 +194,8 @@ fn archived() -> BTreeSet<String> {
     names.map(|name| name.trim_end_matches('/').to_owned()).collect()
 }
 
-/// An archive for distribution contains the program, its manual pages, its completions and all licences. It also
-/// contains everything to which its readme refers, except pictures and records, which are large.
+/// An archive for distribution contains the program, its manual pages, its completions and all licences. The
+/// archive also contains everything to which its readme refers, except pictures and records, which are large.
 #[cfg(unix)]
 #[test]
 fn an_archive_holds_the_binary_its_pages_its_completions_and_its_documents() {

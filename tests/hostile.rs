@@ -77,9 +77,10 @@ fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
     is_left_out("abort()", "signal: 6");
 }
 
-/// Some OpenCL loaders overwrite the separators in the variable `OCL_ICD_FILENAMES` while they load drivers; the driver
-/// of this test does the same. raycl starts the process that stores a program afterwards. This process must get the
-/// original value: with another value, it would list all devices again or miss some.
+/// Some OpenCL loaders overwrite the separators in the variable `OCL_ICD_FILENAMES` while they load drivers;
+/// the driver of this test does the same. raycl starts the process that stores a program afterwards. This
+/// process must get the original value: with another value, this process would list all devices again or miss
+/// some.
 #[test]
 fn a_variable_that_is_cut_while_drivers_load_is_whole_for_the_next_process() {
     let folder = one_point();
@@ -139,7 +140,8 @@ fn drivers_that_die_only_together_are_named_with_the_remedy() {
     let folder = one_point();
     let body = "if (getenv(\"A_DRIVER_IS_LOADED\")) abort(); setenv(\"A_DRIVER_IS_LOADED\", \"1\", 1)";
     let vendors = driver(&folder, body);
-    // If both `.icd` files named the same file, it would be loaded only once, so the second one names a copy.
+    // If both `.icd` files named the same library, the library would be loaded only once, so the second
+    // `.icd` file names a copy.
     let other = folder.path("other.so");
     std::fs::copy(folder.path("driver.so"), &other).expect("a copy");
     std::fs::write(vendors.join("other.icd"), format!("{}\n", other.display())).expect("an .icd");

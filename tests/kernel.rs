@@ -81,7 +81,7 @@ fn what_is_preprocessed_stays_as_it_is() {
     }
 }
 
-/// Returns the output of the binary for a strategy, on the test device and a scene's file.
+/// Returns what `raycl kernel` prints for a strategy, the test device and a scene's file.
 fn printed(strategy: &str, scene: &Path, local_size: [u32; 2]) -> String {
     let device = crate::binary::device();
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);

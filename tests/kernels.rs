@@ -28,7 +28,8 @@ const LOCAL_SIZES: [[u32; 2]; 13] = [
     [3, 5],
 ];
 
-/// The image's size. Both sides are odd, so that no even number of work-items or rays divides them.
+/// The image's size. The width and the height are odd, so that no even number of work-items or rays divides
+/// them.
 const SIZE: [u32; 2] = [45, 29];
 
 type Point = (Strategy, [u32; 2]);
@@ -65,7 +66,7 @@ fn none(_: &Point) -> bool {
 
 fn presets_agree_at(local_sizes: &[[u32; 2]]) {
     let mut stand = Stand::new(scene("pyramid-lower.toml"), SIZE);
-    // Strategies that share tiles always use the same local size, whichever is requested.
+    // Strategies whose work-items share tiles always use the same local size, whichever is requested.
     let strategies: Vec<_> =
         PRESETS.iter().map(|preset| preset.strategy).filter(|strategy| !strategy.shares_tiles()).collect();
     let points = strategies.iter().enumerate().flat_map(|(row, &strategy)| {
@@ -186,7 +187,7 @@ fn a_pairwise_cover_of_all_axes() {
     let mut stand = Stand::new(scene("still-life.toml"), SIZE);
     let locals = [[4, 4], [8, 2], [5, 3], [16, 1]];
     let points = cover.iter().enumerate().map(|(i, &strategy)| (strategy, locals[i % locals.len()]));
-    // tests/oclgrind.rs verifies the other half.
+    // tests/oclgrind.rs verifies the other half of the cover.
     let half = points.enumerate().filter(|(row, _)| is_long() || row % 2 == 0).map(|(_, point)| point);
     let points = half.filter(|(strategy, _)| compiles_soon(strategy));
     all_agree(&mut stand, points, none);

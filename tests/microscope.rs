@@ -88,7 +88,7 @@ fn check_working_vectors(strategy: &str, named: &str) {
     let [x, y, z] =
         ["at[0] = value.x;", "at[1] = value.y;", "at[2] = value.z;"].map(|text| line_of(&listing, text));
     assert_eq!([y, z], [x + 1, x + 2]);
-    // The kernel sets four of the vectors at the start, and the others at each hit.
+    // The kernel sets four of the working vectors at the start, and all other working vectors at each hit.
     let stores = count(&listing, x, &store);
     assert!(stores >= 4, "{strategy}: {stores} stores of x");
     assert_eq!([y, z].map(|line| count(&listing, line, &store)), [stores; 2], "{strategy}");
@@ -206,7 +206,8 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
         // not compile the timed program again, since `raycl render` has stored it in this folder.
         let ran = rendered(&folder, kernel, local_size, &options).map(|file| instructions(&file, kernel));
         let listing = listing_of(&folder, kernel, &options);
-        // LLVM 18 compiles `tile-group` to other instructions if it writes a line table. raycl says so.
+        // LLVM 18 compiles `tile-group` to other instructions if it writes a line table. raycl reports this
+        // difference.
         let is_same = listing["same_as_timed"] == true;
         let may_differ = strategy == "tile-group" && compiles_with_a_later_llvm();
         assert!(is_same || may_differ, "{strategy} {local_size}");

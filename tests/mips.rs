@@ -110,8 +110,8 @@ fn a_distant_chequer_is_close_to_its_mean() {
 fn where_texels_are_larger_than_pixels_nothing_changes() {
     let folder = floor();
     let [with, without] = [folder.picture(&[]).0, folder.picture(&OFF).0];
-    // The wall is in the left half of the picture. It hides the rows at the horizon, and some rows above and below
-    // them.
+    // The wall is in the left half of the picture. The wall hides the rows at the horizon, and some rows
+    // above and below them.
     let wall = |picture: &RgbImage| image::imageops::crop_imm(picture, 16, 17, 12, 11).to_image();
     assert_eq!(wall(&with), wall(&without));
     let shades = wall(&with).pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
@@ -136,8 +136,8 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     };
     let [(with, picture), (without, _)] = [holes(&[]), holes(&OFF)];
     assert!(with == without && with[72 * 24..].iter().any(|hole| *hole));
-    // Far away, a leaf covers about a pixel and is read from a level of few texels. It is still green, although
-    // texels at its edge are mixed with others.
+    // Far away, a leaf covers about a pixel and is read from a level of few texels. The leaf is still green,
+    // although texels at the leaf's edge are mixed with texels around it.
     let rows = FAR.start * 72..FAR.end * 72;
     let leaf = |index: u32| picture.get_pixel(index % 72, index / 72).0;
     let leaves: Vec<_> = rows.filter(|index| !with[*index as usize]).map(leaf).collect();

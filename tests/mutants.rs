@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 /// `make test` tries every `STEP`th picture.
 const STEP: usize = 10;
 
-/// The image's size. It is not a multiple of a tile or of a block of rays.
+/// The image's size, which is not a multiple of the size of a tile or of a block of rays.
 const SIZE: [u32; 2] = [61, 43];
 
 /// The built-in functions of the test device's compiler.
@@ -25,9 +25,10 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 /// kernels cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs,
 /// soft lights, area lights, pictures of skies and several samples need special scenes or options;
 /// tests/cutouts.rs, tests/soft.rs, tests/area_lights.rs, tests/environment.rs, tests/samples.rs and
-/// tests/shade_once.rs change the files that contain the code of these features. Soft light at half resolution is part of the default look of bare
-/// meshes; tests/half_light.rs changes the file of this light. The display transform computes no radiance; a
-/// test beside its code (src/launch/show.rs) changes the file of the display transform.
+/// tests/shade_once.rs change the files that contain the code of these features. Soft light at half
+/// resolution is part of the default look of bare meshes; tests/half_light.rs changes the file of this light.
+/// The display transform computes no radiance; a test beside its code (src/launch/show.rs) changes the file
+/// of the display transform.
 const UNTOUCHED: [&str; 18] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",

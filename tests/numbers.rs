@@ -237,8 +237,9 @@ fn dark_share(stand: &Stand, strategy: &Strategy, expected: &Radiance) -> f64 {
     pairs.filter(|(cast, expected)| cast[0] < 0.9 * expected[0]).count() as f64 / image.pixels.len() as f64
 }
 
-/// Returns a sphere a thousand times smaller than its ground, with a light that is as near to the sphere as the sphere is
-/// large. Tiles at the sphere's outline have shadow rays whose lengths differ by a factor of a thousand.
+/// Returns a sphere a thousand times smaller than its ground, with a light that is as near to the sphere as
+/// the sphere is large. Tiles at the sphere's outline have shadow rays whose lengths differ by a factor of a
+/// thousand.
 fn small_sphere_on_a_large_ground() -> Scene {
     let mut scene = scene("sphere.toml");
     let ground = scene.mesh.triangles.len() - 2;
@@ -282,9 +283,9 @@ fn shadow_rays_of_very_different_lengths_are_right_in_one_tile() {
     assert!(!verdict.ok, "with bounds for longer directions: {verdict:?}");
 }
 
-/// A shadow ray from a distant light ends before the hit, so it does not meet a surface that is nearer to the hit than
-/// this end. A shadow ray that starts at the hit meets this surface. So the shadow near the point where the sphere
-/// touches the ground is uncertain, and both pictures are right.
+/// A shadow ray from a distant light ends before the hit, so it does not meet a surface that is nearer to the
+/// hit than this end. A shadow ray that starts at the hit meets this surface. So the shadow near the point
+/// where the sphere touches the ground is uncertain, and a picture is right with this shadow and without it.
 #[test]
 fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     apart!();
@@ -320,8 +321,8 @@ fn a_distant_light_makes_no_speckles() {
     let folder = work_folder.kernels("common/shadow_end.cl", "max(bias_per_distance, ", bias_only);
     let kernels = Sources::Folder(work_folder.path(&folder));
     let stand = Stand::of(&kernels, lit_from(1e5), SIZE, |builtins| builtins);
-    // In tiles, a surface blocks a shadow ray only before the ray's end, not at the end. So rounding makes fewer pixels
-    // dark.
+    // In tiles, a surface blocks a shadow ray only before the ray's end, not at the end. Rounding therefore
+    // makes fewer pixels dark in tiles.
     for (name, least) in [("tile", 0.01), ("wide-common-origin", 0.1)] {
         let dark = dark_share(&stand, &strategy(name), &expected);
         assert!(dark > least, "{name} with the bias alone: {dark}");

@@ -34,7 +34,7 @@ struct Simulation<'a> {
     scene: &'a str,
     strategy: &'a Strategy,
     local: &'a str,
-    /// More arguments of the command.
+    /// More arguments of `raycl render`.
     options: &'a [&'a str],
     plugin: &'a str,
     /// A folder of kernels that replace built-in ones.
@@ -42,7 +42,8 @@ struct Simulation<'a> {
 }
 
 impl Simulation<'_> {
-    /// Returns the command that casts the picture. It writes the picture and the log to a folder.
+    /// Returns the command that casts the picture. The command writes the picture and Oclgrind's log to
+    /// `folder`.
     fn command(&self, folder: &Path) -> Command {
         let [width, height] = self.size;
         let mut command = Command::new("oclgrind");
@@ -101,8 +102,8 @@ impl Simulation<'_> {
     }
 }
 
-/// Runs strategies, and returns their number. Panics with a list of the strategies for which Oclgrind reports
-/// a fault.
+/// Casts a picture under Oclgrind with each strategy that fits on the simulated device, and returns the
+/// number of pictures. Panics with a list of the strategies for which Oclgrind reports a fault.
 fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     all_clean_at(SIZE, scene, strategies, local, plugin)
 }
@@ -112,7 +113,7 @@ fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &s
     all_clean_with(&[], size, scene, strategies, local, plugin)
 }
 
-/// Does the same as `all_clean_at`, but with more arguments of the command.
+/// Does the same as `all_clean_at`, but with more arguments of `raycl render`.
 fn all_clean_with(
     options: &[&str],
     size: [&str; 2],
@@ -174,17 +175,18 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
     assert_eq!(all_clean("../tests/data/near.toml", &shared, "32x1", RACES), 2);
 }
 
-/// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of the wall.
-/// The point that one pixel of this picture shows is nearer to the light than half the bias, so the reference is certain
-/// that this pixel is dark.
+/// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of
+/// the wall. The point that one pixel of this picture shows is nearer to the light than half the bias, so the
+/// reference is certain that this pixel is dark.
 #[test]
 fn tiles_that_work_items_share_leave_dark_what_is_nearer_to_a_light_than_the_bias() {
     let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
     assert_eq!(all_clean_at(["19", "10"], "../tests/data/lights.toml", &shared, "32x1", RACES), 2);
 }
 
-/// Shadow rays of tiles are tested from the light, but a ray that runs towards the light must meet a front. Tiles that
-/// work-items share cast some of the shadow rays of this scene one by one.
+/// Tiles test a shadow ray from the light to the hit. With culling, however, a triangle blocks the light only
+/// if a ray from the hit to the light would meet the triangle's front. Tiles that work-items share cast some
+/// of the shadow rays of this scene one by one.
 #[test]
 fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
     let culled = [
@@ -258,8 +260,8 @@ fn rays_from_a_buffer_stay_in_bounds() {
 
 #[test]
 fn presets_of_one_ray_read_nothing_unwritten() {
-    // When Oclgrind looks for memory that was never written, it crashes on wide vectors. It also reports values that
-    // clEnqueueFillBuffer wrote, such as the rasteriser's depths, as unwritten.
+    // When Oclgrind looks for memory that was never written, it crashes on wide vectors. Oclgrind also
+    // reports values that clEnqueueFillBuffer wrote, such as the rasteriser's depths, as unwritten.
     let checkable = |s: &Strategy| s.width == Width::W1 && s.traversal != Traversal::Raster;
     let narrow: Vec<_> = presets().into_iter().filter(checkable).collect();
     assert_eq!(all_clean("pyramid-lower.toml", &narrow, "4x2", UNINITIALISED), narrow.len());

@@ -356,7 +356,8 @@ fn named(cell: &str) -> Vec<&str> {
     quoted.map(|name| name.split('(').next().unwrap_or_default()).collect()
 }
 
-/// In docs/own-kernels.md, the table of helpers names a file for each helper. This file must contain the helper.
+/// In docs/own-kernels.md, the table of helpers names a file for each helper. This test checks that the file
+/// contains the helper.
 #[test]
 fn the_page_lists_helpers_with_their_files() {
     let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");

@@ -10,7 +10,7 @@ use raycl::scene::{Scene, load_scene};
 use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
 use std::fmt::Write as _;
 
-/// The image's size. Both numbers are odd, so that rays run along planes of symmetry.
+/// The image's size. The width and the height are odd, so that rays run along planes of symmetry.
 const SIZE: [u32; 2] = [161, 101];
 
 fn strategies() -> Vec<Strategy> {
@@ -76,8 +76,9 @@ fn lights_and_cameras_in_planes_are_verified_right() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner. The road's
-/// near part is wide enough, even if this corner is far away. (`EDGE_ON_ROUNDING` hides the far part.)
+/// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner.
+/// The road's near part must be hit even if this corner is far away. (The far part is too narrow to be hit,
+/// because of another bound, `EDGE_ON_ROUNDING`.)
 #[test]
 fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
     let stand = Stand::new(narrow_road(), [151, 107]);

@@ -66,8 +66,9 @@ fn torn_at_every_byte(name: &str) {
         let records = execute_run(run, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2, "cut at {cut}");
         let counts = mock.counts.borrow();
-        // If a point's record is missing, the first frame of the point is checked again, but its samples are not
-        // measured again. A point with its record is not touched, even if its samples are lost.
+        // If a point's record is missing, the first frame of the point is checked again, but its samples are
+        // not measured again. A point whose record is complete is not measured again, even if its samples are
+        // lost.
         let checks = if name == "records.jsonl" { 2 - lines } else { 0 };
         assert_eq!((counts.checks.len(), counts.casts.len()), (checks, 0), "cut at {cut}");
         nothing_twice(torn.path());

@@ -83,7 +83,7 @@ fn points_with_several_samples_are_verified_timed_and_named_and_show_what_render
         let of_run = folder.path("out").join(record["image"].as_str().expect("a picture"));
         assert_eq!(picture(of_run), picture(folder.path(&rendered)), "{samples} samples");
     }
-    // Casters that do not take several samples, or no soft light, are refused by name.
+    // A message names each baseline or strategy that does not support several samples or soft light.
     let refusals = [
         ("serial", "serial-f32 casts only one sample per pixel, but the scene has samples = 4"),
         (

@@ -120,9 +120,9 @@ fn a_broken_mean_is_a_wrong_picture() {
     }
 }
 
-/// Tiles that work-items share get their positions from a list of rough blocks, which are blocks of pixels that get
-/// more samples than others. Shading reads the hits of all rays, even of a tile that was not cast. Such hits are
-/// undefined, so the driver may crash.
+/// Tiles that work-items share get their positions from a list of rough blocks, which are blocks of pixels
+/// that get more samples than others. Shading reads the hits of all rays, even of a tile that was not cast.
+/// The hits of a tile that was not cast are undefined, so the driver may crash.
 #[test]
 fn a_tile_at_another_position_of_its_rough_block_is_a_wrong_picture_or_none() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -202,14 +202,14 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     }
 }
 
-/// A work-item's word has too few bits for all lights, so lights are processed in rounds. In both frames of
-/// samples, each round adds its part to the mean.
+/// A work-item's word has too few bits for all lights, so lights are processed in rounds. The 17 samples take
+/// two frames. In both frames, each round adds the radiance due to the round's lights to the mean.
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();
     let folder = WorkFolder::with(&[("scene.toml", &format!("{TRIANGLE}{lights}"))]);
     let options = ["--verify", "--samples", "17"];
-    // The reference takes long to cast the rays of all samples to all lights.
+    // The reference takes long to cast the rays of all samples to all lights, so the picture is small.
     report_of_size(&folder, ["37", "25"], &[&options[..], &["--strategy", "tile-group"]].concat());
     let whole = (
         "tile_gpu/shade.cl",

@@ -77,7 +77,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, path: &str, schema: &Va
         "exclusiveMaximum" => number(|value, above| value < above),
         "minItems" | "minLength" => count(|length, least| length >= least),
         "maxItems" => count(|length, most| length <= most),
-        // The schemas contain only one pattern, that of colours.
+        // The schemas contain only one pattern: the pattern of colours.
         "pattern" => {
             value.as_str().is_none_or(|text| text.starts_with('#') || ["black", "white"].contains(&text))
         }

@@ -3,9 +3,10 @@
 use crate::binary::WorkFolder;
 use crate::common::due;
 
-/// Coloured lights shine on a smooth, shiny ball on the ground. Most pixels can be shaded once, but not those at edges, at
-/// edges of shadows, in highlights, and where light grazes the surface. The lights are distant, and the camera has a long
-/// focal length, so that light hardly differs within a pixel, as in a large picture.
+/// Coloured lights shine on a smooth, shiny ball on the ground. Most pixels can be shaded once, but not those
+/// at edges, at edges of shadows, in highlights, and where light grazes the surface. The lights are distant,
+/// and the camera has a long focal length, so that light hardly differs within a pixel, as in a large
+/// picture.
 const BALL: &str = "[camera]
 position = [0, 1, 3]
 look_at = [-0.5, -0.35, -2.3]
@@ -25,8 +26,8 @@ material = { k_l = [0.5, 0.7, 0.9], k_g = 0.4, shininess = 300 }
 shape = \"ground\"
 ";
 
-/// The picture's size is no multiple of a tile's 8 x 4 pixels. A frame casts up to 16 samples of each pixel; 13 samples
-/// leave some rays out, and 35 need three frames.
+/// The picture's size is no multiple of a tile's 8 x 4 pixels. A frame has 16 rays per pixel, each for one
+/// sample; with 13 samples, some rays have no sample, and 35 samples need three frames.
 #[test]
 fn pixels_shaded_once_agree_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", BALL)]);

@@ -134,8 +134,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // There are two groups but three shards, so one group is divided. Both of its parts measure the same control point,
-    // by which they can be compared.
+    // There are two groups but three shards, so one group is divided. Both parts of the divided group measure
+    // the same control point, by which the parts can be compared.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let of_controls = format!(", {} more samples of control points; 0 samples not used", 10 * controls.len());

@@ -45,14 +45,15 @@ fn smooth_shadows_of_a_ball_and_a_sky_agree_with_the_reference() {
     }
 }
 
-/// Without soft light, tiles of vectors shade a pixel's 16 samples once, but not with smooth shadows.
+/// Without soft light and smooth shadows, the strategy `tile` shades most pixels once instead of once per
+/// sample. With smooth shadows, `tile` shades every sample.
 #[test]
 fn smooth_shadows_of_sixteen_samples_agree_with_the_reference() {
     picture(&coarse(), "scene.toml", &["--verify=600", "--samples", "16", "--strategy", "tile"]);
 }
 
-/// PoCL takes long to compile the kernels of tiles that work-items share. The second picture uses the first one's
-/// program.
+/// PoCL takes long to compile the kernels of tiles that work-items share. The second picture uses the first
+/// picture's program.
 #[test]
 fn smooth_shadows_of_tiles_that_work_items_share_agree_with_the_reference() {
     let folder = coarse();

@@ -160,9 +160,9 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     assert_eq!(picture(&folder, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// At these coordinates, rounding moves hits off the square by a few thousandths, which is more than a
-/// ten-thousandth of the square's diagonal. Shadow rays must start at a greater distance from the square than
-/// rounding moves hits.
+/// At these coordinates, rounding moves hits off the square by a few thousandths, which is more than the
+/// shadow bias of a scene near the origin (a ten-thousandth of the diagonal). Shadow rays must start at a
+/// greater distance from the square than rounding moves hits.
 #[test]
 fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     let left = "[49998, 49999.7, 49998], [49998, 49999.7, 50002]";
@@ -193,8 +193,8 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     let (device, cache) = (device(), folder.path("cache"));
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
     let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
-    // The second picture uses the program of the first. Nothing occludes a sky that reaches less far than the shadow
-    // bias.
+    // The second picture uses the first picture's program. Nothing occludes a sky that reaches less far than
+    // the shadow bias.
     for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
         let mut command = folder.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();

@@ -82,7 +82,7 @@ fn two_devices_cast_the_pixels_of_one() {
 fn two_devices_cast_the_samples_of_one() {
     apart!();
     let folder = WorkFolder::new();
-    // The reference takes long to cast all rays of several samples in soft light.
+    // The reference takes long to cast all rays of several samples in soft light, so the picture is small.
     let globe = ["scenes/table/globe.obj", "--width", "35", "--height", "61"];
     let scene = [&globe[..], &["--samples", "5"]].concat();
     for strategy in [["bvh", "4x2"], ["tile", "1x1"]] {

@@ -1,5 +1,5 @@
-//! Drivers that fail: a small library in C, which is loaded before OpenCL's loader (`LD_PRELOAD`), replaces functions of
-//! OpenCL.
+//! Drivers that fail: a small library in C, which is loaded before OpenCL's loader (`LD_PRELOAD`), replaces
+//! functions of OpenCL.
 
 use crate::binary::{WorkFolder, device, has, one_point, run};
 use crate::examples::example;
@@ -93,7 +93,8 @@ fn a_device_that_breaks_down_in_a_run_fails_its_points_with_the_status() {
     has(records[0]["reason"].as_str().expect("a reason"), &[UNKNOWN]);
 }
 
-/// The function with which a program's build log is queried; the log is this text in C.
+/// Returns a function in C that replaces OpenCL's function for a program's build log. The log is `text`, a
+/// string literal in C.
 fn build_log(text: &str) -> String {
     format!(
         "int clGetProgramBuildInfo(void *p, void *d, unsigned what, size_t size, void *value, size_t *needed) {{
@@ -170,9 +171,9 @@ fn a_local_size_that_raycl_chose_becomes_smaller_if_the_kernel_supports_fewer_wo
 /// the file `crashed`, which shows that the function was called.
 const CRASHING: &str = "void *clCreateProgramWithBinary() { creat(\"crashed\", 0600); abort(); }";
 
-/// Runs a command with these arguments, after `raycl run` has stored the program that it needs. The driver crashes when
-/// it loads this program, and `faults` are further functions that replace functions of OpenCL. The command must end with
-/// this exit code. Returns the command's folder, and what it said.
+/// Runs a command with these arguments, after `raycl run` has stored the program that it needs. The driver
+/// crashes when it loads this program, and `faults` are further functions that replace functions of OpenCL.
+/// The command must end with this exit code. Returns the command's folder, and what it said.
 #[track_caller]
 fn with_a_bad_stored_program(faults: &str, code: i32, arguments: &[&str]) -> (WorkFolder, String) {
     let device = device();

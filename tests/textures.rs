@@ -112,7 +112,8 @@ fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
 fn rows_of_a_picture_are_where_they_belong() {
     let folder = room(MTL);
     let (textured, _) = folder.picture(&[]);
-    // The wall spans x from 22 to 50 and y from 8 to 37: the picture's first row is at its top.
+    // The wall spans x from 22 to 50 and y from 8 to 37. The first row of the wall's texture is at the wall's
+    // top.
     let channel = |x: u32, y: u32, channel: usize| i32::from(textured[(x, y)].0[channel]);
     assert!(channel(26, 11, 0) > channel(26, 11, 1) + 60, "{:?}", textured[(26, 11)]);
     assert!(channel(23, 22, 1) > channel(23, 22, 0) + 20, "{:?}", textured[(23, 22)]);
@@ -223,7 +224,7 @@ pub fn gltf(sampler: &str, transform: &str) -> String {
         [-1.0, 1.0, -3.0], // positions
         [-0.5, 1.5, 1.5],
         [1.5, 1.5, -0.5],
-        [-0.5, -0.5, 0.0], // four pairs of coordinates, and a number
+        [-0.5, -0.5, 0.0], // four pairs of texture coordinates, and an unused number
     ];
     let mut bytes: Vec<u8> = floats.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
     bytes.truncate(48 + 32);

@@ -7,7 +7,7 @@ use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
 use std::path::Path;
 
-/// The image's size. Neither side is a multiple of a tile.
+/// The image's size. Neither the width nor the height is a multiple of a tile's.
 const SIZE: [u32; 2] = [75, 47];
 
 fn of(name: &str) -> Strategy {

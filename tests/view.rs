@@ -131,8 +131,8 @@ fn the_picture_gets_the_size_of_the_window() {
         });
     };
     shows(SIZE);
-    // At these proportions of the window, its horizontal field of view stays the same, as in the pictures that `render`
-    // writes.
+    // At these proportions of the window, the picture's horizontal field of view stays the same, as in the
+    // pictures that `render` writes.
     for size in [[120, 80], [60, 40]] {
         server.user().resize(size);
         shows(size);
@@ -542,8 +542,8 @@ fn ctrl_c_ends_the_view_in_a_terminal() {
 #[test]
 fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
     use rustix::process::{Pid, Signal, kill_process};
-    // The test sends SIGABRT, as if a driver had crashed, to the child process that uses the driver. It sends
-    // the other signals to the process that the user started.
+    // The test sends SIGABRT, as if a driver had crashed, to the child process that uses the driver. The test
+    // sends the other signals to the process that the user started.
     let signals = [
         (Signal::TERM, "143", "SIGTERM"),
         (Signal::HUP, "129", "SIGHUP"),

@@ -133,11 +133,12 @@ impl Nets {
     }
 }
 
-/// The number of rays that may hit a sliver beyond its end: in single precision, no test can tell for every sliver where
-/// along its plane a ray passes.
+/// The number of rays that may hit a sliver beyond its end: in single precision, no test can tell for every
+/// sliver where along its plane a ray passes.
 const ALLOWED: usize = 8;
 
-/// Returns how many of 4,096 primary rays hit something in a scene that has a sliver beside each ray, which no ray hits.
+/// Returns how many of 4,096 primary rays hit something in a scene that has a sliver beside each ray, which
+/// no ray hits.
 fn hits_beyond_slivers(kernels: &Sources, strategy: &Strategy) -> usize {
     let stand = Stand::of(kernels, slivers_beside_the_rays(64), [64; 2], |builtins| builtins);
     lit_and_hit(&stand, strategy).1
@@ -240,10 +241,11 @@ fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     }
 }
 
-/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. But neighbouring
-/// triangles overlap by a rounding error, or share the planes of their edges and overlap by less. With PoCL,
-/// these overlaps were wide enough: no ray leaked. On a device that rounds differently, one ray in ten
-/// thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture`
+/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. With the other tests,
+/// however, neighbouring triangles overlap by a rounding error, or share the planes of their edges and
+/// overlap by less. With PoCL, these overlaps were wide enough: no ray leaked. On a device that rounds
+/// differently, one ray in ten thousand may leak. The command
+/// `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture`
 /// prints the numbers of the table in docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
@@ -284,8 +286,8 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     let shadow = lit_and_hit(&before_the_light, &wide).0;
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
-    // The numbers are those of docs/reliability.md. Devices that round differently may find between half and
-    // twice as many.
+    // The expected numbers of leaks are those of docs/reliability.md. Devices that round differently may find
+    // between half and twice as many.
     let is_near = |leaks: usize, stated: usize| leaks > stated / 2 && leaks < 2 * stated;
     let near = is_near(rays, 4_241) && is_near(primary, 15_442) && is_near(shadow, 10_730);
     assert!(near, "{rays} rays, {primary} primary, {shadow} shadow");

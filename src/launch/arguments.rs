@@ -59,8 +59,8 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // Two counters are buffers of `i32` in Rust, and buffers of `uint` in kernels. One counts the
-            // used values of the heap, the buffer from which kernels allocate working vectors. The other
+            // Two counters are buffers of `i32` in Rust, and buffers of `uint` in kernels. `heap_top` counts
+            // the used values of the heap, the buffer from which kernels allocate working vectors. `queued`
             // counts the entries of the queue of leftover shadow rays.
             Self::Ints(_) => (true, &["int", "uint"]),
             // A tree's nodes contain floats and integers, so a kernel may read the buffer of `u32` as
@@ -122,9 +122,9 @@ impl<'a> Arguments<'a> {
         }
     }
 
-    /// Binds a kernel's arguments, in the order in which the manifest (the table of kernels) lists the kernel's
-    /// parameters. `holds` returns true if a condition is true; the kernel lacks parameters whose condition is
-    /// false. Returns [`LaunchError::Argument`] if no argument fits a parameter.
+    /// Binds a kernel's arguments, in the order in which the manifest (the table of kernels) lists the
+    /// kernel's parameters. A parameter may have a condition: the kernel has the parameter only if `holds`
+    /// returns true for this condition. Returns [`LaunchError::Argument`] if no argument fits a parameter.
     pub fn bind(
         &self,
         kernel: &'static manifest::Kernel,

@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(rows(&[0.09, 0.1, 1.0], 100, &[1, 3, 8]), [[0, 9], [9, 16], [16, 100]]);
     }
 
-    /// The frame is then divided as if all its rows cost the same.
+    /// If the costs have no finite positive sum, the frame is divided as if all its rows cost the same.
     #[test]
     fn costs_without_a_finite_sum_do_not_tell_where_the_time_goes() {
         for parts in [[1.0, f64::INFINITY], [1.0, f64::NAN], [0.0, 0.0]] {

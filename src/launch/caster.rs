@@ -40,7 +40,8 @@ pub struct Caster {
     /// The finest division of a pixel in a frame: 2^`most_bits` sub-pixels across and as many down, each with
     /// one sample.
     most_bits: u32,
-    /// Number of rays in a tile, across and down; `None` if every frame casts all tiles.
+    /// Number of rays in a tile, across and down, if a frame can cast only some of the tiles; `None` if every
+    /// frame casts all tiles.
     tile: Option<[usize; 2]>,
     size: [u32; 2],
     /// True if the background is transparent: images contain the coverage (alpha) of each pixel.
@@ -57,8 +58,8 @@ pub struct Caster {
 impl Caster {
     /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of the frame (the rows
     /// of work-groups that one of several devices casts). Even for a band, buffers have the size of the whole
-    /// frame, and all triangles are prepared and rasterised. While the caster exists, it keeps `bytes`, the
-    /// count of its buffers' bytes.
+    /// frame, and all triangles are prepared and rasterised. The caster owns `bytes`, so that its buffers'
+    /// bytes are counted until the caster is dropped.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
         let half_light =
@@ -156,8 +157,9 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Sets the background, the shadow bias, the exposure and the tone curve to those of a scene, starting with the next
-    /// frame. Exposure and tone curve decide which blocks of pixels are rough and get more samples.
+    /// Sets the background, the shadow bias, the exposure and the tone curve to those of a scene, starting
+    /// with the next frame. Blocks of pixels get more samples if they are rough: if their pixels, displayed
+    /// with this exposure and tone curve, differ visibly.
     pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         if let Some(samples) = &self.samples {
             samples.show(scene.display)?;
@@ -192,8 +194,9 @@ impl Caster {
         Ok((0..pictures).try_fold(FrameTimes::default(), add)?.per_frame(pictures))
     }
 
-    /// Casts and reads the parts of a picture with soft light at half resolution. Returns `None` if soft light is not
-    /// cast at half resolution.
+    /// Casts and reads the three pictures from which a picture with soft light at half resolution is
+    /// computed: the whole picture and the two half pictures. Returns `None` if soft light is not cast at
+    /// half resolution.
     pub fn cast_parts(
         &self,
         camera: &Camera,
@@ -214,12 +217,13 @@ impl Caster {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
-    /// Casts two rounds of samples: the first samples of every pixel, then the later samples of rough blocks.
-    /// Does not cast soft light at half resolution.
+    /// Casts two rounds of samples: the first samples of every pixel, then the later samples of rough blocks
+    /// (blocks whose pixels differ visibly after the first samples). Does not cast soft light at half
+    /// resolution.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };
-        // After an earlier picture, some blocks may still be limited to fewer samples.
+        // An earlier picture may have limited some blocks of pixels to fewer samples.
         samples.want_all(&self.queue)?;
         let times = self.cast_round(camera, &first, None)?;
         if !sampling.is_adaptive() {
@@ -230,8 +234,9 @@ impl Caster {
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
     }
 
-    /// Casts the given samples of each pixel. One frame casts several samples, if the strategy supports several samples
-    /// per frame. `rough` is the number of rough blocks if only these blocks get the samples.
+    /// Casts the given samples of each pixel. One frame casts several samples, if the strategy supports
+    /// several samples per frame. `rough` is the number of rough blocks if only these blocks get the samples,
+    /// and `None` otherwise.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,
@@ -261,9 +266,9 @@ impl Caster {
         self.cast_together(camera, slice::from_ref(sample), None)
     }
 
-    /// Casts one frame with consecutive samples, and adds the samples to the mean in the image. All samples belong to
-    /// one round (the first samples of every pixel, or the later samples of rough blocks). `rough` is the number of
-    /// rough blocks if only these blocks get the samples.
+    /// Casts one frame with consecutive samples, and adds the samples to the mean in the image. All samples
+    /// belong to one round (the first samples of every pixel, or the later samples of rough blocks). `rough`
+    /// is the number of rough blocks if only these blocks get the samples, and `None` otherwise.
     fn cast_together(
         &self,
         camera: &Camera,
@@ -296,8 +301,8 @@ impl Caster {
     }
 }
 
-/// Returns the commands of a frame. They cast its rays and, if the sky is a picture that rays can see, show this
-/// picture.
+/// Returns the commands of a frame. The commands cast the frame's rays. If the sky is a picture that rays can
+/// see, the last command shows this picture where rays hit nothing.
 fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError> {
     let Setup { queue, strategy, workload, .. } = parts.setup;
     let mut steps = match strategy.passes {
@@ -333,9 +338,9 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Allocates memory for the planes of every triangle: planes through the eye and through each light. If the
-/// strategy casts shadow rays to a few lights at a time, each triangle has planes only for the eye and for
-/// these few lights. Returns `None` if the strategy's ray-triangle test uses no planes.
+/// Allocates memory for the planes of every triangle. Each plane contains one edge of the triangle, and the
+/// eye or a light. If the strategy casts shadow rays to a few lights at a time, each triangle has planes only
+/// for the eye and for these few lights. Returns `None` if the strategy's ray-triangle test uses no planes.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

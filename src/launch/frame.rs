@@ -31,9 +31,10 @@ pub struct FrameTimes {
     /// Time for shadow rays; `None` if the kernel that casts them also casts primary rays. If `shade_ms` is
     /// `None`, this time includes shading.
     pub shadow_ms: Option<f64>,
-    /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose work-items
-    /// share tiles have this time. If passes are fused, and a frame casts one ray per pixel at a time, the shading kernel
-    /// also casts the leftover shadow rays, so this time includes them.
+    /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose
+    /// work-items share tiles have this time. If passes are fused, and a frame casts one ray per pixel at a
+    /// time, the shading kernel also casts the leftover shadow rays, so this time includes leftover shadow
+    /// rays.
     pub shade_ms: Option<f64>,
     /// Time for the frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
@@ -214,7 +215,8 @@ mod tests {
         assert!(batch.why_impossible(Some(1)).is_some());
     }
 
-    /// A difference that is possible for a single frame is impossible for each frame of a batch.
+    /// A difference between the device's and the host's time that is possible for a single frame is
+    /// impossible for each frame of a batch.
     #[test]
     fn the_differences_of_all_frames_of_a_batch_count_together() {
         let why = |batch| FrameTimes { batch, ..FrameTimes::whole(0.9, 0.1) }.why_impossible(None);

@@ -48,8 +48,8 @@ fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
 }
 
 /// A band consists of some of a frame's rows of work-groups. This band has 4 rows of 10 work-items and begins
-/// in row 20. The test looks at its last work-item. The work-items above the band have no vectors in the
-/// buffer.
+/// in row 20. The test looks at the band's last work-item. The work-items above the band have no vectors in
+/// the buffer.
 #[test]
 fn the_working_vectors_of_a_band_are_counted_from_its_first_work_item() {
     const ITEMS: u64 = 4 * 10;

@@ -21,7 +21,7 @@ use std::time::Instant;
 pub(super) struct Samples {
     /// The number of samples that each block of pixels gets.
     wanted: Buffer<u32>,
-    /// The positions of the rough blocks. Only these blocks get further samples after the first ones.
+    /// The positions of the rough blocks. Only these blocks get further samples after the first samples.
     rough: Buffer<u32>,
     /// The number of rough blocks.
     rough_counter: Buffer<u32>,
@@ -148,7 +148,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// A width and a height that are not multiples of a block's side.
+    /// The pictures' width and height, which are not multiples of the side of a block of pixels.
     const SIZE: [u32; 2] = [75, 61];
 
     fn cast(sampling: Sampling) -> (Radiance, SampleCounts, Display) {
@@ -409,8 +409,8 @@ mod tests {
         }
     }
 
-    /// Exposed radiances of 1.05 and 7 are both white with the usual curve. With the filmic curve, they are displayed as
-    /// 230 and 255.
+    /// Exposed radiances of 1.05 and 7 are both white with the usual curve. With the filmic curve, these
+    /// radiances are displayed as 230 and 255.
     #[test]
     fn a_tone_curve_that_keeps_shades_makes_blocks_of_bright_pixels_rough() {
         let mut marking = Marking::new();

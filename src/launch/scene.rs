@@ -13,7 +13,7 @@ use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// The buffers of triangles in a layout.
+/// The buffers of the scene's triangles; the layout determines which buffers these are.
 #[derive(Debug)]
 pub(super) enum Geometry {
     Soup(Buffer<f32>),
@@ -102,9 +102,9 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
     Ok(())
 }
 
-/// Replaces the lights on a device by those of another scene, which must have the same number of lights, and area
-/// lights only if the other scene has some. Also replaces the sky and the lights' radii if the sky or a radius has
-/// changed. The size of the sky's picture must stay the same.
+/// Replaces the lights on a device by those of another scene. Both scenes must have the same number of
+/// lights, and either both or neither must have area lights. Also replaces the sky and the lights' radii if
+/// the sky or a radius has changed. The size of the sky's picture must stay the same.
 pub(super) fn replace_lights(
     queue: &Queue,
     uploaded: &DeviceScene,
@@ -118,8 +118,8 @@ pub(super) fn replace_lights(
     Ok(())
 }
 
-/// Returns the position and power of each light. If any of them has an area, each also gets the floats of
-/// `cl/common/area_light.cl`, which are 0 for a light without an area.
+/// Returns the position and power of each light. If any of them has an area, each light also gets the floats
+/// that `cl/common/area_light.cl` describes, which are 0 for a light without an area.
 fn light_floats(lights: &[Light]) -> Vec<f32> {
     let have_areas = lights.iter().any(|light| light.area.is_some());
     let stride = if have_areas { AREA_LIGHT_FLOATS } else { LIGHT_FLOATS };
@@ -135,8 +135,9 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(floats).collect()
 }
 
-/// Returns the factor by which the kernels multiply a point of a light: the radius of a ball, and 1 for a surface, whose
-/// edges have their own lengths.
+/// Returns the factor by which the kernels multiply the offset of a light's sample point from its position.
+/// For a ball, the factor is the radius. For an area light, the factor is 1, since the edges already have
+/// their lengths.
 fn radius(light: &Light) -> f32 {
     if light.area.is_some() { 1.0 } else { light.radius }
 }

@@ -87,9 +87,10 @@ impl Session {
     }
 
     /// Sets how many of the devices that precede the session's device in the list of devices have the same
-    /// name. If there are any, this session's programs get an additional define, so that these programs
-    /// differ from the other devices' programs. PoCL 5.0 is aborted by an assertion
-    /// (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one process.
+    /// name. If at least one device with this name precedes the session's device, the session's programs get
+    /// an additional define, so that these programs differ from the other devices' programs. PoCL 5.0 is
+    /// aborted by an assertion (`pocl_release_dlhandle_cache`) if two of PoCL's devices run the same program
+    /// in one process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
         Self { twins_before, ..self }
@@ -211,7 +212,7 @@ impl Session {
         self.prepare_workload(strategy, &Workload { given_rays: true, ..workload })
     }
 
-    /// Does the second and the last step of [`Self::prepare`].
+    /// Does the second and the last step of [`Self::prepare`]: `spec` and `build`.
     fn prepare_workload(
         &mut self,
         strategy: &Strategy,
@@ -394,7 +395,7 @@ mod tests {
         let prepared = session.prepare(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
         let prepared = prepared.unwrap();
         assert!(prepared.most_work_items().is_some_and(|most| most >= 1));
-        // The needs of the host contain the program.
+        // `host_bytes` includes the memory of raycl itself, of its libraries and of the driver.
         let workload = session.workload(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
         assert_eq!(prepared.host_bytes, session.host_needs(&strategy, &workload.unwrap()).bytes());
     }
@@ -514,7 +515,8 @@ mod tests {
         assert!(reason.contains(&format!(", in addition to {held} B ")), "{reason}");
     }
 
-    /// A strategy that does not read these lists is refused if the device has no room beside them.
+    /// A strategy that does not read the mesh's lists is refused if the device has no room for the strategy's
+    /// buffers beside these lists.
     #[test]
     fn lists_of_the_mesh_that_other_points_read_in_place_count_as_the_devices() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

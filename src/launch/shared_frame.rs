@@ -24,8 +24,8 @@ pub(super) struct SharedFrame<'p, 'a> {
     fused: bool,
     /// True if the shading kernel also casts the leftover shadow rays. A group that has cast all leftover
     /// shadow rays of a pixel then shades and stores this pixel itself. All other pixels are shaded by other
-    /// groups at the same time. False if `fused` is false. Also false if frames cast several samples of a
-    /// pixel, since a pixel then has several primary rays.
+    /// groups at the same time. The field is false if `fused` is false, or if frames cast several samples of
+    /// a pixel: a pixel then has several primary rays.
     shades_leftover: bool,
 }
 

@@ -28,20 +28,20 @@ const TRIAL_MS: f64 = 5.0;
 /// casts.
 const CASTS: usize = 3;
 /// A device is left out if it takes more than this many times as long as the fastest device. The slow device
-/// could save at most a tenth of the frame's time. It would cost time if its rows took slightly longer than
-/// measured.
+/// could save at most a tenth of the frame's time. The slow device would cost time if its rows took slightly
+/// longer than measured.
 const SLOWEST: f64 = 10.0;
 /// The reason why a device casts no part if the frame has too few rows for all devices.
 const NO_ROWS: &str = "its part of the frame would be less than one row of work-groups";
 
 /// A frame to be cast by several devices.
 pub struct Split<'a> {
-    /// The scene.
+    /// The scene that the devices cast.
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Says how many samples each pixel gets. All pixels get the same number, and soft light is cast at full
-    /// resolution: adaptive samples and half resolution would need pixels of neighbouring bands.
+    /// Says how many samples each pixel gets. All pixels get the same number of samples, and soft light is
+    /// cast at full resolution: adaptive samples and half resolution would need pixels of neighbouring bands.
     pub sampling: Sampling,
     /// The files of the kernels.
     pub sources: &'a Sources,
@@ -53,10 +53,10 @@ pub struct Split<'a> {
     pub every_device: bool,
 }
 
-/// A device, its strategy and its local size.
+/// A device that the user chose for casting, with its strategy and its local size.
 #[derive(Clone, Debug)]
 pub struct Casting {
-    /// The device.
+    /// The device that casts.
     pub device: Device,
     /// The strategy.
     pub strategy: Strategy,
@@ -85,7 +85,7 @@ pub struct Share {
     pub read_ms: f64,
 }
 
-/// A device that casts no part.
+/// A device that was chosen for casting, but casts no part of the frame.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct LeftOut {
     /// The device's label.
@@ -94,7 +94,7 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// The result: a frame cast by several devices.
+/// A frame that several devices have cast: the result of [`Split::cast`].
 pub struct Whole {
     /// The frame's image.
     pub image: Radiance,
@@ -214,7 +214,7 @@ impl Split<'_> {
     fn ready(&self, casting: &Casting) -> Result<Ready> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
-        // The devices cast trial frames before the frame, so the tree is one for many frames.
+        // Each device casts trial frames before its part of the frame, so its tree is built for many frames.
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
         let session = session.among_twins(device.info.program_twin()).with_sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
@@ -225,9 +225,9 @@ impl Split<'_> {
 
     /// Returns the devices that will cast, and the devices that are left out. Devices that are much slower
     /// than the fastest are left out first ([`Self::trial`]). The remaining devices then cast a trial frame
-    /// together. If this is not faster than the fastest device alone, the slowest device is left out, and the others
-    /// cast a trial frame. This ends when the devices together are faster, or when one device remains.
-    /// If `every_device` is true, no device is left out.
+    /// together. If they are not faster together than the fastest device alone, the slowest device is left
+    /// out, and the others cast a trial frame. Devices are left out until the remaining devices are faster
+    /// together, or until one device remains. If `every_device` is true, no device is left out.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -346,9 +346,9 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// Casts the first frame of a caster, in which the driver may compile. Only one device at a time does so:
-/// PoCL 3.1 miscounts the users of a kernel if two devices of one process compile the kernel at the same
-/// time, and aborts when the devices release the kernel.
+/// Casts the first frame of a caster, in which the driver may compile. Only one device at a time casts such a
+/// first frame: PoCL 3.1 miscounts the users of a kernel if two devices of one process compile the kernel at
+/// the same time, and aborts when the devices release the kernel.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
     // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread
@@ -527,7 +527,7 @@ mod tests {
 
     #[test]
     fn no_work_begins_if_the_system_refuses_a_thread() {
-        // No address space can hold such a stack.
+        // No address space can hold a stack of this size.
         let refused = Builder::new().stack_size(1 << (usize::BITS - 1));
         let mut builders = [Builder::new(), refused].into_iter();
         let has_begun = AtomicBool::new(false);

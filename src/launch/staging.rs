@@ -84,9 +84,10 @@ impl Staging {
     }
 
     /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together`
-    /// rows. `enqueue` is called with the range of a piece's rows. If these rows must be computed first, it enqueues
-    /// the kernel that does so. It returns the buffer that will contain the rows, and the index of their first value
-    /// in this buffer. `take` is called with the same range and the values of the rows.
+    /// rows. `enqueue` is called with the range of a piece's rows. If a kernel must compute these rows first,
+    /// `enqueue` enqueues this kernel. `enqueue` returns the buffer that will contain the rows, and the index
+    /// of the rows' first value in this buffer. `take` is called with the same range and the values of the
+    /// rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,
@@ -181,7 +182,7 @@ impl Cut {
     }
 }
 
-/// The two pieces of memory.
+/// The two pieces of pinned memory.
 #[derive(Debug)]
 struct Pieces([MemMap<u8>; 2]);
 

@@ -17,7 +17,7 @@ pub(super) struct Extent {
 pub(super) enum Step {
     /// Sets every value of a buffer.
     Fill(Buffer<i32>, i32),
-    /// Runs a kernel.
+    /// Runs a kernel with the same number of work-items in every frame.
     Run(Kernel),
     /// Runs a kernel in which every work-item casts its own rays. For a frame with several samples per pixel, such a
     /// kernel needs more work-items.
@@ -81,7 +81,7 @@ fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims 
     }
 }
 
-/// The commands of a frame in order, each with its purpose.
+/// The commands of a frame in order, each with the pass to which it belongs.
 pub(super) type Steps = Vec<(Pass, Step)>;
 
 #[cfg(test)]

@@ -78,8 +78,8 @@ fn position_of(samples: &[Sample], number: usize) -> [f32; 2] {
     sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
 }
 
-/// Returns x and y of each sample's position within its pixel. The list is as long as the largest number of
-/// samples of a frame requires; [`position_of`] says what follows the last sample.
+/// Returns x and y of each sample's position within its pixel. The list always has as many positions as a
+/// frame can have samples; [`position_of`] defines the positions after the last sample.
 pub(super) fn positions(samples: &[Sample]) -> Vec<f32> {
     (0..room(MOST_BITS)).flat_map(|number| position_of(samples, number)).collect()
 }
@@ -104,7 +104,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// A width and a height that are not multiples of a block's side.
+    /// The pictures' width and height, which are not multiples of the side of a block of pixels.
     const SIZE: [u32; 2] = [75, 61];
 
     #[test]

@@ -44,7 +44,8 @@ impl DeviceTextures {
     }
 }
 
-/// Writes a triangle's row. Rows are longer if textures have mip levels.
+/// Writes a triangle's row, which contains its texture coordinates and its textures. Rows are longer if
+/// textures have mip levels.
 fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     let words = mesh.textures.mapped[triangle].to_words();
     let (mapping, texel) = row.split_at_mut(words.len());

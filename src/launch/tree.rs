@@ -137,8 +137,8 @@ fn stack_size_of(tree: &WideBvh) -> usize {
     tree.stack_size().next_multiple_of(STACK_STEP)
 }
 
-/// Returns the number of stack entries for a strategy's tree over a mesh; 0 if the strategy uses no tree.
-/// The tree is one for many frames. Needs no device.
+/// Returns the number of stack entries for a strategy's tree over a mesh; 0 if the strategy uses no tree. The
+/// tree is built for many frames. No device is needed.
 pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
     if !strategy.needs_tree() {
         return Ok(0);

@@ -53,9 +53,9 @@ pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// The inputs for one sample of a pixel.
 pub struct Asked<'a> {
-    /// The caster.
+    /// The ray caster in double precision, which has the scene.
     pub caster: &'a Caster<'a, f64>,
-    /// The image's rays.
+    /// Defines the ray through each position of the image.
     pub frame: &'a PixelFrame,
     /// The shadow bias: the distance from a hit at which shadow rays start.
     pub bias: f64,
@@ -139,8 +139,7 @@ impl Asked<'_> {
             true => ends_before_hit(self.bias, sight, normal),
             false => [self.bias; 2],
         };
-        // If no light is distant, all shadow rays end at the bias, as usual. In this case, there is nothing
-        // to include.
+        // If no light is distant, all shadow rays end at the bias, as usual, so there is nothing to include.
         if sights(&self.seen, point, normal).any(|sight| ends(&sight)[1] > self.bias) {
             for end in [0, 1] {
                 sample.consider(radiance(&|sight| ends(sight)[end]));
@@ -215,9 +214,9 @@ fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
     }
 }
 
-/// Returns a mesh that consists of one triangle of `mesh`; `None` if the triangle has no texture and no emission
-/// texture. The triangle's mask
-/// is left out, because a mask does not change the radiance of a hit.
+/// Returns a mesh that consists of one triangle of `mesh`; returns `None` if the triangle has no texture and
+/// no emission texture. The triangle's mask is left out, because a mask does not change the radiance of a
+/// hit.
 fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     let row = mesh.textures.mapped.get(triangle as usize)?;
     let corner_colours = mesh.corner_colours.get(triangle as usize).copied().into_iter().collect();
@@ -242,8 +241,8 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     })
 }
 
-/// Casts a pixel's sample. Then casts it again with each of the changes below, and includes the results in
-/// the returned sample:
+/// Casts a pixel's sample, and casts the sample again with each of the changes below. Includes the results of
+/// all changes in the returned sample:
 ///
 /// - The pixel's ray is nudged in each direction along the image's axes.
 /// - The shadow bias is halved, and doubled.
@@ -254,9 +253,9 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
 /// - The hit's position in a texture is moved slightly.
-/// - Surfaces just behind the hit are seen instead of the hit's own: if two surfaces coincide, either one is
-///   correct. Each of these surfaces is also cast with the changes above, except nudges, because a pixel can
-///   have several doubts.
+/// - Surfaces just behind the hit are seen instead of the surface that was hit: if two surfaces coincide,
+///   either one is correct. Each of these surfaces is also cast with the changes above, except nudges,
+///   because a pixel can have several doubts.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -302,8 +301,8 @@ const NUDGES: usize = 8;
 
 /// Returns the factor by which the nudges of a pixel are larger than usual; at least 1. A device computes the
 /// direction of a pixel's ray as a sum of three vectors, and rounds each of them at most four times. In the
-/// middle of a picture with a very wide field of view, these vectors are far longer than their sum. In this
-/// case, a rounding error turns the ray far more than usual.
+/// middle of a picture with a very wide field of view, these vectors are far longer than their sum. A
+/// rounding error of such a long vector turns the ray far more than usual.
 fn enlargement(frame: &PixelFrame, [x, y]: [f64; 2]) -> f64 {
     let lengths = [frame.corner, frame.step_x * x, frame.step_y * y].map(DVec3::length);
     let turn = 4.0 * ROUNDING * lengths.iter().sum::<f64>() / frame.direction(x, y).length();
@@ -418,7 +417,7 @@ mod tests {
         assert_eq!(*cast.borrow(), [0, 1]);
     }
 
-    /// The picture's texels may differ more than neighbouring directions of a sky without a picture.
+    /// The direction to a sky with a picture is turned further, because finding a texel adds rounding errors.
     #[test]
     fn a_sky_is_turned_both_ways_along_each_axis_and_a_sky_with_a_picture_further() {
         let turns = |picture: Option<SkyPicture>| -> Vec<DVec3> {
@@ -562,8 +561,8 @@ mod tests {
         }
     }
 
-    /// With smooth shadows, a hit's own triangle may block the light. With `mixed`, some normals are turned so far that it
-    /// does.
+    /// With smooth shadows, a hit's own triangle may block the light. If `mixed` is above 0, some normals are
+    /// turned so far that this happens.
     #[test]
     fn what_is_found_quickly_of_smooth_shadows_is_what_the_plain_caster_finds() {
         let smooth = |light: Vec3, mixed: f32| {
@@ -585,7 +584,7 @@ mod tests {
         }
     }
 
-    /// The triangle is behind the camera, so all rays see the picture.
+    /// The triangle is behind the camera, so all rays see the sky's picture.
     #[test]
     fn the_colours_of_a_skys_picture_are_found_quickly_too() {
         let mut scene = fixtures::single_triangle();

@@ -1,5 +1,6 @@
 //! Filters soft light that was cast at half resolution, and applies it to the whole picture, in double
-//! precision. `cl/common/half_light.cl` does the same on devices, and explains the method.
+//! precision. On devices, `cl/common/half_light.cl` filters and applies soft light in the same way; its
+//! comments explain the method.
 
 use crate::image::Radiance;
 use crate::manifest::HALF_LIGHT_SHARPNESS;

@@ -45,8 +45,7 @@ pub struct Layers {
 ///
 /// Fails if the scene has more triangles than a tree can index.
 pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
-    // Each of the two searches builds a tree, and frees it before the other one starts: trees of large meshes take
-    // gigabytes.
+    // `in_tree` frees its tree before `pixel_hits` builds another one: trees of large meshes take gigabytes.
     let costs: Vec<Cost> = cost::in_tree(scene, size, culling)?;
     let hits = pixel_hits(scene, size, culling);
     let object = |triangle: u32| object_of(object_starts, triangle);

@@ -1,10 +1,11 @@
-//! The ray caster on the host. It casts the reference, and every device's image is verified against the
-//! reference. It also casts the baselines (serial and parallel), whose times are compared with the kernels'
-//! times.
+//! The ray caster on the host. This caster casts the reference, against which every device's image is
+//! verified. The same caster also casts the baselines (serial and parallel), whose times are compared with
+//! the kernels' times.
 //!
 //! The algorithm comes from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
 //! 3rd ed., chapter 15. The code is generic over `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
-//! [`shade`] and [`cast`] in this order. On devices, the files in `cl/common/` and `cl/cast/` do the same.
+//! [`shade`] and [`cast`] in this order. On devices, the files in `cl/common/` and `cl/cast/` cast rays by
+//! the same algorithm.
 
 pub mod cast;
 pub mod certainty;
@@ -51,8 +52,8 @@ use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
-/// If a scene has more triangles than this, the caster finds hits with a tree. Otherwise it tests every
-/// triangle.
+/// If a scene has more triangles than this, the caster finds hits with a tree; in a smaller scene, it tests
+/// every triangle.
 const EXHAUSTIVE_TRIANGLES: usize = 64;
 
 /// The expected image of a scene.
@@ -61,8 +62,8 @@ pub struct Reference {
     /// Each pixel's radiance, computed in double precision, and its alpha if the background is transparent.
     pub radiance: Radiance,
     /// True for each certain pixel, in the order of `radiance.pixels`. Nudges of a certain pixel's ray and
-    /// other small changes (see [`certainty`]) alter its radiance by a fraction of less than 1e-3. Pixels
-    /// that were not cast count as uncertain.
+    /// other small changes (see [`certainty`]) alter the pixel's radiance by a fraction of less than 1e-3.
+    /// Pixels that were not cast count as uncertain.
     pub certain: Vec<bool>,
     /// The uncertain pixels among those that were cast, in the order of `radiance.pixels`, with the range of
     /// their possible values.
@@ -181,7 +182,8 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Sce
     Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
 }
 
-/// Casts the sample `of_pixel` of each of these pixels, and returns the results in the same order.
+/// Casts the sample `of_pixel` of each of the pixels with the indices `pixels`. Returns the results in the
+/// same order.
 fn samples(
     scene: &Scene,
     tree: &Arc<Tree>,

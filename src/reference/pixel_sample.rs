@@ -7,7 +7,7 @@ use glam::DVec3;
 /// [`super::certainty`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelSample {
-    /// The radiance without any change.
+    /// The radiance without nudges and without other small changes.
     pub radiance: DVec3,
     /// True if the ray hits something.
     pub hit: bool,

@@ -135,9 +135,9 @@ impl RayPacket {
     }
 
     /// Returns `Some(Some(triangle))` if this triangle is the first that all rays hit beyond the distance
-    /// `near`, and `Some(None)` if no ray hits a triangle there. Returns `None` if the result is uncertain.
-    /// For example, it is uncertain if a second triangle's distance exceeds the first triangle's by at most
-    /// the fraction `2 * rival`.
+    /// `near`, and `Some(None)` if no ray hits a triangle beyond `near`. Returns `None` if the result is
+    /// uncertain. For example, it is uncertain if a second triangle's distance exceeds the first triangle's
+    /// by at most the fraction `2 * rival`.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {
@@ -172,10 +172,11 @@ impl RayPacket {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Tests whether triangles, except the triangle `own` if there is one, block the rays that run towards the packet's origin. Returns
-    /// `Some(true)` if all rays hit one triangle at distances in the range `sure`. Returns `Some(false)` if
-    /// no ray can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain
-    /// (`None`). Distances are measured from the packet's origin.
+    /// Tests whether triangles block the rays that run towards the packet's origin. If `own` is not `None`,
+    /// the triangle with this index is ignored. Returns `Some(true)` if all rays hit one triangle at
+    /// distances in the range `sure`. Returns `Some(false)` if no ray can hit a triangle at a distance in the
+    /// range `may`. In all other cases, the result is uncertain, and the function returns `None`. Distances
+    /// are measured from the packet's origin.
     pub fn is_blocked_towards_origin(
         &self,
         tree: &Tree,

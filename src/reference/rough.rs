@@ -1,5 +1,5 @@
-//! Determines which blocks of pixels get more samples: those in which neighbouring pixels differ
-//! visibly after the first samples. `cl/common/mark_rough.cl` does the same on devices.
+//! Determines which blocks of pixels get more samples: those in which neighbouring pixels differ visibly
+//! after the first samples. On devices, `cl/common/mark_rough.cl` finds these blocks.
 
 use crate::image::Radiance;
 use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(steps_of_blocks(&means, exposed(1.0)), [0.0]);
         // With an exposure of 1/4, the white pixels are displayed as 127.5 of 255.
         assert_eq!(steps_of_blocks(&means, exposed(0.25)), [127.5]);
-        // The filmic curve displays them as sqrt(2.54 / 3.16) of 255, and 40 as white.
+        // The filmic curve displays a channel of 1 as sqrt(2.54 / 3.16) of 255, and a channel of 40 as white.
         let filmic = steps_of_blocks(&means, Display { tone: Tone::Filmic, ..exposed(1.0) });
         assert!((filmic[0] - 255.0 * (1.0 - (2.54_f64 / 3.16).sqrt())).abs() < 1e-9, "{filmic:?}");
     }

@@ -21,8 +21,8 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle around a centre, which is one of these points. With smooth shadows, the points may lie above the
-/// triangle.
+/// Points of a triangle around a centre, which is one of these points. With smooth shadows, the points may
+/// lie above the triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The number of the triangle.

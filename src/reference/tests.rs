@@ -82,7 +82,8 @@ fn colours_of_corners_are_mixed_by_the_weights_of_the_hit() {
     // The ray hits the triangle at the weights 51/121, 32/121, 38/121 (calculated on paper).
     let expected = of(Vec::new(), vec3(51.0, 32.0, 38.0) / 121.0 * 0.8);
     assert_near(of(vec![[red, green, blue]], Vec3::splat(0.8)), expected);
-    // Half the steps of a channel are a quarter of its light.
+    // A corner's colour is stored as square roots of linear light, so half of a channel's 1023 steps are a
+    // quarter of the light.
     let quarter = (511.5_f32 / 1023.0).powi(2);
     let actual = of(vec![[red / 2; 3]], Vec3::ONE).x;
     let expected = of(Vec::new(), Vec3::splat(quarter)).x;
@@ -144,13 +145,14 @@ fn smooth_shadows_move_a_hit_onto_the_planes_of_convex_corners_alone() {
         shade::smooth_point::<f64>(point, weights, corners, normals) - point
     };
     let middle = [0.5, 0.5, 0.0];
-    // Flat facets and concave corners move nothing, and corners stay where they are.
+    // Neither flat facets nor concave corners move a hit, and a hit at a corner stays where it is.
     assert_eq!(move_to([DVec3::Z; 3], middle), DVec3::ZERO);
     let tilted = |by: f64| [DVec3::new(-by, 0.0, 1.0), DVec3::new(by, 0.0, 1.0), DVec3::Z];
     assert_eq!(move_to(tilted(-0.5), middle), DVec3::ZERO);
     assert_eq!(move_to(tilted(0.5), [1.0, 0.0, 0.0]), DVec3::ZERO);
-    // Halfway between two corners, both planes are 0.25 above the point in the direction z, which is
-    // 0.25 / sqrt(1.25) along a normal. The moves along x cancel out.
+    // The plane of a corner is perpendicular to the corner's normal. Halfway between two corners, the planes
+    // of both are 0.25 above the point in the direction z, which is 0.25 / sqrt(1.25) along a normal. The
+    // moves along x cancel out.
     let lift = 0.25 / 1.25_f64;
     assert!(move_to(tilted(0.5), middle).distance(DVec3::Z * lift) < 1e-12);
     assert!(move_to(tilted(0.5).map(|normal| 3.0 * normal), middle).distance(DVec3::Z * lift) < 1e-12);
@@ -207,7 +209,7 @@ fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> S
     let mask = Texture { size: [1024; 2], wrap: [Wrap::Repeat; 2], least_alpha, texels: texels.into() };
     let left = (from_left - 64.0) / 1024.0;
     let corners = [[left, 0.0], [left + 256.0, 0.0], [left, 256.0]];
-    // Corners are distant, so rounding would move hits further than the usual bias.
+    // The triangle's corners are far away, so rounding would move hits further than the usual shadow bias.
     let mut scene = Scene { shadow_bias: 1e-2, ..fixtures::single_triangle() };
     let mesh = scene.mesh_mut();
     mesh.positions = [[-64.0, 64.0], [192.0, 64.0], [-64.0, -192.0]].map(|[x, y]| vec3(x, y, -2.0)).into();
@@ -361,9 +363,9 @@ fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
     assert!(different.certain.iter().filter(|certain| !**certain).count() > 100);
 }
 
-/// The first of two coincident triangles is dark, and the second one is lit. A device may show either of them. Rounding
-/// also decides whether the light is blocked: by a triangle that touches the light or, if there is no shadow bias, by
-/// the second triangle itself.
+/// The first of two coincident triangles is dark, and the second one is lit. A device may show either
+/// triangle. Rounding also decides whether the light is blocked: by a triangle that touches the light or, if
+/// there is no shadow bias, by the second triangle itself.
 #[test]
 fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
     let (lit, size) = (fixtures::single_triangle(), [80, 50]);
@@ -429,8 +431,9 @@ fn the_middle_of_a_very_wide_picture_is_uncertain() {
     assert!(!verify(&image, None, &expected, scene.display).ok);
 }
 
-/// The normal points away from the eye, so some half vectors do too. The directions that they mirror may be above the
-/// surface all the same.
+/// The surface's normal points away from the eye, so some half vectors (between the directions to the eye and
+/// to the light) point away from the eye, too. A direction that is mirrored at such a half vector may
+/// nevertheless be above the surface.
 #[test]
 fn nothing_is_mirrored_at_a_half_vector_that_points_away_from_the_eye() {
     let mut scene = fixtures::single_triangle();

@@ -101,7 +101,8 @@ impl Tree {
     /// distance up to which further triangles matter. The traversal ends if this value is not above
     /// `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
-        // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
+        // A zero component of a ray's direction would give NaN (0 * infinity) if the ray lies in a face of a
+        // box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
         let entry = |node: &Node, far: f64| {
             let a = (node.low.as_dvec3() - around - ray.origin) * inverse;

@@ -84,10 +84,10 @@ impl Hits {
 }
 
 /// Computes the result of [`super::sample`] faster if the whole packet of nudged rays hits a single triangle
-/// first, or nothing. One search is then enough for all nudges. For each light, one more search finds out
-/// whether the packet from the light to the hits is occluded completely, or not at all. If the result for a
-/// light is uncertain, shadow rays to this light are cast. Returns `None` if it is uncertain what the rays
-/// hit, or if light grazes the triangle.
+/// first, or nothing. One search of the tree then finds the hits of all nudged rays. For each light, one more
+/// search finds out whether the packet from the light to the hits is occluded completely, or not at all. If
+/// the result for a light is uncertain, shadow rays to this light are cast. Returns `None` if it is uncertain
+/// what the rays hit, or if light grazes the triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
