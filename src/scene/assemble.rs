@@ -12,7 +12,7 @@ mod tests;
 use super::coarse::is_coarse;
 use super::document::Document;
 use super::enclosed::encloses;
-use super::files::FileLight;
+use super::files::{FileLight, MeshFile};
 use super::frame_cache::FrameCache;
 use super::framing::Ball;
 use super::studio::Studio;
@@ -24,7 +24,7 @@ use crate::image::transform;
 use camera::camera;
 use glam::{DVec3, Vec3};
 use lights::{check_lights, lights};
-use precision::{default_bias, too_far, too_small};
+use precision::{default_bias, too_small};
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -51,7 +51,7 @@ pub(super) struct Assembled {
 /// Builds the scene that a document describes, for the pictures that `shot` describes.
 pub(super) fn assemble(
     document: &Document,
-    wire: SceneWire,
+    mut wire: SceneWire,
     shot: Shot,
     cache: &mut FrameCache,
     notes: &mut Vec<String>,
@@ -60,7 +60,8 @@ pub(super) fn assemble(
     if let Some(most) = shot.most_triangles {
         objects::refuse_many(document, &wire.object, most)?;
     }
-    let Joined { mut mesh, seen, mut starts } = cache.joined(|cache| join(document, &wire, cache, notes))?;
+    let Joined { mut mesh, origin, seen, mut starts } = cache.joined(|cache| join(document, &wire, cache, notes))?;
+    wire.set_origin(origin);
     if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
         Arc::make_mut(&mut mesh).leave_out_textures();
     }
@@ -75,7 +76,7 @@ pub(super) fn assemble(
         turn_normals(Arc::make_mut(&mut mesh), around, &camera, shot);
     }
     let bounds = cache.bounds(&mesh);
-    notes.extend(too_small(document, bounds).into_iter().chain(too_far(document, bounds)));
+    notes.extend(too_small(document, bounds));
     let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(bounds, camera.position), |bias| bias.0);
     let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let orbit = orbit(around, wire.camera.upright(), document.bare && !has_light);
@@ -204,6 +205,8 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
 #[derive(Clone)]
 pub(super) struct Joined {
     mesh: Arc<Mesh>,
+    /// The scene's origin in the coordinates of the scene file; zero unless the scene lies far from the file's origin.
+    origin: DVec3,
     seen: Seen,
     /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
     /// mesh counts as an object.
@@ -217,17 +220,10 @@ fn join(
     notes: &mut Vec<String>,
 ) -> Result<Joined> {
     let (mut mesh, mut seen, mut starts) = (Mesh::default(), Seen::default(), Vec::new());
-    let crease = wire.crease.map(|crease| crease.0);
-    for (number, object) in wire.object.iter().enumerate() {
-        let made = || -> Result<_> {
-            let mut file = objects::make(document, object, crease, notes)?;
-            if wire.mip_levels != Some(false) {
-                file.mesh.add_levels();
-            }
-            Ok(file)
-        };
-        let file = cache.mesh(number, made)?;
-        let file = objects::placed(document, object.get_ref(), file);
+    let files = made(document, wire, cache, notes)?;
+    let origin = objects::origin(document, &wire.object, &files);
+    for (object, file) in wire.object.iter().zip(files) {
+        let file = objects::placed(document, object.get_ref(), file, origin);
         let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
             let message = format!(
@@ -254,7 +250,27 @@ fn join(
             .error(0..0, "the scene has no triangles", "no [[object]] in this file")
             .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
-    Ok(Joined { mesh: mesh.into(), seen, starts })
+    Ok(Joined { mesh: mesh.into(), origin, seen, starts })
+}
+
+/// Returns the mesh of each object in the object's own coordinates.
+fn made(
+    document: &Document,
+    wire: &SceneWire,
+    cache: &mut FrameCache,
+    notes: &mut Vec<String>,
+) -> Result<Vec<MeshFile>> {
+    let crease = wire.crease.map(|crease| crease.0);
+    let mut one = |(number, object)| {
+        cache.mesh(number, || {
+            let mut file = objects::make(document, object, crease, notes)?;
+            if wire.mip_levels != Some(false) {
+                file.mesh.add_levels();
+            }
+            Ok(file)
+        })
+    };
+    wire.object.iter().enumerate().map(&mut one).collect()
 }
 
 /// The camera and the lights in the file of a bare mesh.

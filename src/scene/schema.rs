@@ -2,7 +2,7 @@
 //! hand, so their schemas cannot be derived.
 
 use super::shapes::Shape;
-use super::wire::{BackgroundWire, Number, Power, Range, Triple, Vector};
+use super::wire::{BackgroundWire, Number, Position, Power, Range, Triple, Vector};
 use crate::schema::{names, schema_by_hand};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Value, json};
@@ -14,6 +14,7 @@ pub(super) struct ShapeName;
 schema_by_hand! {
     ShapeName => names(Shape::NAMES.into_iter());
     Vector => three(json!({ "type": "number" }));
+    Position => three(json!({ "type": "number" }));
     BackgroundWire => background();
 }
 

@@ -16,27 +16,25 @@ pub(super) struct Transform {
     /// Rotation angles about x, y and z.
     pub rotation_degrees: Vec3,
     /// The translation, in the scene's units.
-    pub translation: Vec3,
+    pub translation: DVec3,
 }
 
 impl Transform {
     /// The transform that changes nothing.
     pub const IDENTITY: Self =
-        Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
+        Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: DVec3::ZERO };
 
-    /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the
-    /// positions when the file was read. This vector is added again before the scale is applied.
-    pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
+    /// Transforms a mesh's normals and positions. `from` is the vector that was subtracted from the positions when
+    /// the file was read. It is added again before the scale is applied. The transformed positions are relative to
+    /// `to`.
+    pub fn apply(&self, mesh: &mut Mesh, from: DVec3, to: DVec3) {
         // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact
         // coordinates.
-        if *self == Self::IDENTITY && origin == DVec3::ZERO {
+        if *self == Self::IDENTITY && from == DVec3::ZERO && to == DVec3::ZERO {
             return;
         }
-        let [x, y, z] = self.rotation_degrees.as_dvec3().to_array().map(f64::to_radians);
-        let rotation = DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
-        let (scale, translation) = (self.scale.as_dvec3(), self.translation.as_dvec3());
-        let transform =
-            |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
+        let (rotation, scale) = (self.rotation(), self.scale.as_dvec3());
+        let transform = |p: &mut Vec3| *p = (self.position(rotation, p.as_dvec3() + from) - to).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(transform);
         // Normals are transformed by the inverse transpose of the matrix. The inverse scale is multiplied by
         // the smallest scale, so that its components are within -1 and 1. This factor does not change the
@@ -60,6 +58,29 @@ impl Transform {
     }
 }
 
+impl Transform {
+    fn rotation(&self) -> DMat3 {
+        let [x, y, z] = self.rotation_degrees.as_dvec3().to_array().map(f64::to_radians);
+        DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x)
+    }
+
+    fn position(&self, rotation: DMat3, position: DVec3) -> DVec3 {
+        rotation * (position * self.scale.as_dvec3()) + self.translation
+    }
+
+    /// Returns the bounds of a transformed box: the smallest and the largest corner of the box that encloses it.
+    pub fn bounds(&self, (low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+        let rotation = self.rotation();
+        let corner = |number: u8| {
+            let is_high = glam::BVec3::new(number & 1 != 0, number & 2 != 0, number & 4 != 0);
+            let corner = self.position(rotation, DVec3::select(is_high, high, low));
+            (corner, corner)
+        };
+        let join = |(a, b): (DVec3, DVec3), (c, d): (DVec3, DVec3)| (a.min(c), b.max(d));
+        (1..8).map(corner).fold(corner(0), join)
+    }
+}
+
 /// Returns a normal's length, but exactly 1 if the length differs from 1 only by rounding to single
 /// precision.
 fn weight(normal: Vec3) -> f64 {
@@ -78,7 +99,7 @@ mod tests {
         let unit = DVec3::new(1.0, 2.0, 3.0).normalize().as_vec3();
         let given = [unit, Vec3::Y * 3.0, Vec3::new(0.3, 0.0, 0.4)];
         mesh.normals = given.to_vec();
-        Transform { translation: Vec3::X * 1e-6, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        Transform { translation: DVec3::X * 1e-6, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
         assert_eq!(mesh.normals[0], unit.as_dvec3().normalize().as_vec3());
         assert!(
             mesh.normals.iter().zip(given).all(|(n, given)| n.distance(given) < 1e-6),
@@ -88,7 +109,7 @@ mod tests {
         let turned = Vec3::new(0.0, 0.0, 90.0);
         let transform =
             Transform { scale: Vec3::splat(5.0), rotation_degrees: turned, ..Transform::IDENTITY };
-        transform.apply(&mut mesh, DVec3::ZERO);
+        transform.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
         assert!(mesh.normals[1].distance(Vec3::NEG_X * 3.0) < 1e-6, "{:?}", mesh.normals);
         assert!(
             (mesh.normals[0].length() - 1.0).abs() < 1e-7 && (mesh.normals[2].length() - 0.5).abs() < 1e-7
@@ -102,8 +123,8 @@ mod tests {
         mesh.normals = vec![Vec3::Y];
         let quarter = Vec3::new(90.0, 90.0, 0.0);
         let transform =
-            Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: Vec3::ONE };
-        transform.apply(&mut mesh, DVec3::ZERO);
+            Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: DVec3::ONE };
+        transform.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
         // The rotation about x turns y to z, and the rotation about y turns z to x.
         assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
         assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
@@ -123,10 +144,10 @@ mod tests {
         let before = corners(&mesh);
         // Mirroring along two axes is a rotation.
         let scale = Vec3::new(-1.0, -2.0, 3.0);
-        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
         assert_eq!(corners(&mesh), before);
         let scale = Vec3::new(-1.0, 2.0, 3.0);
-        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
         for (before, after) in before.into_iter().zip(corners(&mesh)) {
             let ([a, b, c], [d, e, f], [g, h, i]) = before;
             assert_eq!(after, ([a, c, b], [d, f, e], [g, i, h]));
@@ -137,7 +158,7 @@ mod tests {
     fn a_squeezed_and_mirrored_sphere_keeps_its_normals_outside() {
         let mut mesh = generate(&Shape::Sphere { triangles: 400 });
         let scale = Vec3::new(-3.0, 0.5, 1.0);
-        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
         for triangle in &mesh.triangles {
             let [a, b, c] = mesh.corners(triangle);
             let face = (b - a).cross(c - a);

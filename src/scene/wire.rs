@@ -12,6 +12,7 @@ use super::area::AreaShape;
 use super::schema::{ShapeName, both_names_of_mesh};
 use super::shapes::{MAX_FINENESS, MAX_TRIANGLES};
 use super::tone::Tone;
+use glam::DVec3;
 use schemars::JsonSchema;
 use toml::Spanned;
 
@@ -66,11 +67,11 @@ pub(super) struct SceneWire {
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraWire {
     /// The eye [default: the origin].
-    #[schemars(with = "Option<Vector>")]
-    pub position: Option<Spanned<Vector>>,
+    #[schemars(with = "Option<Position>")]
+    pub position: Option<Spanned<Position>>,
     /// The point in the middle of the picture [default: position + [0, 0, -1]].
-    #[schemars(with = "Option<Vector>")]
-    pub look_at: Option<Spanned<Vector>>,
+    #[schemars(with = "Option<Position>")]
+    pub look_at: Option<Spanned<Position>>,
     /// The direction that points up in the picture [default: [0, 1, 0]].
     #[schemars(with = "Option<Vector>")]
     pub up: Option<Spanned<Vector>>,
@@ -111,8 +112,8 @@ pub(super) struct ObjectWire {
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<Whole<0, { u32::MAX }>>>,
     /// Points of inline triangles.
-    #[schemars(with = "Option<Vec<Vector>>")]
-    pub vertices: Option<Spanned<Vec<Vector>>>,
+    #[schemars(with = "Option<Vec<Position>>")]
+    pub vertices: Option<Spanned<Vec<Position>>>,
     /// For each face: the indices of its three or more corners in `vertices`, from 0.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub faces: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
@@ -127,7 +128,7 @@ pub(super) struct ObjectWire {
     /// Rotation in degrees about x, then y, then z, applied second.
     pub rotation: Option<Vector>,
     /// Translation, applied last.
-    pub translation: Option<Vector>,
+    pub translation: Option<Position>,
     /// Give every triangle its own normal, so that facets are visible [default: false].
     #[serde(default)]
     pub flat: bool,
@@ -161,8 +162,8 @@ pub(super) struct MaterialWire {
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
     /// The light's position.
-    #[schemars(with = "Vector")]
-    pub position: Spanned<Vector>,
+    #[schemars(with = "Position")]
+    pub position: Spanned<Position>,
     /// The light's power: one number is white, three are red, green and blue.
     #[schemars(with = "Triple<Power>")]
     pub power: Spanned<Triple<Power>>,
@@ -212,6 +213,13 @@ pub(super) struct DisplayWire {
 }
 
 impl SceneWire {
+    /// Sets the scene's origin, in the file's coordinates, in the positions of the camera and of the lights.
+    pub(super) fn set_origin(&mut self, origin: DVec3) {
+        let camera = [&mut self.camera.position, &mut self.camera.look_at].into_iter().flatten();
+        let lights = self.light.iter_mut().flatten().map(|light| &mut light.position);
+        camera.chain(lights).for_each(|position| position.get_mut().origin = origin);
+    }
+
     /// Returns true if pictures of the scene have an alpha channel.
     pub(super) fn is_transparent(&self) -> bool {
         matches!(self.background, Some(BackgroundWire::Transparent))

@@ -5,11 +5,12 @@
 use super::super::document::Document;
 use super::super::framing::{self, Ball, Lens, View};
 use super::super::validate::check_camera;
-use super::super::wire::{CameraWire, Vector};
+use super::super::wire::{CameraWire, Position};
 use super::super::{Camera, Mesh, Shot};
 use super::Seen;
 use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
+use toml::Spanned;
 
 impl CameraWire {
     /// Returns true if the scene file sets an azimuth or an elevation. raycl then places the camera so that
@@ -40,7 +41,7 @@ pub(super) fn camera(
     let lens = field_of_view(document, wire)?;
     let base = base_camera(wire, lens, mesh, ball, seen, shot, notes);
     let camera = with_values(document, wire, base, lens, ball)?;
-    let eye = wire.position.as_ref().map_or(0..0, toml::Spanned::span);
+    let eye = wire.position.as_ref().map_or(0..0, Spanned::span);
     check_camera(&camera).map_err(|error| document.located(eye, error, "this camera"))?;
     Ok(camera)
 }
@@ -88,8 +89,8 @@ fn with_values(
 ) -> Result<Camera> {
     let z_near = wire.z_near.map_or(base.z_near, |value| value.0);
     let base = Camera { z_near, ..lens.map_or(base, |lens| lens.on(base)) };
-    let given = |v: &Option<toml::Spanned<Vector>>| v.as_ref().map(|v| Vec3::from_array(v.get_ref().0));
-    let up = given(&wire.up);
+    let given = |position: &Option<Spanned<Position>>| position.as_ref().map(|p| p.get_ref().in_scene());
+    let up = wire.up.as_ref().map(|up| Vec3::from_array(up.get_ref().0));
     // With a ball around the scene, `up` has already determined the base camera.
     let up_is_used = up.is_none() || ball.is_some() && up != Some(Vec3::ZERO);
     if wire.position.is_none() && wire.look_at.is_none() && up_is_used {
@@ -125,11 +126,12 @@ fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<Lens>>
 }
 
 fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, direction: DVec3, up: Vec3) -> Error {
-    let keys = [&wire.up, &wire.look_at, &wire.position];
-    let at =
-        |order: [usize; 3]| order.iter().find_map(|&i| keys[i].as_ref()).map_or(0..0, toml::Spanned::span);
+    let span = |position: &Option<Spanned<Position>>| position.as_ref().map(Spanned::span);
+    let keys = [wire.up.as_ref().map(Spanned::span), span(&wire.look_at), span(&wire.position)];
+    let at = |order: [usize; 3]| order.iter().find_map(|&i| keys[i].clone()).unwrap_or_default();
     if direction == DVec3::ZERO {
-        let message = format!("the camera is at {position} and looks at the same point");
+        let in_file = wire.position.as_ref().map_or(position.as_dvec3(), |given| given.get_ref().in_file);
+        let message = format!("the camera is at {in_file} and looks at the same point");
         let span = at([1, 2, 0]);
         let error = document.error(span.clone(), message, "no direction");
         return document.with_settings(&span, error.with_help("move position or look_at"));

@@ -67,11 +67,11 @@ pub(super) fn check_lights(
 }
 
 fn light(wire: &LightWire) -> Light {
-    let (position, power) = (wire.position.get_ref().0, wire.power.get_ref().0);
+    let power = wire.power.get_ref().0;
     let radius = wire.radius.map_or(0.0, |radius| radius.0);
     let area = wire.edges.as_ref().map(|edges| {
         let shape = wire.shape.as_ref().map(|shape| *shape.get_ref()).unwrap_or_default();
         Area { shape, edges: edges.get_ref().map(|edge| Vec3::from_array(edge.0)) }
     });
-    Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius, area }
+    Light { position: wire.position.get_ref().in_scene(), power: Vec3::from_array(power), radius, area }
 }

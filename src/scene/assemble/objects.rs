@@ -6,13 +6,13 @@ use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
 use crate::scene::document::Document;
-use crate::scene::files::{self, MeshFile};
+use crate::scene::files::{self, MeshFile, Placement};
 use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS, WHITE_RADIANCE};
 use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
-use crate::scene::wire::{MaterialWire, ObjectWire, Whole};
+use crate::scene::wire::{MaterialWire, ObjectWire, Position, Whole};
 use crate::scene::{Material, MaterialKind, Mesh, Triangle, obj};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
@@ -41,7 +41,7 @@ pub(super) fn make(
                 .map_err(|error| document.located(name.span(), error, "too fine for this machine"))?;
             made(shapes::generate(&shape))
         }
-        (None, None, Some(vertices)) => made(inline(document, wire, vertices)?),
+        (None, None, Some(vertices)) => inline(document, wire, vertices)?,
         _ => {
             let message = "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces";
             return Err(document.error(span, message, "this object has none or several of them"));
@@ -54,19 +54,42 @@ pub(super) fn make(
     Ok(file)
 }
 
-/// Transforms the object's triangles to the coordinates of the scene, and applies the object's `material` to
-/// them.
-pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile) -> MeshFile {
+fn transform(wire: &ObjectWire) -> Transform {
     let vector = |values: Option<[f32; 3]>, default| values.map_or(default, Vec3::from_array);
-    let transform = Transform {
+    Transform {
         scale: vector(wire.scale.map(|v| v.0), Vec3::ONE),
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
-        translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
-    };
-    // A mesh that was far from the origin was moved to the origin when it was read. A bare mesh stays at the
-    // origin.
-    let origin = if document.bare { DVec3::ZERO } else { file.placement.origin };
-    transform.apply(&mut file.mesh, origin);
+        translation: wire.translation.map_or(DVec3::ZERO, |translation| translation.in_file),
+    }
+}
+
+/// Returns the origin of a scene with these objects, in the file's coordinates: zero, unless the scene is far from the
+/// file's origin. A bare mesh was moved to its origin when it was read, and stays there.
+pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files: &[MeshFile]) -> DVec3 {
+    let bounds = objects.iter().zip(files).filter_map(|(wire, file)| {
+        let (low, high) = file.mesh.bounds()?;
+        let in_file = [low, high].map(|corner| corner.as_dvec3() + file.placement.origin);
+        Some(transform(wire.get_ref()).bounds(in_file.into()))
+    });
+    let all = bounds.reduce(|(a, b), (c, d)| (a.min(c), b.max(d))).filter(|_| !document.bare);
+    all.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
+}
+
+/// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene file's
+/// coordinates. Applies the object's `material` to them.
+pub(super) fn placed(
+    document: &Document,
+    wire: &ObjectWire,
+    mut file: MeshFile,
+    origin: DVec3,
+) -> MeshFile {
+    let from = if document.bare { DVec3::ZERO } else { file.placement.origin };
+    let mut transform = transform(wire);
+    if origin == DVec3::ZERO {
+        // Positions near the file's origin are the same bit for bit as the cameras and lights in single precision.
+        transform.translation = transform.translation.as_vec3().as_dvec3();
+    }
+    transform.apply(&mut file.mesh, from, origin);
     file.mesh.materials.iter_mut().for_each(|material| material.emitted *= WHITE_RADIANCE);
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
@@ -246,8 +269,8 @@ type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 fn inline(
     document: &Document,
     wire: &ObjectWire,
-    vertices: &Spanned<Vec<crate::scene::wire::Vector>>,
-) -> Result<Mesh> {
+    vertices: &Spanned<Vec<Position>>,
+) -> Result<MeshFile> {
     let Some(faces) = &wire.faces else {
         return Err(document.error(
             vertices.span(),
@@ -255,30 +278,39 @@ fn inline(
             "these vertices are in no face",
         ));
     };
-    let vectors = |list: &[crate::scene::wire::Vector]| list.iter().map(|v| Vec3::from_array(v.0)).collect();
+    let vertices: Vec<DVec3> = vertices.get_ref().iter().map(|position| position.in_file).collect();
     let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
-    mesh.positions = vectors(vertices.get_ref());
-    mesh.normals = wire.normals.as_ref().map(|list| vectors(list.get_ref())).unwrap_or_default();
+    let normals = wire.normals.as_ref().map(Spanned::get_ref);
+    mesh.normals = normals.into_iter().flatten().map(|normal| Vec3::from_array(normal.0)).collect();
     // Without `face_normals`, each vertex has the normal with the vertex's own number.
     let face_normals = wire.face_normals.as_ref().or(wire.normals.as_ref().map(|_| faces));
-    check_indices(document, faces, mesh.positions.len(), "vertex")?;
+    check_indices(document, faces, vertices.len(), "vertex")?;
     if let Some(face_normals) = face_normals {
         check_indices(document, face_normals, mesh.normals.len(), "normal")?;
         check_lengths(document, faces, face_normals)?;
     }
     for (at, face) in faces.get_ref().iter().enumerate() {
         let normals = face_normals.map(|lists| lists.get_ref()[at].get_ref().as_slice());
-        push_face(document, &mut mesh, face, normals)?;
+        push_face(document, &mut mesh, &vertices, face, normals)?;
     }
     if mesh.triangles.is_empty() {
         return Err(document.error(faces.span(), "`faces` is empty: no triangles", "here"));
     }
-    Ok(mesh)
+    // Vertices far from the origin are relative to a nearer origin until they are in the scene's coordinates.
+    let placement = Placement { scale: 1.0, ..files::placement_of(used(&mesh, &vertices)) };
+    mesh.positions = vertices.into_iter().map(|vertex| placement.apply(vertex).as_vec3()).collect();
+    Ok(MeshFile { mesh, placement, ..MeshFile::default() })
+}
+
+/// Returns the vertices of the triangles of `mesh`.
+fn used<'a>(mesh: &'a Mesh, vertices: &'a [DVec3]) -> impl Iterator<Item = &'a DVec3> {
+    mesh.triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| &vertices[corner as usize])
 }
 
 fn push_face(
     document: &Document,
     mesh: &mut Mesh,
+    vertices: &[DVec3],
     face: &Spanned<Vec<u32>>,
     normals: Option<&[u32]>,
 ) -> Result<()> {
@@ -287,7 +319,7 @@ fn push_face(
         let message = format!("a face of {} corners; expected three or more", corners.len());
         return Err(document.error(face.span(), message, "here"));
     }
-    let outline: Vec<_> = corners.iter().map(|&i| mesh.positions[i as usize].as_dvec3()).collect();
+    let outline: Vec<_> = corners.iter().map(|&i| vertices[i as usize]).collect();
     let triangles = obj::triangulate(&outline).ok_or_else(|| {
         let message = format!(
             "a concave face of more than {} corners; divide it into smaller faces",

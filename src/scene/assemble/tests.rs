@@ -377,43 +377,97 @@ fn the_shadow_bias_is_a_ten_thousandth_of_the_diagonal_unless_it_is_given() {
 /// Near the origin, the default shadow bias must be, bit for bit, the bias with which the stored records were
 /// measured.
 #[test]
-fn far_from_the_origin_the_shadow_bias_exceeds_the_rounding_of_coordinates_and_the_scene_is_noted() {
+fn the_shadow_bias_exceeds_the_rounding_of_coordinates_unless_the_scene_moves_to_an_origin_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
-    let bias_and_note = |surface: f32, eye: f32| {
+    let bias = |surface: f32, eye: f32| {
         let object = "[[object]]\nvertices = [[0, 0, 0], [3, 0, 0], [0, 4, 0]]\nfaces = [[0, 1, 2]]\n";
         let camera = format!("[camera]\nposition = [{eye}, 1, 3]\n");
         std::fs::write(&path, format!("{camera}{object}translation = [{surface}, 0, 0]\n")).unwrap();
-        let loaded = load_scene_with(&path, &[]).unwrap();
-        let note = loaded.notes.into_iter().find(|note| note.contains("coordinates reach"));
-        (loaded.scene.shadow_bias, note.unwrap_or_default())
+        load_scene_with(&path, &[]).unwrap().scene.shadow_bias
     };
     let usual = 1e-4 * 5.0_f32;
     let far = |coordinate: f32| 8.0 * f32::EPSILON * coordinate;
-    for (surface, eye, bias, is_noted) in [
-        (0.0, 0.0, usual, false),
-        (-400.0, -400.0, usual, false),
-        (4000.0, 4000.0, far(4003.0), false),
-        (-50_000.0, -50_000.0, far(50_000.0), true),
-        (0.0, 100_000.0, far(100_000.0), false),
+    for (surface, eye, expected) in [
+        (0.0, 0.0, usual),
+        (-30.0, -30.0, usual),
+        (-50_000.0, -50_000.0, usual),
+        (0.0, 100_000.0, far(100_000.0)),
+        (-50_000.0, 100_000.0, far(149_998.0)),
     ] {
-        let (actual, note) = bias_and_note(surface, eye);
-        assert_eq!((actual, !note.is_empty()), (bias, is_noted), "{surface}, {eye}: {note}");
+        assert_eq!(bias(surface, eye), expected, "{surface}, {eye}");
     }
-    let note = bias_and_note(-50_000.0, 0.0).1;
-    assert!(note.contains("diagonal of the scene's box is only 5, but coordinates reach 50000"), "{note}");
-    assert!(note.contains("subtract about [-49998.5, 2, 0] from"), "{note}");
+}
+
+/// Two meshes, of which one is turned and scaled about the file's origin, a light and a camera.
+fn scene_at(offset: [f64; 3]) -> String {
+    let at = |position: [f64; 3]| format!("{:?}", std::array::from_fn::<_, 3, _>(|i| position[i] + offset[i]));
+    let vertices = [[-1.0, -1.0, -5.0], [1.0, -1.0, -5.0], [0.0, 1.0, -5.0]].map(at).join(", ");
+    // A rotation by 90 degrees about z turns (x, y) to (-y, x).
+    let [x, y, z] = offset;
+    let turned = [[y / 2.0, -x / 2.0, z / 2.0 - 2.0], [y / 2.0 + 0.25, -x / 2.0, z / 2.0 - 2.0], [
+        y / 2.0,
+        0.25 - x / 2.0,
+        z / 2.0 - 2.0,
+    ]];
+    format!(
+        "[camera]\nposition = {}\nlook_at = {}\n[[light]]\nposition = {}\npower = 9\n[[object]]\n\
+         vertices = [{vertices}]\nfaces = [[0, 1, 2]]\n[[object]]\nvertices = {turned:?}\nfaces = [[0, 1, 2]]\n\
+         scale = 2\nrotation = [0, 0, 90]\n[[object]]\nshape = \"sphere\"\ntriangles = 8\ntranslation = {}\n",
+        at([0.0, 0.25, 1.0]),
+        at([0.0, 0.0, -4.0]),
+        at([1.0, 2.0, 0.0]),
+        at([2.0, 0.5, -6.0]),
+    )
 }
 
 #[test]
-fn a_mesh_far_from_the_origin_is_moved_there_alone_and_keeps_its_position_in_a_scene() {
+fn a_scene_far_from_the_origin_is_the_scene_at_the_origin_moved_as_a_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let load = |offset: [f64; 3]| {
+        std::fs::write(&path, scene_at(offset)).unwrap();
+        let loaded = load_scene_with(&path, &[]).unwrap();
+        assert!(loaded.notes.is_empty(), "{:?}", loaded.notes);
+        loaded.scene
+    };
+    let (near, far) = (load([0.0; 3]), load([500_000.0, 5_400_000.0, 212.5]));
+    let moved = far.camera.position - near.camera.position;
+    let is_moved = |from: Vec3, to: Vec3| (from + moved - to).abs().max_element() < 1e-5;
+    let positions = |scene: &Scene| scene.mesh.positions.clone();
+    let all = positions(&near).into_iter().zip(positions(&far));
+    assert!(moved.length() < 10.0 && all.into_iter().all(|(from, to)| is_moved(from, to)), "{moved}");
+    assert!(is_moved(near.lights[0].position, far.lights[0].position));
+    assert!(near.camera.forward.distance(far.camera.forward) < 1e-6);
+    assert_eq!(near.lights[0].power, far.lights[0].power);
+}
+
+#[test]
+fn a_scene_keeps_its_coordinates_if_its_centre_is_up_to_16_radii_away() {
     let folder = tempfile::tempdir().unwrap();
     let [path, scene] = ["a.obj", "a.toml"].map(|name| folder.path().join(name));
     std::fs::write(&path, "v 4096 0 0\nv 4096.5 0 0\nv 4096 0.5 0\nf 1 2 3\n").unwrap();
-    std::fs::write(&scene, "[[object]]\nmesh = \"a.obj\"\n").unwrap();
-    let first = |path: &Path| load_scene_with(path, &[]).unwrap().scene.mesh.positions[0];
-    assert_eq!(first(&path), Vec3::new(-0.25, -0.25, 0.0));
-    assert_eq!(first(&scene), Vec3::new(4096.0, 0.0, 0.0));
+    let positions = |path: &Path| load_scene_with(path, &[]).unwrap().scene.mesh.positions.clone();
+    let of_scene = |more: &str| {
+        std::fs::write(&scene, format!("[[object]]\nmesh = \"a.obj\"\n{more}")).unwrap();
+        positions(&scene)
+    };
+    assert_eq!(positions(&path)[0], Vec3::new(-0.25, -0.25, 0.0));
+    assert_eq!(of_scene("")[0], Vec3::new(-0.25, -0.25, 0.0));
+    assert_eq!(of_scene("translation = [-4095.9, 0, 0]\n")[0], Vec3::X * (4096.0 - 4095.9_f32));
+    // With a sphere at the origin, the scene is not far away.
+    let both = of_scene("[[object]]\nshape = \"sphere\"\ntriangles = 8\n");
+    assert_eq!(both[0], Vec3::X * 4096.0);
+}
+
+#[test]
+fn a_mistake_of_a_far_camera_is_reported_in_the_files_coordinates() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let text = scene_at([500_000.0, 0.0, 0.0]).replace("look_at = [500000.0, 0.0, -4.0]", "look_at = [500000, 0.25, 1]");
+    std::fs::write(&path, text).unwrap();
+    let error = load_scene_with(&path, &[]).unwrap_err();
+    assert!(error.message().contains("the camera is at [500000, 0.25, 1] and looks at the same point"), "{error}");
 }
 
 #[test]

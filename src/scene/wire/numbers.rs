@@ -2,6 +2,7 @@
 
 use crate::scene::material::{MAX_EMITTED, MAX_REFLECTANCE, MAX_SHININESS};
 use crate::scene::validate::MAX_POWER;
+use glam::{DVec3, Vec3};
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Unexpected, Visitor};
 use serde_json::{Value, json};
 use std::fmt;
@@ -78,27 +79,51 @@ pub(in crate::scene) struct Triple<R>(pub [f32; 3], PhantomData<R>);
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Vector(pub [f32; 3]);
 
+/// A position of a scene file, in double precision. A scene that lies far from the file's origin, such as a map, gets
+/// an origin of its own before its positions are rounded to single precision.
+#[derive(Clone, Copy)]
+pub(in crate::scene) struct Position {
+    /// The position in the file's coordinates.
+    pub in_file: DVec3,
+    /// The scene's origin in the file's coordinates; zero unless the scene lies far from the file's origin.
+    pub origin: DVec3,
+}
+
+impl Position {
+    /// Returns the position in the scene's coordinates.
+    pub fn in_scene(&self) -> Vec3 {
+        (self.in_file - self.origin).as_vec3()
+    }
+}
+
 /// A whole number from `LEAST` to `MOST`.
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Whole<const LEAST: u32, const MOST: u32>(pub u32);
 
 impl<'de, R: Range> Deserialize<'de> for Number<R> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(NumberVisitor::<R>(PhantomData)).map(|value| Self(value, PhantomData))
+        Wide::<R>::deserialize(deserializer).map(|Wide(value, range)| Self(value as f32, range))
     }
 }
 
 impl<'de, R: Range> Deserialize<'de> for Triple<R> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let visitor = TripleVisitor::<R> { single: true, range: PhantomData };
-        deserializer.deserialize_any(visitor).map(|values| Self(values, PhantomData))
+        deserializer.deserialize_any(visitor).map(|values| Self(values.map(|value| value as f32), PhantomData))
     }
 }
 
 impl<'de> Deserialize<'de> for Vector {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Position::deserialize(deserializer).map(|position| Self(position.in_scene().to_array()))
+    }
+}
+
+impl<'de> Deserialize<'de> for Position {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let visitor = TripleVisitor::<Finite> { single: false, range: PhantomData };
-        deserializer.deserialize_any(visitor).map(Self)
+        let in_file = deserializer.deserialize_any(visitor).map(DVec3::from_array)?;
+        Ok(Self { in_file, origin: DVec3::ZERO })
     }
 }
 
@@ -123,9 +148,17 @@ impl<const LEAST: u32, const MOST: u32> Visitor<'_> for WholeVisitor<LEAST, MOST
     }
 }
 
-fn checked<R: Range, E: serde::de::Error>(value: f64) -> Result<f32, E> {
-    let narrow = value as f32;
-    if R::contains(narrow) { Ok(narrow) } else { Err(E::custom(refusal::<R>(value))) }
+/// A number whose value in single precision is in a range, in the precision of the file.
+struct Wide<R>(f64, PhantomData<R>);
+
+impl<'de, R: Range> Deserialize<'de> for Wide<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(NumberVisitor::<R>(PhantomData)).map(|value| Self(value, PhantomData))
+    }
+}
+
+fn checked<R: Range, E: serde::de::Error>(value: f64) -> Result<f64, E> {
+    if R::contains(value as f32) { Ok(value) } else { Err(E::custom(refusal::<R>(value))) }
 }
 
 /// Returns the message for a number out of its range.
@@ -151,17 +184,17 @@ fn short(value: f64) -> String {
 struct NumberVisitor<R>(PhantomData<R>);
 
 impl<R: Range> Visitor<'_> for NumberVisitor<R> {
-    type Value = f32;
+    type Value = f64;
 
     fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
         out.write_str(R::EXPECTED)
     }
 
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<f32, E> {
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<f64, E> {
         checked::<R, E>(value)
     }
 
-    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<f32, E> {
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<f64, E> {
         checked::<R, E>(value as f64)
     }
 }
@@ -173,33 +206,33 @@ pub(super) struct TripleVisitor<R> {
 }
 
 impl<'de, R: Range> Visitor<'de> for TripleVisitor<R> {
-    type Value = [f32; 3];
+    type Value = [f64; 3];
 
     fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
         let single = if self.single { "a number or " } else { "" };
         write!(out, "{single}three numbers [x, y, z], each {}", R::EXPECTED)
     }
 
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<[f32; 3], E> {
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<[f64; 3], E> {
         if self.single {
             return checked::<R, E>(value).map(|value| [value; 3]);
         }
         Err(E::invalid_type(serde::de::Unexpected::Float(value), &self))
     }
 
-    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<[f32; 3], E> {
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<[f64; 3], E> {
         if self.single {
             return checked::<R, E>(value as f64).map(|value| [value; 3]);
         }
         Err(E::invalid_type(serde::de::Unexpected::Signed(value), &self))
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<[f32; 3], A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<[f64; 3], A::Error> {
         let mut values = Vec::with_capacity(3);
-        while let Some(Number::<R>(value, _)) = sequence.next_element()? {
+        while let Some(Wide::<R>(value, _)) = sequence.next_element()? {
             values.push(value);
         }
-        <[f32; 3]>::try_from(values).map_err(|values| A::Error::invalid_length(values.len(), &self))
+        <[f64; 3]>::try_from(values).map_err(|values| A::Error::invalid_length(values.len(), &self))
     }
 }
 
