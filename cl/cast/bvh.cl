@@ -3,8 +3,8 @@
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. The rays run in
-// the direction TO_LIGHT. They start at the distance `bias` from POINT, so that the triangle at POINT does not shadow
-// itself. (POINT and TO_LIGHT are working vectors.)
+// the direction TO_LIGHT. The rays start at the distance `bias` from POINT, so that the triangle at POINT does not
+// shadow itself. (POINT and TO_LIGHT are working vectors.)
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
@@ -12,8 +12,8 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Mask open = wanted;
 #define REACH SELECT(open, t_max, (varying)(-1.0f))
 #else
-// For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if there is none. The
-// rays are in the working vectors.
+// For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if the ray hits nothing.
+// The rays are in the working vectors.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     const Vec3 from = working_get(working, RAY_ORIGIN);
     const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
@@ -26,7 +26,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     Waiting stack[STACK_SIZE];
     int waiting = 0;
     // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Among the children of
-    // one node, the nearest is topmost.
+    // one node, the nearest is on top of the stack.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
@@ -49,14 +49,14 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
-                // Lanes that are not wanted (outside the image) take part in the traversal, but record no hit.
+                // Lanes that are not in `wanted` (outside the image) take part in the traversal, but store no hit.
                 const Mask nearer = wanted & SOLID(&scene->textures, leaf_triangle(&scene->tree, index), hit);
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, index);
                 nearest->t = SELECT(nearer, hit.t, nearest->t);
                 nearest->triangle = SELECT(nearer, (varying_int)(triangle), nearest->triangle);
-                // With eager shading, this call shades every hit that is nearer than the hits before it. With deferred
-                // shading, the call does nothing.
+                // With eager shading, on_nearer_hit shades every hit that is nearer than the ray's earlier hits. With
+                // deferred shading, on_nearer_hit does nothing.
                 on_nearer_hit(working, scene, triangle, &hit, nearer);
 #endif
             }
@@ -68,7 +68,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         }
 #if !ANY_HIT
         const varying reach = REACH;
-        // A child is dropped if, since it was pushed, every ray has found a hit nearer than the child's box.
+        // A child leaves the stack unvisited if every ray has found a hit nearer than the child's box.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

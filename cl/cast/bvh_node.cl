@@ -26,7 +26,7 @@ typedef struct {
 } Waiting;
 
 // Pushes a child of a node onto the stack. `waiting` is the number of the stack's entries; `below` is the number of
-// entries before the first child of this node was pushed. Returns the new number of entries.
+// entries before the first child of this node was pushed. Returns the new number of the stack's entries.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int slot = waiting;
     // Insertion sort: children of this node that the rays enter earlier than the new child move up, so that the nearest
@@ -62,19 +62,19 @@ BoxLanes pass_sides(const __global float *sides, float origin, float per_directi
 }
 
 // Pushes those children of a node onto the stack whose boxes the ray enters before t = `reach`. The nearest child is on
-// top. Returns the new number of the stack's entries.
+// top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     const int below = waiting;
     for (int first = 0; first < NODE_WIDTH; first += CHILD_LANES) {
         const __global float *box = node + first;
-        // This is the slab test (Kay and Kajiya 1986), with one lane per child. Along each axis, it computes the values
-        // of t at which the ray crosses the two sides of the box.
+        // This is the slab test (Kay and Kajiya 1986), with one lane per child. Along each axis, the test computes the
+        // two values of t at which the ray crosses the sides of a child's box.
         const BoxLanes x0 = pass_sides(box, o.x, per.x), x1 = pass_sides(box + NODE_WIDTH, o.x, per.x);
         const BoxLanes y0 = pass_sides(box + 2 * NODE_WIDTH, o.y, per.y), y1 = pass_sides(box + 3 * NODE_WIDTH, o.y, per.y);
         const BoxLanes z0 = pass_sides(box + 4 * NODE_WIDTH, o.z, per.z), z1 = pass_sides(box + 5 * NODE_WIDTH, o.z, per.z);
         EachBox entry, leave, word;
-        // The ray is in the box from the moment when it has entered all three slabs until it leaves one of the three.
+        // A ray enters a box when it enters the last of three slabs, and leaves the box when it first leaves a slab.
         entry.all = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (BoxLanes)(0.0f)));
         leave.all = min(min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * OUTWARDS, (BoxLanes)(reach));
         word.all = *(const __global BoxLanes *)(box + CHILD_ROW);
@@ -90,8 +90,8 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
 // the box.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
-    // This is the slab test (Kay and Kajiya 1986), with one lane per ray. Along each axis, it computes the values of t
-    // at which the rays cross the two sides of the box.
+    // This is the slab test (Kay and Kajiya 1986), with one lane per ray. Along each axis, the test computes the two
+    // values of t at which each ray crosses the sides of the box.
     const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
     const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
     const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;
@@ -104,7 +104,7 @@ Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, 
 // Returns the smallest value in the lanes that are set in the mask.
 float least_of(varying values, Mask mask) {
     Lanes lanes;
-    // All other lanes get FAR, the largest float, so that they do not count.
+    // Lanes that are not set in the mask get FAR, the largest float, so that they do not count.
     lanes.all = SELECT(mask, values, (varying)(FAR));
     float least = lanes.each[0];
     for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);
@@ -112,14 +112,14 @@ float least_of(varying values, Mask mask) {
 }
 
 // Pushes those children of a node onto the stack whose boxes at least one ray enters before the ray's `reach`. The
-// nearest child is on top. Returns the new number of the stack's entries.
+// nearest child is on top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {
         varying entry;
         const Mask met = enter_box(probe, node + child, reach, &entry);
         // If one ray enters the box, the whole packet visits the child. The child's `entry` is the smallest t at which
-        // one of the rays enters.
+        // one of the rays enters its box.
         if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
     }
     return waiting;

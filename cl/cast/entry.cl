@@ -1,6 +1,6 @@
 // The kernels for rays that are cast one by one, or together in the lanes of a vector. These kernels call functions
 // from the files of the strategy's axes (see cast/parts.cl). The kernels also declare the __local arrays that these
-// files need, because OpenCL C allows __local arrays only in kernels.
+// functions need, because OpenCL C allows __local arrays only in kernels.
 
 #ifndef FUSED
 #error "FUSED: 0 or 1: whether one kernel casts a whole frame"
@@ -24,7 +24,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
     // All lanes have taken part in closest_hit, even lanes outside the image, because all work-items must reach the
-    // barriers in closest_hit. From now on, lanes outside the image count as misses.
+    // barriers in closest_hit. After closest_hit, lanes outside the image count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -51,8 +51,8 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
-    // The seven vectors have one lane per ray: three for the origin, three for the direction, one for t_min. Lanes for
-    // which no ray is left contain the last ray again.
+    // `ray` has seven vectors with one lane per ray: three for the origin, three for the direction, one for t_min.
+    // Lanes after the buffer's last ray contain the last ray again.
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {

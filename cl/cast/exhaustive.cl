@@ -8,20 +8,20 @@
 // from the light to P, because the planes of the edges were computed for rays that start at the light.
 //
 // If triangles are streamed through __local memory, the loop over them is unrolled by 8. On a GPU, casting is then 7%
-// faster than if the loop is unrolled by 4, as the GPU's compiler chooses. With PLANES_OF_ORIGIN, the loop is unrolled
-// by 4. Casting is then 5% faster than if the loop is unrolled by 8, by 2, or as the compiler chooses.
+// faster than if the compiler unrolls the loop (by 4). With PLANES_OF_ORIGIN, the loop over triangles is unrolled by 4.
+// Casting is then 5% faster than if the loop is unrolled by 8, by 2, or as the compiler chooses.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. Without
-// PLANES_OF_ORIGIN, the ray runs in the direction TO_LIGHT. It starts at the distance `bias` from the working vector
-// POINT, so that the triangle at POINT does not shadow itself. `open` contains the lanes that have hit nothing yet: a
-// lane is finished at its first hit on any triangle.
+// PLANES_OF_ORIGIN, the ray runs in the direction TO_LIGHT. The ray starts at the distance `bias` from the working
+// vector POINT, so that the triangle at POINT does not shadow itself. `open` contains the lanes that have hit nothing
+// yet: a lane is finished at its first hit on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
 #else
-// For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if there is none. The
-// rays are in the working vectors. Lanes that are not in `wanted` begin with a nearest hit at t = 0, so that they
+// For each lane of `wanted`, stores the ray's nearest hit at t > t_min in `nearest`, or NO_HIT if the ray hits nothing.
+// The rays are in the working vectors. Lanes that are not in `wanted` begin with a nearest hit at t = 0, so that they
 // accept no hit.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
@@ -53,8 +53,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if ANY_HIT
             const Vec3 to_light = working_get(working, TO_LIGHT);
 #if PLANES_OF_ORIGIN
-            // The planes of the triangle's edges were prepared for the reverse ray, which starts at the light. The
-            // planes contain the light, so the test needs no origin: `from` is never used.
+            // The planes of the triangle's edges were prepared for the reverse shadow ray, which starts at the light.
+            // The planes contain the light, so the test needs no origin, and never uses `from`.
             const Vec3 direction = negate(to_light);
             const Vec3 from = direction;
 #else
@@ -76,8 +76,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
             if (!ANY(hit.lanes)) continue;
             nearest->t = SELECT(hit.lanes, hit.t, nearest->t);
             nearest->triangle = SELECT(hit.lanes, (varying_int)(first + k), nearest->triangle);
-            // With eager shading, this call shades every hit that is nearer than the hits before it. With deferred
-            // shading, the call does nothing.
+            // With eager shading, on_nearer_hit shades every hit that is nearer than the ray's earlier hits. With
+            // deferred shading, on_nearer_hit does nothing.
             on_nearer_hit(working, scene, first + k, &hit, hit.lanes);
 #endif
         }

@@ -12,7 +12,7 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
 }
 
 #if SMOOTH_SHADOWS
-// Writes a triangle's corners into one lane of nine columns.
+// Writes the nine coordinates of a triangle's corners into one lane of nine columns (vectors).
 void gather_corners(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     const Corners own = corners(geometry, triangle);
     column[0].each[lane] = own.a.x, column[1].each[lane] = own.a.y, column[2].each[lane] = own.a.z;
@@ -20,7 +20,7 @@ void gather_corners(const Geometry *geometry, int triangle, int lane, Lanes *col
     column[6].each[lane] = own.c.x, column[7].each[lane] = own.c.y, column[8].each[lane] = own.c.z;
 }
 
-// Moves each lane's hit on the lane's triangle onto the smooth surface (smooth_shadows.cl). The values of lanes whose
+// Moves each lane's hit on the lane's triangle onto the smooth surface (smooth_shadows.cl). The points of lanes whose
 // triangle is NO_HIT have no meaning.
 void move_hits(const Geometry *geometry, varying_int triangle, const Surface *surface, Vec3 weights, Vec3 *point) {
     Lanes column[9];
@@ -46,7 +46,7 @@ void move_hits(const Geometry *geometry, varying_int triangle, const Surface *su
 
 #include "common/intersect_plane.cl"
 
-// Returns the hit (t and the weights) of each lane's ray on that lane's triangle. The values of lanes whose triangle is
+// Returns the hit (t and the weights) of each lane's ray on that lane's triangle. The hits of lanes whose triangle is
 // NO_HIT have no meaning.
 Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
     Lanes column[9];

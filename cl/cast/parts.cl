@@ -1,6 +1,6 @@
 // This file includes the parts of kernels that cast rays: common files, and a file for the strategy's value on each of
-// several axes. Its macros assign the kernels' arguments to structures. In an include, the name of an axis in {braces}
-// is replaced by the strategy's value. An include under `#if NAME` is only followed if the host defines NAME as 1.
+// several axes. Macros assign the kernels' arguments to structures. In an include, the name of an axis in {braces} is
+// replaced by the strategy's value. The host leaves out an include under `#if NAME` if it defines NAME as 0.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -197,7 +197,7 @@ varying begin_rays(Working *working, Ray ray) {
 #endif
 
 // Stores one number per pixel for the next pass: the number of the pixel's nearest triangle, or NO_HIT. Even with a
-// tree, this is the triangle's number in the mesh, not its index in leaf order.
+// tree, the stored number is the triangle's number in the mesh, not its index in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

@@ -1,18 +1,18 @@
 // Tests rays that share an origin: the eye for primary rays, a light for shadow rays. P and Q are the ends of an edge,
 // relative to this origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q) = 2 P x Q. A ray
-// lies inside the edge if the dot product of its direction and this normal is positive. The triangle on the edge's
-// other side has the same plane with all signs reversed. 1 / t is the dot product of the direction with N / (N . A),
-// where A is a corner relative to the origin, and N the triangle's normal. Once per frame, the kernel prepare_origins
-// computes a row for each triangle and each origin: the normals of the three planes, and N / (N . A).
+// lies inside the edge if the dot product of its direction and this normal is positive. Two triangles have the same
+// plane for the edge that they share, but with all signs reversed. 1 / t is the dot product of the direction with
+// N / (N . A), where A is a corner relative to the origin, and N the triangle's normal. Once per frame, the kernel
+// prepare_origins computes a row for each triangle and each origin: the normals of the three planes, and N / (N . A).
 
 #ifndef LINEAR_IN_PIXEL
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
 // ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. If vectors are
-// implemented as separate scalars, as on a GPU, most tests end at a check. The checks then make casting 43% faster, or
-// 28% faster if the planes are linear in the pixel. If a vector is a register, as on a CPU, a check costs more than the
-// dot product of an edge. The checks then make casting 10% slower.
+// implemented as separate scalars, as on a GPU, most tests end at a check. On a GPU, the checks make casting 43%
+// faster, or 28% faster if the planes are linear in the pixel. If a vector is a register, as on a CPU, a check costs
+// more than the dot product of an edge. On a CPU, the checks make casting 10% slower.
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -32,9 +32,9 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 }
 
 // Returns the number with which the multiply-adds of an edge function begin, for rays from an origin (0 is the eye, i
-// is light i - 1). Usually, this number is the overlap of neighbouring triangles, which allows for the rounding error
-// of edge functions. Planes are scaled so that the overlap is 1. Adding the overlap costs nothing, since a chain of
-// multiply-adds begins with some number anyway.
+// is light i - 1). Usually, overlap_of returns the overlap of neighbouring triangles, which allows for the rounding
+// error of edge functions. Planes are scaled so that the overlap is 1. Adding the overlap costs nothing, since a chain
+// of multiply-adds begins with some number anyway.
 //
 // With LINEAR_IN_PIXEL, rays from the eye are in pixel coordinates: the ray through the point (x, y) of the image, in
 // pixels, has the direction (x, y, 1). The third component of this direction is 1, so row_along_pixels has already
@@ -43,8 +43,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
 // Returns a plane's dot product with a direction, plus `begin`. In pixel coordinates (see overlap_of), all rays share
-// the term with z, and rays through the same row of pixels share the term with y. These terms come first, so that
-// compilers can share them.
+// the term with z, and rays through the same row of pixels share the term with y. The terms with z and y come first, so
+// that compilers can share them.
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
@@ -57,8 +57,8 @@ varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
 // Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
 // no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // The test needs one dot product of three terms for each of the three edges. It does not need the origin, since the
-    // planes contain the origin.
+    // The test needs one dot product of three terms for each of the three edges. The test does not need the rays'
+    // origin, since the planes contain it.
     const varying w0 = inside_edge(probe, row.a, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w0))) return 0;
     const varying w1 = inside_edge(probe, row.b, direction);
@@ -68,7 +68,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 
-    // Few rays get here. 1 / t is linear in the direction; the edge functions, divided by their sum, are the weights.
+    // For the few hits: 1 / t is linear in the direction, and the weights are the edge functions divided by their sum.
     const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
     const varying per_sum = 1.0f / (w0 + w1 + w2);
     hit->t = 1.0f / per_t;

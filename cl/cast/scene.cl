@@ -3,7 +3,7 @@
 
 typedef struct {
     Geometry geometry;
-    const __global float *lights; // six floats per light: position (3), power (3)
+    const __global float *lights; // each light's position (3) and power (3), and more with area lights (area_light.cl)
     int light_count;
     float bias; // the distance from the surface at which a shadow ray starts
 #if PLANES_OF_ORIGIN
@@ -30,7 +30,7 @@ typedef struct {
 } Scene;
 
 // Returns a triangle's row (the data that a test reads): loads a prepared row from global memory, or computes the row
-// from the corners. A row of planes depends on the origin (0 is the eye, 1 the first light); other rows do not.
+// from the corners. `origin` (0 is the eye, 1 the first light) matters only if rows consist of planes.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);

@@ -14,7 +14,7 @@
 //           (an area light: times share_towards, see common/area_light.cl)
 //     L_o += L_i f(w_i, w_o, n) (n . w_i), one light's term of the reflection equation
 //
-// With smooth shadows, P is then moved (smooth_shadows.cl).
+// With smooth shadows, the hit P is then moved onto a smooth surface (smooth_shadows.cl).
 void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGLE_PARAMETER varying t, Mask active) {
     const Vec3 weights = working_get(working, WEIGHTS);
     const Vec3 direction = working_get(working, RAY_DIRECTION);
@@ -50,11 +50,11 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
         // If a light is behind the surface, or nearer to the hit than the bias, it contributes nothing and needs no
-        // shadow ray. But if tiles of triangles are streamed through __local memory, the work-item continues, since all
-        // work-items must reach the barriers in any_hit.
+        // shadow ray. If tiles of triangles are streamed through __local memory, the work-item continues anyway, since
+        // all work-items must reach the barriers in any_hit.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
 #if AREA_LIGHTS
-        // The back of an area light is dark, so it needs no shadow ray either.
+        // The back of an area light is dark, so hits behind the light need no shadow ray.
         const varying share = share_towards(at, working_get(working, TO_LIGHT));
         lit &= share > 0.0f;
 #else
@@ -63,8 +63,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
 #endif
-        // The shadow ray's length is `distance - bias`, since one end is at the distance `bias` from the hit; the other
-        // end is the light. The number of the light's origin is 1 + light, since the eye is origin 0.
+        // The shadow ray's length is `distance - bias`, since it connects the light and a point at the distance `bias`
+        // from the hit. The number of the light's origin is 1 + light, since the eye is origin 0.
         const varying length = distance - scene->bias;
 #if PLANES_OF_ORIGIN
         // The ray is cast from the light, and ends a small distance before the hit.
@@ -81,8 +81,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
 #endif
             lit &= !any_hit(working, scene, 1 + light, end, lit);
 #endif
-        // This line is inside the loop, although it always sets the same value. If the line is before the loop, one
-        // compiler moves it behind the barriers in any_hit, where it reads another work-item's register.
+        // TO_EYE is set inside the loop, although its value is always the same. If TO_EYE is set before the loop, one
+        // compiler moves this line behind the barriers in any_hit, where it reads another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = share / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

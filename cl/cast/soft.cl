@@ -2,7 +2,7 @@
 
 #if PLANES_OF_ORIGIN
 // Returns the lanes of `wanted` whose ray is blocked before t_max, like any_hit. These rays have no common origin, so
-// the prepared planes cannot be used. Each ray is tested against the corners of every triangle.
+// planes prepared for an origin cannot be used. Each ray is tested against the corners of every triangle.
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
@@ -27,7 +27,7 @@ void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask 
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);
     if (IS_UNOCCLUDED(&scene->soft)) {
-        // An unoccluded picture gets the sky's mean light, without a ray.
+        // A picture of unoccluded light gets the sky's mean light, without a ray.
         const Vec3 arriving = multiply(surface->lambertian, mean_of_sky(&scene->soft, normal));
         const Vec3 before = working_get(working, RADIANCE);
         working_set(working, RADIANCE, select3(active, add(before, arriving), before));

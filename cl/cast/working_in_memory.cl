@@ -1,6 +1,6 @@
 // The working vectors are an array [9][work-items][3] of varyings in the address space WORKING_SPACE. The array is
-// volatile. Otherwise, compilers would keep a stored vector in registers and not load it again, and measurements would
-// not include the accesses to this memory.
+// volatile, so that compilers load a stored vector again. If compilers kept it in registers, measurements would not
+// include the accesses to this memory.
 
 // With n work-items:   vector 0                          vector 1
 //                      | item 0: x y z | ... | item n-1 | item 0: x y z | ...

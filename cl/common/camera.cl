@@ -1,5 +1,5 @@
 // The pixels and rays of a work-item. The ray through the point (x, y) of the image, in pixels, starts at eye.xyz in
-// the direction corner + x * step_x + y * step_y. This direction has depth 1: its component along the view direction is
+// the direction corner + x * step_x + y * step_y. The direction has depth 1: its component along the view direction is
 // 1. Pixel centres lie at half-integers. eye.w is z_near: hits at this depth or nearer are ignored.
 
 #ifndef CAMERA_PARAMETERS

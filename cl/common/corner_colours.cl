@@ -1,11 +1,11 @@
-// Colours of triangles' corners, interpolated over the triangles. src/reference/texture.rs does the same in f64.
+// Interpolates the colours of triangles' corners. This file's counterpart in f64 is src/reference/texture.rs.
 
 #ifndef COLOUR_STEPS
 #error "COLOUR_STEPS: steps of a channel of 10 bits"
 #endif
 
-// Three words per triangle, one per corner. A word has three channels, each of 10 bits. A channel is the square root of
-// linear light, times COLOUR_STEPS, so that dark colours have finer steps than bright ones:
+// A triangle has three words, the colours of its corners. A word has three channels, each of 10 bits. A channel is the
+// square root of linear light, times COLOUR_STEPS, so that dark colours have finer steps than bright ones:
 //
 //     31 30  | 29 .. 20 | 19 .. 10 | 9 .... 0
 //     unused | red      | green    | blue

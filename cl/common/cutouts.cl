@@ -1,12 +1,12 @@
 // Cut-outs are triangles with a mask: a texture whose alpha channel defines where the surface is and where it has
-// holes. Rays pass through the holes. src/reference/cutouts.rs does the same in f64.
+// holes. Rays pass through the holes. This file's counterpart in f64 is src/reference/cutouts.rs.
 
 #ifndef LEAST_ALPHA_UNIT
 #error "LEAST_ALPHA_UNIT: units of a mask's least alpha per step of an 8-bit channel"
 #endif
 
 // A mask's least alpha is a threshold: points with less alpha are holes. Four words, the head, describe the mask's
-// texture (see textures.cl). The last of them holds the least alpha, from bit 16 on:
+// texture (see textures.cl). The last word of the head holds the least alpha, from bit 16 on:
 //
 //     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v  | wrap u
@@ -27,7 +27,7 @@ int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
-    // One unit is subtracted from the least alpha. Otherwise, rounding could make a hole where all four texels have
+    // One unit is subtracted from the least alpha, because rounding could make a hole where all four texels have
     // exactly the least alpha.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }

@@ -1,9 +1,9 @@
-// A sky that is an environment map: an equirectangular picture of the light from all directions.
-// src/reference/environment.rs does the same in f64.
+// A sky that is an environment map: an equirectangular picture of the light from all directions. This file's
+// counterpart in f64 is src/reference/environment.rs.
 
 // The array `numbers` (a field of Soft, see soft.cl) begins with the sky. Six floats replace the radiance at the zenith
 // and at the horizon, which other skies have: the index of the picture's first texel in `numbers`, the picture's width
-// and height in texels, and the direction in which the middle of the picture is seen. The texels follow the lights'
+// and height in texels, and the direction in which the middle of the picture is seen. The texels come after the lights'
 // radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
@@ -32,7 +32,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
     const varying ahead = dot3(direction, splat(middle)), right = dot3(direction, splat(uniform_cross(middle, up)));
     // The angle around the zenith, as a part of a full turn, and the angle from the zenith, as a part of a half turn.
-    // Both are computed by atan2, since an arc cosine would lose digits near the zenith.
+    // Both angles are computed by atan2pi, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(direction, splat(up)));
     // Centres of texels lie at half-integers. The picture shows all directions around the zenith, so its right edge

@@ -2,9 +2,9 @@
 // with noise. A second half picture has the unoccluded light, which would arrive if nothing blocked it. The kernel
 // filter_half_light divides the first half picture by the second, and filters the ratio. The kernel apply_half_light
 // then multiplies the unoccluded light of the picture of full size, which has no noise, by the filtered ratio (Heitz,
-// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
-// The light that a surface emits is in all pictures. Where there is no other light, the ratio is 1, so emitted light
-// stays as it is. src/reference/half_light.rs does the same in f64.
+// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). All three pictures
+// contain the light that surfaces emit. Where there is only emitted light, the ratio is 1, so emitted light stays as it
+// is. This file's counterpart in f64 is src/reference/half_light.rs.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -17,9 +17,9 @@
 
 // In both kernels of this file, a work-item processes WIDTH pixels of a row.
 
-// Returns the weight of one pixel for another, from the unoccluded light of the two pixels (a and b). The weight is
-// large if a and b are nearly equal, and 0 if they differ much. Pixels on different surfaces, or on different sides of
-// an edge, mostly differ.
+// Returns the weight of a pixel in the filtered value of another pixel, from the unoccluded light of both pixels (a and
+// b). The weight is large if a and b are nearly equal, and 0 if they differ much. Pixels on different surfaces, or on
+// different sides of an edge, mostly differ.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
@@ -35,9 +35,9 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
 // part of the unoccluded light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
-// (soft.cl). Along each axis, the filter covers five pixels with four different samples. Its weights give each sample
-// the same share, so that no noise is left where all pixels are alike (Keller and Heidrich, "Interleaved Sampling",
-// EGWR 2001):
+// (soft.cl). Along each axis, the filter covers five pixels with four different samples. The filter's weights give each
+// sample the same share, so that no noise is left where all pixels are alike (Keller and Heidrich, "Interleaved
+// Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     sample    2   3   0   1   2
@@ -74,8 +74,8 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
-        // Each pixel of the half picture covers exactly two columns of the whole picture, so neighbouring pixels are
-        // loaded together, and a shuffle distributes them.
+        // Each pixel of the half picture covers exactly two columns of the whole picture. Neighbouring pixels of the
+        // half picture are therefore loaded together, and a shuffle distributes them to the lanes.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;

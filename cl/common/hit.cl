@@ -21,15 +21,15 @@
 // million pixels of a terrain are correct. With half the overlap, up to four of the 60,516 rays slip through in
 // exhaustive casting. With twice the overlap, at most one of the 16 million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
-// The overlap at an edge is computed from the longer of two edges of the triangle, but from at most this many times the
-// edge's own size. Otherwise, the overlap at the short edge of a needle (a triangle of two long edges and a short one)
-// could lengthen the needle by several pixels.
+// The overlap at an edge is computed from the longer of two edges of the triangle, but from at most OVERLAP_EDGES times
+// the edge's own size. Without this limit, the overlap at the short edge of a needle (a triangle of two long edges and
+// a short one) could lengthen the needle by several pixels.
 #define OVERLAP_EDGES 8.0f
-// A triangle that looks narrower everywhere than this overlap, since it is seen almost edge-on, is not hit: the
-// overlaps of its neighbours cover it, and its own overlap could lengthen it by several times its length. `distance` is
-// the size of a corner relative to the rays' origin, and `longer` that of the longer of this corner's two edges, so all
-// points of the triangle are at least `distance - longer` away. The triangle is hit only if the absolute value of the
-// determinant of this corner and the two edges is larger than the result.
+// A triangle that looks narrower everywhere than its overlap, since it is seen almost edge-on, is not hit: the overlaps
+// of its neighbours cover it, and its own overlap could lengthen it by several times its length. `distance` is the size
+// (1-norm) of a corner relative to the rays' origin, and `longer` the size of the longer of this corner's two edges, so
+// all points of the triangle are at least `distance - longer` away from the origin. The triangle is hit only if the
+// absolute value of the determinant of the corner and its two edges is larger than LEAST_VISIBLE.
 #define LEAST_VISIBLE(distance, longer) \
     (SHARED_EDGE_SLACK * (distance) * max((distance) - (longer), 0.0f) * (longer))
 
@@ -41,6 +41,6 @@ typedef struct {
 
 // The nearest hit that a traversal has found so far.
 typedef struct {
-    varying t;            // as in Hit
+    varying t;            // distance of the hit, as in Hit
     varying_int triangle; // the triangle's number in the mesh, or NO_HIT
 } Nearest;

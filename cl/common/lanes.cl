@@ -24,7 +24,7 @@
 #endif
 
 typedef struct {
-    int lane;   // 0 to 31
+    int lane;   // this work-item's number in the group: 0 to 31
     int number; // the group's number within its work-group
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
     __local uint *board; // two words per lane, used in turn: see write_board
@@ -83,7 +83,7 @@ INLINED uint lane_get(Group *group, uint value, int from) { return write_board(g
 
 // Returns a word in which bit i is set if `yes` is not 0 in lane i.
 INLINED uint lane_ballot(Group *group, int yes) {
-    // Each lane writes its own bit, and then joins the bits of all 32 lanes.
+    // Each lane writes its own bit to the board, and then joins the bits of all 32 lanes.
     const __local uint *row = write_board(group, yes ? 1u << group->lane : 0u);
     uint bits = 0;
     EACH_LANE(lane) bits |= row[lane];
@@ -192,8 +192,8 @@ INLINED int lane_rank(Group *group, uint key, uint among) {
 #endif
 
 // Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. The compiler then
-// computes whatever depends on the result again where it is needed, and does not keep it in registers until
-// then.
+// computes numbers that depend on the result again at each use, and does not keep these numbers in registers between
+// the uses.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));
@@ -219,8 +219,8 @@ INLINED float lane_get_float(Group *group, float value, int from) {
     return as_float(lane_get(group, as_uint(value), from));
 }
 
-// Returns the smallest of the lanes' numbers, none of which may be negative. The bits of such floats, read as integers,
-// have the same order as the floats.
+// Returns the smallest of the lanes' numbers, none of which may be negative. The bits of floats of 0 or more, read as
+// integers, have the same order as the floats.
 INLINED float lane_least_positive(Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
 // Returns the smallest of the lanes' numbers, which may be negative. The bits of the numbers are converted to unsigned

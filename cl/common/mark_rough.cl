@@ -1,7 +1,7 @@
-// Marks the blocks of pixels that get more samples. In such a block, neighbouring pixels differ visibly after the first
-// samples: at an edge, at the border of a shadow, or because few samples leave grain. If the background is transparent,
-// the pixels' alpha is compared too, since the edge of a dark surface is visible only in alpha. src/reference/rough.rs
-// does the same in f64.
+// Marks the blocks of pixels that get more samples. In these rough blocks, neighbouring pixels differ visibly after the
+// first samples: at an edge, at the border of a shadow, or because few samples leave grain. If the background is
+// transparent, the pixels' alpha is compared too, since the edge of a dark surface is visible only in alpha. This
+// file's counterpart in f64 is src/reference/rough.rs.
 
 #ifndef ROUGH_STEPS
 #error "ROUGH_STEPS: a block is rough if, after one sample, neighbouring pixels differ by more steps (of 255) than this"
@@ -43,7 +43,7 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const float steps = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w));
     const int is_rough = first * steps * steps > ROUGH_STEPS * ROUGH_STEPS;
     wanted[block] = is_rough ? most : first;
-    // The order of the list varies from run to run, but this has no effect, since the blocks are cast independently
-    // of each other.
+    // The order of the blocks in the list varies from run to run, but this has no effect, since the blocks are cast
+    // independently of each other.
     if (is_rough) rough[atomic_inc(rough_counter)] = ROUGH_BLOCK(block % across, block / across);
 }

@@ -7,17 +7,17 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 }
 
 // Returns the number by which the plane of an edge is multiplied, without its sign: the reciprocal of the overlap of
-// neighbouring triangles (see SHARED_EDGE_SLACK), which is rounded down to a power of two. `size` is the edge's size,
-// `longer` that of the longer of two edges, and `slack` the overlap per size of an edge, in the unit of the edge
-// functions. The product with the plane does not round, so the planes of two triangles for their shared edge still
-// differ only in their signs and by a power of two.
+// neighbouring triangles (see SHARED_EDGE_SLACK), after rounding the overlap down to a power of two. `size` is the
+// edge's size, `longer` the size of the longer of two edges, and `slack` the overlap per size of an edge, in the unit
+// of the edge functions. Multiplying by a power of two does not round, so two triangles' planes for their shared edge
+// still differ only in their signs and by a power of two.
 float per_overlap(float slack, float size, float longer) {
     const float overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return 1.0f / as_float(as_int(overlap) & 0x7f800000);
 }
 
-// Returns the row (the planes) of a triangle that no ray hits. A ray is outside one of the first two edges, unless the
-// x of its direction is 0 or nearly 0. A ray with such an x misses because its 1 / t is 0.
+// Returns the row (the planes) of a triangle that no ray hits. Every ray is outside one of the first two edges, unless
+// the x of its direction is 0 or nearly 0. A ray whose x is nearly 0 misses because its 1 / t is 0.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);

@@ -1,6 +1,6 @@
 // The reflectance (BRDF) of a surface: the ratio of the radiance that it reflects to the eye to the irradiance that it
-// receives from a light. The formulas are from Hughes et al., Computer Graphics, 3rd ed., chapter 15. src/reference/
-// does the same in f64.
+// receives from a light. The formulas are from Hughes et al., Computer Graphics, 3rd ed., chapter 15. This file's
+// counterpart in f64 is in src/reference/.
 
 // Returns `base` to the power of `exponent`; neither may be negative. The function computes x^y as 2^(y log2 x). A base
 // of zero is a special case, because the logarithm of zero is infinite: 0^0 is 1, other powers of 0 are 0. The built-in
@@ -19,8 +19,8 @@ Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal
     // highlight.
     const Mask glossy = lit & (surface->kind > 0.0f);
     if (ANY(glossy)) {
-        // `half_vector` is Blinn's half vector w_h, but of any length. The square of its cosine with the normal needs
-        // no square root.
+        // `half_vector` is Blinn's half vector w_h, but of any length. The squared cosine of its angle to the normal
+        // needs no square root.
         const Vec3 half_vector = add(to_light, to_eye);
         const varying along_normal = max(dot3(normal, half_vector), (varying)(0.0f)), squared = dot3(half_vector, half_vector);
         const varying cosine_squared = SELECT(squared > 0.0f, along_normal * along_normal / squared, (varying)(0.0f));

@@ -1,7 +1,7 @@
 // Functions for pictures with several samples per pixel. The image holds the mean of the samples cast so far, and every
 // frame adds further samples. `wanted` holds, for each block of pixels, the number of samples that each pixel of the
 // block gets; mark_rough changes this number after the first few samples. A pixel with enough samples is treated like a
-// pixel outside the image: its ray is not cast, and nothing is stored.
+// pixel outside the image: its ray is not cast, and nothing is stored for it.
 
 #ifndef SAMPLED_BLOCK
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"
@@ -25,5 +25,5 @@ int is_wanted(const __global uint *wanted, uint earlier, int2 image_size, int x,
 }
 
 // Returns the mean of a pixel's samples, including the new one, `sample`. `mean` is the mean of the `earlier` samples
-// before it.
+// before the new one.
 #define MEAN_OF(mean, sample, earlier) ((earlier) ? (mean) + ((sample) - (mean)) / (float)((earlier) + 1) : (sample))

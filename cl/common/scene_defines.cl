@@ -1,4 +1,4 @@
-// The defines that describe which features a scene has. Every family needs them.
+// The defines that describe which features a scene has. Every kernel family needs these defines.
 
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"

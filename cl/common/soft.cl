@@ -19,8 +19,8 @@ typedef PASTE(uint, WIDTH) varying_uint;
 
 typedef struct {
     // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and its
-    // reach (see reach_of_sky). (environment.cl shows the floats of a sky that is a picture.) Then follows one radius
-    // per light (see radius_of).
+    // reach (see reach_of_sky). (environment.cl shows the floats of a sky that is a picture.) After the sky, one radius
+    // per light follows (see radius_of).
     const __global float *numbers;
     // All pixels get a first round of samples; pixels of rough blocks also get a second round. sample.x is the number,
     // within its round, of the first sample that this frame casts for each pixel. sample.y is the round's number of
@@ -37,7 +37,7 @@ typedef struct {
 #endif
 
 // If soft light is cast at half resolution (half_light.cl), some pictures contain the unoccluded light. For these
-// pictures, the host sets sample.y to 0. Lights are then points, and the sky has its mean radiance.
+// pictures, the host sets sample.y to 0. In unoccluded pictures, lights are points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -100,11 +100,11 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the Z-order curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-#if HALF_LIGHT // in such a program, only half pictures use these numbers, since all other frames are unoccluded
+#if HALF_LIGHT // with HALF_LIGHT, only half pictures use these numbers, since all other frames are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
-    // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
+    // Each source has its own order of samples, so that the samples of two sources are not correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
     const varying_uint second = reversed_bits(hashed_bits(reversed, seed_of(source, 1)));
     return vec3(unit_of(reversed_bits(hashed_bits(first, seed_of(source, 2)))),
@@ -127,8 +127,8 @@ Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_i
 #if AREA_LIGHTS
     if (is_area_light(at)) return scale(off_centre(at, u.x, u.y), (varying)(radius_of(soft, light)));
 #endif
-    // The argument of `scale` contains three of the four coordinates of a point on the unit sphere in four dimensions.
-    // The factor is the light's radius.
+    // The first argument of `scale` has three of the four coordinates of a point on the unit sphere in four dimensions.
+    // The second argument is the light's radius.
     const varying ring = sqrt(1.0f - u.x);
     return scale(vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), sqrt(u.x) * sinpi(2.0f * u.z)),
                  (varying)(radius_of(soft, light)));

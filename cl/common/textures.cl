@@ -1,5 +1,5 @@
-// Textures. All textures of a scene are in one buffer, not in OpenCL images, because images are filtered differently on
-// different devices. src/reference/texture.rs samples the same textures in double precision.
+// Reads and filters textures. All textures of a scene are in one buffer, not in OpenCL images, because images are
+// filtered differently on different devices. src/reference/texture.rs samples the same textures in double precision.
 
 #ifndef TEXTURE_HEAD_WORDS
 #error "TEXTURE_HEAD_WORDS: words that describe a texture before its texels"
@@ -25,7 +25,7 @@
 //                       alpha    | blue     | green   | red
 //
 // "Wrap u" and "wrap v" define how the texture continues beyond its edges along u and v. common/cutouts.cl explains the
-// least alpha. Mip levels follow the texels of their texture, each half as large as the one before.
+// least alpha. A texture's mip levels follow its texels, each half as wide and high as the one before.
 #define CHANNEL_VALUES 256
 
 // The number of float4 in a triangle's row, the data of the triangle's textures. Without mip levels, a row has two:
@@ -33,8 +33,8 @@
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
 // With mip levels, a third float4 holds the triangle's unit normal, multiplied by the side of a texel on the triangle
-// (in the scene's units). The texel is that of the triangle's texture or, without one, of its emission texture, whose
-// number is in the material.
+// (in the scene's units). The texel belongs to the triangle's texture or, if it has none, to its emission texture,
+// whose number is in the material.
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
@@ -58,7 +58,7 @@ float coordinate_in_texture(float coordinate, uint wrap) {
 // with other wrap modes, it becomes the index of the last texel before the edge.
 int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
-    // Whatever the coordinates are, no texel outside the texture may be read.
+    // Whatever the texture coordinates are, no texel outside the texture may be read.
     return clamp(texel, 0, size - 1);
 }
 
@@ -173,7 +173,7 @@ Uniform3 filtered_colour(const Textures *textures, int number, float4 ab, float4
     for (int i = 0; i < finer; i++) level = next_level(level);
     const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
     const float part = between - (float)finer, rest = 1.0f - part;
-    // A single level is enough for most pixels that show near surfaces: level 0.
+    // For most pixels that show near surfaces, level 0 alone is enough.
     if (finer == last || !(part > 0.0f)) return colour;
     const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
     return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);
@@ -193,8 +193,8 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 }
 
 #if EMISSIVE
-// Does the same for the texture `number` by which the triangle's emitted radiance is multiplied; `number` is -1 if
-// there is none. This texture has the same coordinates as the triangle's texture.
+// Returns the colour of the texture `number`, by which the triangle's emitted radiance is multiplied, or white if
+// `number` is -1. The emission texture has the same coordinates as the triangle's texture.
 Uniform3 emission_colour(const Textures *textures, int number, int triangle, float w1, float w2, float wanted) {
     if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
@@ -210,8 +210,8 @@ Uniform3 emission_colour(const Textures *textures, int number, int triangle, flo
     return filtered_colour(textures, number, ab, c, w1, w2, wanted);
 }
 
-// Returns `surface`, with its emitted radiance multiplied by the colour of the material's emission texture, like
-// `textured`. `level` is that of the triangles' own textures.
+// Returns `surface`, with its emitted radiance multiplied by the colour of the material's emission texture. `level` is
+// the mip level of the triangles' own textures.
 Surface with_emission_texture(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2,
                               varying level) {
     IntLanes id;

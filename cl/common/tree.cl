@@ -29,7 +29,7 @@
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
-// The t at which a ray leaves a box is multiplied by this factor, which adds more than the rounding error of t (Ize,
+// The t at which a ray leaves a box is multiplied by OUTWARDS, which adds more than the rounding error of t (Ize,
 // "Robust BVH Ray Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
 #define LEAF_ROW ROW_FLOATS // words per triangle: v0, the triangle's number, v1, its material, v2, 0
@@ -51,7 +51,7 @@ typedef struct {
 // Returns the corners of the triangle at an index in leaf order.
 Corners leaf_corners(const Tree *tree, int index) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)index;
-    // Three aligned loads read the corners. The fourth components are the triangle's number, its material and 0.
+    // Three aligned loads read the corners. The loads' fourth components are the triangle's number, its material and 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
     corners.a = uniform3(a.x, a.y, a.z);

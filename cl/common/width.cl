@@ -43,7 +43,7 @@ typedef varying_int Mask;
 #define LANE_X (LANE_NUMBER % BLOCK_X)
 #define LANE_Y (LANE_NUMBER / BLOCK_X)
 
-// These unions give access to single lanes, in order to gather and scatter.
+// Lanes and IntLanes give access to single lanes of a vector, in order to gather and scatter.
 typedef union {
     varying all;
     float each[WIDTH];

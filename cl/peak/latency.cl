@@ -8,11 +8,11 @@
 #define STEPS 16
 #define DO_STEPS(DO) DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO
 
-// Measures private values in registers: each multiply-add waits for the previous one.
+// Measures the latency of multiply-adds in registers: each multiply-add waits for the previous one.
 __kernel void chain_private(const int loops, const float factor, const float addend, __global float *out) {
     float value = out[0];
     for (int loop = 0; loop < loops; loop++) {
-        // Each step needs the result of the previous one: the time per step is a latency, not a rate.
+        // Each step needs the result of the previous step, so the time per step is a latency, and not a rate.
         DO_STEPS(value = fma(value, factor, addend);)
     }
     out[0] = value;
@@ -23,8 +23,8 @@ __kernel void chain_private(const int loops, const float factor, const float add
 #define FILL(next) \
     for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
 
-// Measures a private array. Each index is only known when the previous read returns, so the array cannot be kept in
-// registers.
+// Measures the latency of a private array. Each index is only known when the previous read returns, so the array cannot
+// be kept in registers.
 __kernel void chase_private(const int loops, const int stride, __global int *out) {
     volatile int next[ENTRIES];
     FILL(next)
@@ -37,7 +37,7 @@ __kernel void chase_private(const int loops, const int stride, __global int *out
     out[0] = at;
 }
 
-// Measures an array in __local memory.
+// Measures the latency of an array in __local memory.
 __kernel void chase_local(const int loops, const int stride, __global int *out) {
     __local volatile int next[ENTRIES];
     FILL(next)
@@ -48,7 +48,7 @@ __kernel void chase_local(const int loops, const int stride, __global int *out) 
     out[0] = at;
 }
 
-// Measures global memory. `next` contains one cycle through all elements of a buffer that is larger than any cache.
+// Measures the latency of global memory. `next` has one cycle through all elements of a buffer larger than any cache.
 __kernel void chase_global(const int loops, const int start, const __global int *restrict next, __global int *out) {
     int at = start;
     for (int loop = 0; loop < loops; loop++) {

@@ -1,4 +1,4 @@
-// The vectors of `raycl peak`. They have WIDTH floats each: the device's native width or, if the device's lanes are
+// The vectors of `raycl peak`. Each vector has WIDTH floats: the device's native width or, if the device's lanes are
 // work-items, a width that the measurement chooses (src/peak/rig.rs).
 
 #ifndef WIDTH

@@ -14,8 +14,8 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     GROUP_LOCALS
     __local uint words[LOCAL_Y][GROUP_LANES];
 #if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
-    // A driver may make sub-groups of another size. The number of a group or of a lane could then be too large for the
-    // arrays. In this case, the kernel writes nothing, and the host finds no answers.
+    // A driver may make sub-groups of another size than GROUP_LANES, so that the number of a group or of a lane could
+    // be too large for the arrays. The kernel then writes nothing, and the host finds no answers.
     if (get_sub_group_size() != GROUP_LANES) return;
 #endif
     Group group;

@@ -4,15 +4,15 @@
 // extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
-// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; if there are
-// several, the first of them. The kernel shade_nearest then shades this triangle.
+// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; if several triangles
+// have it, the first of them. The kernel shade_nearest then shades this triangle.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
 // As in the watertight test, an edge function is the difference of two products, each rounded separately. Each factor
 // depends only on one corner and the pixel. The function's sign is therefore exactly opposite in the neighbouring
-// triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles.
+// triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles at the edge.
 #pragma OPENCL FP_CONTRACT OFF
 
 // Returns a dot product that is not contracted. The compiler may contract functions that are defined before the pragma,
@@ -59,7 +59,7 @@ Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
 // A triangle as seen from the eye, and the pixels that it may cover.
 typedef struct {
     Projected at[3];
-    Linear per_depth;   // 1 / depth
+    Linear per_depth;   // 1 / depth, as a function of the pixel
     int drawn;          // 0 if the triangle is edge-on or culled
     int2 low, high;     // pixels to test: low <= pixel < high
 } Coverage;
@@ -106,8 +106,8 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
         const Uniform3 p = corners3[i], q = corners3[i == 2 ? 0 : i + 1];
         const float zp = uniform_dot(p, forward), zq = uniform_dot(q, forward);
         if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
-        // The edge is cut off where it crosses the near plane. If the near plane passes through the eye, the edge may
-        // be visible at any pixel.
+        // The edge from p to q is cut off where it crosses the near plane. If the near plane passes through the eye,
+        // the edge may be visible at any pixel.
         if ((zp > z_near) == (zq > z_near)) continue;
         if (z_near == 0.0f) {
             coverage->low = (int2)(0, 0);
@@ -128,7 +128,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
                            uniform_difference(at.c, from)};
     const Uniform3 n = uniform_cross(uniform_difference(at.b, at.a), uniform_difference(at.c, at.a));
-    // The sign of this determinant shows on which side of the triangle the eye is.
+    // The sign of `det`, a determinant, shows on which side of the triangle the eye is.
     const float det = uniform_dot(p[0], n);
     Coverage coverage;
 #if CULL_BACK

@@ -2,8 +2,8 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
-// The column and row of the first pixel of the tile's vector with the number `vector`. This argument may be one number,
-// or an int16 of numbers.
+// The column and row of the first pixel of the tile's vector with the number `vector`. `vector` may be one number, or
+// an int16 of numbers.
 #define FIRST_COLUMN(vector) \
     (((int)get_global_id(0) * TILE_X + (vector) % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS)
 #define FIRST_ROW(vector) (((int)get_global_id(1) * TILE_Y + (vector) / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS)
@@ -130,8 +130,8 @@ void leave_out_others(Slices *slices, uint cast) {
 // Computes the rays of the tile's vectors. Returns the vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
-    // A direction is corner + x step_x + y step_y. It is computed as the sum of the direction to this corner, which is
-    // the same for all lanes, and of the vector `within`, which is the same for all vectors of rays.
+    // A direction is corner + x step_x + y step_y. The direction is computed as the sum of the direction to this
+    // corner, which is the same for all lanes, and of the vector `within`, which is the same for all vectors of rays.
     const varying_int column = LANE_X >> SUBPIXEL_BITS, row = LANE_Y >> SUBPIXEL_BITS;
 #if SAMPLED
     const varying right = TO_FLOAT(column) + samples->x, below = TO_FLOAT(row) + samples->y;

@@ -3,8 +3,8 @@
 //
 // All children of a node are tested together against the interval of the tile's directions. Each child that this
 // interval meets is then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes
-// only if their vector's interval is too wide to be useful (scattered.cl). A leaf's triangles are tested against the
-// rays of the remaining vectors (intersect/).
+// only if the interval of their vector is too wide to exclude boxes (scattered.cl). A leaf's triangles are tested
+// against the rays of the remaining vectors (intersect/).
 
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
@@ -44,7 +44,7 @@
 // Slices, to one vector of the tile. PARTS is the number of float16 that hold one value for each vector of the tile.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-// Returns a mask of the lanes of one part, from a word with one bit for each vector of the tile.
+// Converts 16 bits of a word (a bit for each vector of the tile) to a float16's mask: bits 0 to 15 for part 0.
 #define LANES_OF(word, part) (((int16)((int)((word) >> 16 * (part))) >> LANES & 1) != 0)
 
 #ifndef PREFETCH
@@ -61,7 +61,7 @@
 typedef struct {
     // x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];
-    int axis[VECTORS];      // k, or NO_AXIS
+    int axis[VECTORS];      // the common axis k, or NO_AXIS
     float forward[VECTORS]; // 1, or -1 if the rays run against the axis k
 } Shears;
 
@@ -114,7 +114,7 @@ typedef struct {
     Mask filled;  // the lanes whose sub-pixel has a sample
     varying x, y; // the position of each lane's sample in its pixel
 } FrameSamples;
-// The additional parameter of functions in programs with several samples, including the comma after it.
+// The additional parameter of functions in programs with several samples per pixel, including the comma after it.
 #define CAST_PARAMETERS const FrameSamples *samples,
 #define CAST_ARGUMENTS samples,
 #define SUBPIXEL_BITS (samples->bits)

@@ -65,7 +65,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     BIND_SURFACE_TREE(tree)   \
     Lighting lighting;        \
     BIND_LIGHTING(lighting)
-// These kernels have no barriers, so work-items outside the image may return.
+// The kernels in this file have no barriers, so work-items outside the image may return.
 #define LEAVE_OUTSIDE(image_size)                                      \
     if (get_global_id(0) * TILE_X >= image_size.x << SUBPIXEL_BITS || \
         get_global_id(1) * TILE_Y >= image_size.y << SUBPIXEL_BITS)   \

@@ -29,8 +29,8 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
 }
 
 // Tests the prepared triangles whose bits are set in `worth` against the vectors whose bits are set in `live`. With
-// `many`, each triangle is tested against the vectors' intervals of directions first. Returns the same vectors as
-// test_prepared.
+// `many`, each triangle is tested against the vectors' intervals of directions first. Returns a bit for each vector,
+// like test_prepared.
 INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared, uint worth, int first,
                         uint live, const int any, const int many) {
     uint changed = 0;
@@ -71,7 +71,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
                                         : test_worth(bundle, tree, &prepared, worth, first, live, any, 0);
 }
 
-// Tests all of a leaf's triangles against the vectors in `live`. Returns the same vectors as test_prepared.
+// Tests all of a leaf's triangles against the vectors in `live`. Returns a bit for each vector, like test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

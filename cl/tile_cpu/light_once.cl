@@ -14,8 +14,8 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
         find_light_direction(lighting, light, once->mean + part, &direction);
         lit &= direction.cosine > 0.0f;
         open |= LANE_BITS16(lit) << (16 * part);
-        // All hits of a pixel get the same t, `reach`, which is at least their distance from the light. So the rays'
-        // directions need no square root, and are at most 1 long.
+        // All hits of a pixel get the same t, `reach`, which is at least their distance from the light. The directions
+        // of the pixel's rays therefore need no square root, and are at most 1 long.
         const varying reach = direction.distance + once->radius[part];
         per_reach[part] = 1.0f / reach;
         const varying gap = gap_before_hit(lighting->bias * direction.per_distance, 1.0f / direction.cosine);
@@ -37,8 +37,8 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
 #define VALUE_OF(array, vector) (((const float *)(array))[vector])
 
 // Computes the rays from a light to the samples of pixels that are shaded once. For the first light, the bundle still
-// has the directions from the eye: the samples' hits are computed from them and, if there are more lights, kept in
-// `shaded`. Returns the vectors with rays, one bit each.
+// has the directions from the eye. The samples' hits are computed from these directions and, if there are more lights,
+// kept in `shaded`. Returns the vectors with rays, one bit each.
 uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle *bundle, Slices *slices,
                     const Lighting *lighting, int light, float4 eye, Shaded *shaded) {
     if (!once->vectors) return 0;
@@ -84,15 +84,15 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
 }
 
 // Adds a light to the pixels that are shaded once. `open` has a bit for each vector to which this light casts rays. If
-// the light reaches all samples of a pixel, its radiance is added to the pixel (`once->sum`); if it reaches only some,
-// to these samples (`sum`).
+// the light reaches all samples of a pixel, its radiance is added to the pixel (`once->sum`). If the light reaches only
+// some of the samples, its radiance is added to these samples (`sum`).
 void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
     const uint all = LANE_BITS16(samples->filled);
     uint whole = 0;
     for (uint left = open & once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const Mask reached = bundle->inv_t[vector] < FAR; // other lanes have a blocked ray, or none
+        const Mask reached = bundle->inv_t[vector] < FAR; // the rays of all other lanes are blocked, or were not cast
         const uint bits = LANE_BITS16(reached);
         if (bits == all) whole |= 1u << vector;
         if (bits == all || !bits) continue;

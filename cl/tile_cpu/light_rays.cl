@@ -3,9 +3,9 @@
 // The direction from hits to a light. (Functions that are inlined return no structures: Oclgrind lacks an instruction
 // that LLVM then inserts.)
 typedef struct {
-    Vec3 to_light;                  // of length 1
+    Vec3 to_light;                  // the unit vector towards the light
     varying distance, per_distance; // the light's distance and its reciprocal
-    varying cosine;                 // of the direction and the normal
+    varying cosine;                 // of the angle between to_light and the normal
 #if AREA_LIGHTS
     varying share;                  // share_towards: how bright the light is in this direction
 #endif
@@ -36,7 +36,7 @@ INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const 
 #endif
 }
 
-#if SAMPLED // the host leaves out a file only below a condition that is a define of its own (src/program/include.rs)
+#if SAMPLED // the host leaves out an include only if the condition is one of its defines (src/program/include.rs)
 #if SHADES_ONCE
 #include "tile_cpu/shade_once.cl"
 #include "tile_cpu/light_once.cl"

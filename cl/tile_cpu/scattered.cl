@@ -2,8 +2,8 @@
 // interval of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against
 // the boxes.
 
-// The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds this multiple
-// of the width of the vector's block, measured at the hits' distance from the eye.
+// The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds SCATTERED times
+// the width of the vector's block of pixels, measured at the hits' distance from the eye.
 #define SCATTERED 8.0f
 
 // Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.

@@ -10,8 +10,8 @@
 #define ONCE_VECTORS 0u
 #endif
 
-// Shades a tile. The radiance of a hit begins with what the surface emits. For each light, computes the radiance that
-// the tile's hits reflect without shadows. Then traverses the tree from the light to find the hits that are in shadow.
+// Shades a tile. A hit's radiance begins with the emitted radiance. For each light, computes the radiance that the
+// tile's hits reflect without shadows. Then traverses the tree from the light to find the hits that are in shadow.
 void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS,
                 int2 image_size, float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -65,8 +65,8 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #endif
         for (uint left = open & ~ONCE_VECTORS; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
-            // inv_t is FAR in lanes whose shadow ray is blocked, and in lanes without a shadow ray. All other lanes add
-            // their light.
+            // inv_t is FAR in lanes whose shadow ray is blocked, and in lanes without a shadow ray. Lanes with a
+            // smaller inv_t receive light.
             sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }

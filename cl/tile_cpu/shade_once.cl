@@ -1,7 +1,7 @@
 // Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), the rays of a
-// vector are the samples of one pixel. Mostly, they all hit the same triangle, and their radiance hardly differs. Such
-// a pixel is shaded only at the mean position of its samples, together with other pixels: in most variables of this
-// file, a lane belongs to a pixel, and not to a ray. (A pixel is one vector of rays, so the lanes are those of Slices.)
+// vector are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs.
+// The pixel is then shaded only at its samples' mean position, together with other pixels: in most variables of this
+// file, a lane belongs to a pixel, not to a ray. (A pixel is one vector of rays, so the lanes are those of Slices.)
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
 //     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...
@@ -9,32 +9,32 @@
 //     pixel 1:   lane    0 1 2 3 4 ...
 //                sample  0 1 2 3 4 ...
 //
-// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, each of these is shaded
-// at its own hit for this light (light_once.cl).
+// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, each of the reached
+// samples is shaded at its own hit for this light (light_once.cl).
 
 // The largest estimated relative change of radiance by shading once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// A part (16 vectors, see PARTS) in which fewer pixels than this show a single triangle is skipped: shading the samples
-// of so few pixels takes less time.
+// A part (16 vectors, see PARTS) in which fewer than LEAST_ONCE pixels show a single triangle is skipped: shading the
+// samples of so few pixels takes less time.
 #define LEAST_ONCE 3
 
-// The positions of a frame's samples in their pixel, in pixels. The bounds are relative to the mean.
+// The positions of a frame's samples in their pixel, in units of a pixel's side.
 typedef struct {
-    float x, y;                     // the mean
+    float x, y;                     // the mean position
     float variance;                 // an upper bound of the variance along any line
-    float left, right, top, bottom; // the bounds
-    float reach;                    // the largest distance of a bound from the mean
+    float left, right, top, bottom; // bounds of the positions, relative to the mean position
+    float reach;                    // the largest distance of one of these bounds from the mean position
 } SamplePositions;
 
 // The pixels that are shaded once.
 typedef struct {
-    uint vectors;                    // one bit each
+    uint vectors;                    // the pixels that are shaded once, one bit each
     uint split;                      // those of `vectors` for which some light reaches only a part of the samples
     varying sum[3][PARTS];           // red, green and blue from the lights that reach all samples
     varying inverse_depth[3][PARTS]; // the dot product of this vector and a sample's direction is 1 / t of its hit
     Shaded mean[PARTS];              // the hit at the mean position of the samples
     Vec3 low[PARTS], high[PARTS];    // the box that contains the hits of all samples
-    varying radius[PARTS];           // an upper bound of the distance of a sample's hit from that at the mean position
+    varying radius[PARTS];           // an upper bound of the distance between a sample's hit and `mean`
 } OncePixels;
 
 // The triangles of 16 pixels, one per lane, as columns (gather_rows).
@@ -92,8 +92,8 @@ varying length_of(Vec3 a) { return sqrt(dot3(a, a)); }
 varying largest_of(Vec3 a) { return max(max(a.x, a.y), a.z); }
 
 // Computes `inverse_depth` from the planes of the pixels' triangles, and how hits change from pixel to pixel (`right`,
-// `below`). `d` has the directions to the mean positions; `across` or `down` added to one gives the next pixel's.
-// Returns the pixels for which all this is accurate enough.
+// `below`). `d` has the directions to the mean positions; adding `across` or `down` gives the next pixel's direction.
+// Returns the pixels for which the computed numbers are accurate enough.
 Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const SamplePositions *samples, Vec3 origin,
                  Vec3 d, Vec3 across, Vec3 down, PixelStep *right, PixelStep *below) {
     const varying *corner = triangles->corner, *normal = triangles->normal;
@@ -116,7 +116,7 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
     // The normal turns by at most its change divided by its length. The interpolated normal is at least `least` long,
-    // since each corner's normal has at least this component along the normal of the mean.
+    // since each corner's normal has at least the component `least` along the normal at the mean position.
     const varying least = min(min(dot3(n0, mean->normal), dot3(n1, mean->normal)), dot3(n2, mean->normal));
     const varying squared = dot3(n, n), per = 1.0f / (squared * least);
     const Vec3 to_right = add(scale(turn1, dot3(right->point, g1)), scale(turn2, dot3(right->point, g2)));
@@ -141,7 +141,7 @@ void bound_hits(OncePixels *once, int part, const SamplePositions *samples, vary
     for (int corner = 0; corner < 4; corner++) {
         const varying x = (varying)(corner & 1 ? samples->right : samples->left);
         const varying y = (varying)(corner & 2 ? samples->bottom : samples->top);
-        const varying t = 1.0f / (1.0f - x * right->depth - y * below->depth); // relative to that of the mean
+        const varying t = 1.0f / (1.0f - x * right->depth - y * below->depth); // relative to t at the mean position
         const Vec3 away = scale(add(scale(right->point, x), scale(below->point, y)), t);
         squared = max(squared, dot3(away, away));
         const Vec3 hit = add(mean, away);
@@ -162,7 +162,7 @@ typedef struct {
     varying per_cosine;      // 1 / |cosine| of the angle between the normal and the direction to the light
     varying per_half;        // 1 / length of the sum of the directions to the light and to the eye
     varying shininess;       // the exponent s of the highlight (reflectance.cl)
-    varying tangent_squared; // tan^2 of the angle between this sum and the normal
+    varying tangent_squared; // tan^2 of the angle between the half vector and the normal
     varying glossy;          // the highlight's fraction of the radiance, where the highlight is brightest
 } LightAtPixel;
 
@@ -181,24 +181,24 @@ varying half_turn(const LightAtPixel *light, const PixelStep *step) {
 // the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
 varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
-    // Upper bounds of the first and second derivative of cosine / r^2, relative to its value. If only the normal turns,
-    // the second is the square of the angle `turn`, and more if the interpolated normal's length changes too. The term
-    // with step->depth is there because hits are not a linear function of the pixel where depth changes. The factors 3,
-    // 8 and 4 are upper bounds, too.
+    // `first` and `second` are upper bounds of the derivatives of cosine / r^2, relative to its value. If only the
+    // normal turns, the second derivative is the square of the angle `turn`, and more if the interpolated normal's
+    // length changes too. The term with step->depth is there because hits are not a linear function of the pixel where
+    // depth changes. The factors 3, 8 and 4 are upper bounds, too.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
     const varying second = step->turn * (step->turn + 2.0f * step->stretch * light->per_cosine) +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
-    // The highlight h is cos^s of the angle between half vector and normal. Relative to h and to the turn, its first
-    // derivative is s tan, and its second at most s + s^2 tan^2. Two more products are at most the sums of the squares
-    // of their factors: 2 h' g' of the second derivative of h g, with g = cosine / r^2, and 2 s tan turn * bend, where
-    // `bend` is there because half vector and normal are no linear functions of the pixel.
+    // The highlight h is cos^s of the angle between half vector and normal. Relative to h and to the turn, the first
+    // derivative of h is s tan, and the second at most s + s^2 tan^2. Two more products are at most the sums of the
+    // squares of their factors: 2 h' g' of the second derivative of h g, with g = cosine / r^2, and
+    // 2 s tan turn * bend, where `bend` is there because half vector and normal are no linear functions of the pixel.
     const varying power = s + 3.0f * s * s * light->tangent_squared, bend = step->stretch + step->depth;
     return second + light->glossy * (turn * turn * power + first * first + bend * bend);
 }
 
 // Computes glossy and tangent_squared of a light that shines on the pixels in `lit`. `power` is the light's power, and
-// `reach` the largest distance of a sample from the mean position, across or down. Returns the pixels in which the
-// highlight does not end.
+// `reach` the largest distance of a sample from the mean position, across or down. Returns the pixels that do not
+// contain the highlight's border.
 Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float reach, const PixelStep *right,
                      const PixelStep *below, Mask lit, LightAtPixel *light) {
     light->tangent_squared = light->glossy = (varying)(0.0f);
@@ -234,15 +234,15 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     const Vec3 half_vector = add(direction.to_light, mean->to_eye);
     LightAtPixel light;
     light.per_distance = direction.per_distance;
-    // Small numbers keep divisions finite.
+    // The numbers 1e-6 keep the divisions finite.
     light.per_cosine = 1.0f / max(fabs(direction.cosine), (varying)(1e-6f));
     light.per_half = 1.0f / sqrt(dot3(half_vector, half_vector) + 1e-6f);
     light.shininess = mean->surface.shininess;
     const Uniform3 power = LOAD3(lighting->lights + LIGHT_FLOATS * number + 3);
     const Mask smooth = bound_highlight(mean, direction.to_light, power, samples->reach, right, below, lit, &light);
     const varying second = second_derivative(&light, right) + second_derivative(&light, below);
-    // The light stays on one side if the angle between normal and light changes by less than the cosine. The factor 4
-    // leaves a margin.
+    // The light is on the same side of the surface for all samples if the angle between normal and light changes by
+    // less than the cosine. The factor 4 leaves a margin.
     const varying turn = right->turn + below->turn + 2.0f * once->radius[part] * direction.per_distance;
     const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
     // The mean of a function differs from the function's value at the mean position by about half its second derivative

@@ -24,8 +24,8 @@ void prepare_single_ray(SingleRay *ray, const float *per_direction) {
     }
 }
 
-// Returns the t at which the ray crosses a side of each child's box, one lane per child. `row` is the offset of these
-// sides in the node (`near_row` or `far_row` of `axis`).
+// Returns the t at which the ray crosses a side of each child's box, one lane per child. `row` is the offset of the
+// boxes' sides in the node (`near_row` or `far_row` of `axis`).
 Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
     return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_direction[axis];
 }

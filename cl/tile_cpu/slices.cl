@@ -1,12 +1,12 @@
 // Bounds of a tile's rays: intervals of their directions, for the whole tile (a TileInterval) and for each of its
 // vectors (Slices).
 
-// The ends of an interval of reciprocals are moved outwards by this fraction of their value, which is larger than the
-// relative rounding error of a reciprocal.
+// The ends of an interval of reciprocals are moved outwards by RECIPROCAL_ROUNDING times their value, which is more
+// than the rounding error of a reciprocal.
 #define RECIPROCAL_ROUNDING 3e-7f
-// A component of a direction counts as zero if its absolute value is less than this number.
+// A component of a direction counts as zero if its absolute value is less than NO_DIRECTION.
 #define NO_DIRECTION 1e-20f
-// The smallest value of 1 / t. It keeps t finite.
+// The smallest value of 1 / t. This lower bound keeps t finite.
 #define LEAST_INV_T 1e-37f
 
 // The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or
@@ -16,7 +16,7 @@ typedef struct {
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
 } TileInterval;
 
-// An interval for each vector of rays, with one lane per vector. At first, these are intervals of directions;
+// An interval for each vector of rays, with one lane per vector. At first, the intervals contain directions;
 // finish_slices converts them to intervals of reciprocals, as in a TileInterval. Lanes without rays have the interval
 // from FAR to -FAR.
 typedef struct {
@@ -68,7 +68,7 @@ void invert_intervals(float16 *low, float16 *high) {
 }
 
 // Finds the least value of `low` and the greatest value of `high` over all vectors of a tile. Each lane of the PARTS
-// float16 belongs to one vector: first the float16 are combined, then their lanes.
+// float16 belongs to one vector: the function combines first the float16, and then their lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -92,9 +92,9 @@ TileInterval interval_of_tile(const Slices *directions) {
     return interval;
 }
 
-// The half width of an interval of directions is increased by this fraction of the interval's larger end (in absolute
-// value). The increase is more than the rounding errors of a direction's dot product with a normal, and of the bound
-// that largest_product computes.
+// The half width of an interval of directions is increased by PRODUCT_ROUNDING times the interval's larger end (in
+// absolute value). The increase is more than the rounding errors of a direction's dot product with a normal, and of the
+// bound that largest_product computes.
 #define PRODUCT_ROUNDING 2e-6f
 
 // Converts `slices` from intervals of directions to intervals of reciprocals. First, the function stores the middles

@@ -28,8 +28,8 @@ uint packet_enters(const PacketBounds *bounds, const __global float *node, float
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // The interval of origins has two ends. A ray from the end that is nearer to the box's near side enters first,
-        // and a ray from the other end leaves last.
+        // The interval of origins has two ends. A ray from the end that is nearer to the box's near side enters the box
+        // first, and a ray from the opposite end leaves it last.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -88,7 +88,7 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask hits = bundle->leaf_index[vector] != NO_HIT;
         if (!ANY(hits)) continue;
-        // Each lane's ray runs to a point of the light, chosen by its pixel and sample.
+        // Each lane's ray runs to a point of the light, chosen by the lane's pixel and sample.
         const Shaded *own = shaded + vector;
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
         const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, at, pixels.x, pixels.y));

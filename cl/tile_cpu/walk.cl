@@ -9,7 +9,7 @@ typedef struct {
 } WaitingTile;
 
 // Prefetches the first four cache lines of a child that will be visited soon. These lines hold a whole node of eight
-// children, the first rows of a node of 16 children, or the first triangles of a leaf. They are loaded while other
+// children, the first rows of a node of 16 children, or the first triangles of a leaf. The lines are loaded while other
 // children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
@@ -17,11 +17,11 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top, unless
-// `any` is 1 (the order does not matter then). `reach` is the largest t at which a ray of the tile can hit something.
-// Returns the new number of the stack's entries. To find a child's place in the stack, the function counts the pushed
-// children that the tile enters later: these are below the child. An example with three children, entered at t = 5, 2
-// and 9:
+// Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top of the
+// stack, unless `any` is 1 (the order does not matter then). `reach` is the largest t at which a ray of the tile can
+// hit something. Returns the new number of the stack's entries. To find a child's place in the stack, the function
+// counts the pushed children that the tile enters later: these are below the child. An example with three children,
+// entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,

@@ -1,7 +1,7 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a group
 // of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node, and prepares
-// triangle i of a leaf. The group's stack is in __local memory, and so are the triangles of a leaf that its rays have
-// to test.
+// triangle i of a leaf. __local memory holds the group's stack, and those triangles of a leaf against which the group's
+// rays are tested.
 //
 // A pass consists of rays that run mainly along one axis of the scene. Let this axis be z. Relative to the rays'
 // origin, the point of a ray at depth z is (x z, y z, z); x and y are the ray's slopes. Over a triangle, 1/z is a
@@ -51,12 +51,12 @@
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
-// A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
-// direction's 1-norm. The leader is the ray whose direction determines the axis; its fraction is at least a third.
+// A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the 1-norm. The
+// leader is the ray whose direction determines the axis; its component is at least a third of the 1-norm.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to the leader. NEIGHBOURS times the distance between neighbouring rays is then
-// the largest distance of a ray from the leader. NEIGHBOURS is the width of a tile in rays, because rays to one surface
-// are not farther apart.
+// A pass may be restricted to rays close to the leader. The largest distance of a ray from the leader is then
+// NEIGHBOURS times the distance between neighbouring rays. NEIGHBOURS is the width of a tile in rays, because a tile's
+// rays to one surface are not farther apart.
 #define NEIGHBOURS ((float)TILE_X)
 // The lane in the middle of the 8 x 4 lanes. If this lane still has a ray to cast, it provides the leader (see
 // ALONG_AXIS).
@@ -66,7 +66,7 @@
 
 // A lane's rays in a pass. A ray that is not in the pass, or is finished, has nearest = FAR.
 typedef struct {
-    float x[RAYS], y[RAYS]; // slopes
+    float x[RAYS], y[RAYS]; // the rays' slopes: x and y per unit of z
     float nearest[RAYS];  // 1/z of the nearest hit so far, or of the ray's end
     float ceiling[RAYS];  // hits at this 1/z or more are ignored
     int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
@@ -91,11 +91,11 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 // Returns the distance, in slopes (x and y per unit of z), between the leader's ray and the rays of neighbouring lanes.
 // `leader` is the lane whose ray determines the pass's axis. `distance` is the distance of this lane's ray from the
-// leader's ray (FAR without a ray). The result is the larger of two distances: to the nearer neighbour in the leader's
-// row, and to the nearer neighbour in the leader's column. If there is no neighbour with a ray in the row (or in the
-// column), only the other distance counts; without both, the result is FAR. In a block of 8 x 4 lanes, the index of a
-// neighbour differs by 1 in a row, and by 8 in a column. At the block's edge, the index wraps around to a more distant
-// lane.
+// leader's ray (FAR if this lane has no ray). The result is the larger of two distances: to the nearer neighbour in the
+// leader's row, and to the nearer neighbour in the leader's column. If only the row or only the column has a neighbour
+// with a ray, the result is the distance to this neighbour; if neither has one, the result is FAR. In a block of 8 x 4
+// lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At the block's edge, the index wraps
+// around to a more distant lane.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -108,8 +108,8 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 
 // Begins a pass: chooses a leader (the ray that determines the pass's axis), finds the rays of `todo` that join the
 // leader, and computes the shaft and the packet of all rays that join. With `close`, only rays close to the leader's
-// direction join. Returns which of this lane's rays join, one bit each. The leader always joins, unless its direction
-// is zero or not a number (NaN).
+// direction join the pass. Returns which of this lane's rays join, one bit each. The leader always joins, unless its
+// direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass: the lane in the middle of the
@@ -118,7 +118,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // `first` has a single bit, that of the leading ray in the lane `leader`. In every lane, `own` is the direction of
-    // the lane's own ray with this bit.
+    // the lane's own ray with the bit `first`.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 direction = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) direction = uniform3(directions->x[ray], directions->y[ray], directions->z[ray]);
@@ -126,8 +126,8 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
     direction.x = lane_get_float(group, direction.x, leader);
     direction.y = lane_get_float(group, direction.y, leader);
     direction.z = lane_get_float(group, direction.z, leader);
-    // The axis of the largest component of the leader's direction becomes the pass's z. Slopes are the other two
-    // components of a direction, per unit of z.
+    // The axis of the largest component of the leader's direction becomes the pass's z. Slopes are a direction's
+    // components along the pass's x and y, per unit of z.
     aim(group, tree, origin, direction, shaft);
 
     const float per_leader = reciprocal(fabs(component(direction.x, direction.y, direction.z, shaft->along)));

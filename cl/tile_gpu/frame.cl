@@ -49,7 +49,7 @@ INLINED int2 tile_in_row(Group *group, int row) {
 //     row / 4   | column / 8
 INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x / 8); }
 INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
-#define TILE_OUTSIDE 0xffffffffu // beyond every grid
+#define TILE_OUTSIDE 0xffffffffu // a position beyond every grid of rays
 
 // Returns the packed position of the group's own tile, or TILE_OUTSIDE if the group has no tile. If `rough_count` is
 // not 0, tiles cover only the `rough_count` rough blocks of pixels, and no tile is larger than a block. The host then
@@ -72,8 +72,8 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
 }
 #endif
 
-// STACK_LOCALS defines a group with its stack; LEAF_LOCALS defines the memory for the triangles of a leaf that the
-// group's rays have to test.
+// STACK_LOCALS defines a group with its stack; LEAF_LOCALS defines the memory for those triangles of a leaf against
+// which the group's rays are tested.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
     __local uint2 stacks[LOCAL_Y][STACK_SIZE]; \
@@ -164,7 +164,7 @@ INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
 // Returns the index of a ray from the eye in buffers with one element for each ray of the grid.
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
-// Returns a ray's direction. It has depth 1 (a component of 1 along the view direction), not length 1.
+// Returns a ray's direction, which has depth 1 (a component of 1 along the view direction), not length 1.
 INLINED Vec3 direction_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
     const float x = RAY_AT_X(eye_ray), y = RAY_AT_Y(eye_ray);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,

@@ -1,8 +1,8 @@
 // The end of a round of lights (see shadow.cl): after tiles have cast their shadow rays, the kernels in this file cast
 // the leftover shadow rays, and shade the hits.
 
-// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. `leftover` has a bit for each of these
-// rays (see shadow.cl). Returns the bits of the rays whose lights reach the pixel.
+// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. `leftover` has a bit for each leftover
+// shadow ray (see shadow.cl). Returns the bits of the rays whose lights reach the pixel.
 INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float *surfaces,
                            CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index, const __global float *lights,
                            uint leftover, float bias, __local uint2 *stack) {
@@ -24,8 +24,8 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
 #endif
         const SurfacePoint surface_point =
             surface_point_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, leaf_index);
-        // Computes the ray from the light again. This ray is the only one in its shaft, so the box around the slopes of
-        // the shaft's rays is a point.
+        // Computes the ray from the light to the hit again. This ray is the only one in its shaft, so the box around
+        // the slopes of the shaft's rays is a point.
         const Vec3 direction = direction_to_hit(surface_point, subtract(load_vec3(at), surface_point.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(direction.x, direction.y, direction.z), &shaft);
@@ -80,7 +80,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 #define EMITS_ARGUMENT
 #endif
 // HAS_LIGHT is not 0 if a pixel may get light in a round: from lights that reach the pixel, from its own surface, or
-// from the picture of the sky. Shiny surfaces mirror this picture in the round that includes the sky.
+// from the picture of the sky. Shiny surfaces mirror the picture of the sky in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, leaf_index) \
@@ -145,7 +145,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define TEXTURE_PARAMETERS
 #define TEXTURE_ARGUMENTS
 #endif
-// The same for the colours of corners.
+// The additional parameter of shading with colours of corners, including the comma after it.
 #if CORNER_COLOURS
 #define COLOUR_PARAMETER const __global uint *corner_colours,
 #define COLOUR_ARGUMENT corner_colours,
@@ -153,7 +153,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define COLOUR_PARAMETER
 #define COLOUR_ARGUMENT
 #endif
-// What shade_pixel needs besides the lights that reach the pixel.
+// The additional parameters of shade_pixel for textures, colours of corners, emitted light and soft light.
 #define SHADE_PARAMETERS TEXTURE_PARAMETERS COLOUR_PARAMETER EMITS_PARAMETER SOURCES_PARAMETER
 #define SHADE_ARGUMENTS TEXTURE_ARGUMENTS COLOUR_ARGUMENT EMITS_ARGUMENT SOURCES_ARGUMENT
 
@@ -194,10 +194,10 @@ INLINED void shade_pixel(SHADE_PARAMETERS const Tree *tree, const __global float
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the value before the round. `sum` is the light
-// of the round, added up over the pixel's samples in this frame. With several samples per pixel, the value is the mean
-// of all samples so far. The first round of a frame adds the frame's samples to this mean; later rounds add light to
-// the same samples.
+// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the pixel's value before the round. `sum` is
+// the light of the round, added up over the pixel's samples in this frame. With several samples per pixel, the value is
+// the mean of all samples so far. The first round of a frame adds the frame's samples to this mean; later rounds add
+// light to the same samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \

@@ -1,9 +1,9 @@
 // Casts the shadow rays of a round of lights: the lights whose shadow rays one run of a kernel casts. Shadow rays run
 // from each light to the hits that face it.
 
-// These two numbers limit the work for one tile and one light: the number of passes, and the number of nodes and leaves
-// that all passes together take from the stack. A pass casts rays that are close to each other. At silhouettes, some
-// rays remain when a limit is reached. These rays are leftover shadow rays: later, whole groups cast them one at a
+// SHADOW_PASSES and SHADOW_BUDGET limit the work for one tile and one light: the number of passes, and the number of
+// nodes and leaves that all passes together take from the stack. A pass casts rays that are close to each other. At
+// silhouettes, some rays remain when a limit is reached. Later, whole groups cast these leftover shadow rays one at a
 // time.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
@@ -87,12 +87,12 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit of a ray from the eye. Callers may use only the point and the normal: they determine which lights the
-// surface faces, and where the shadow rays from these lights end.
+// Returns the hit of a ray from the eye. Callers may use only the hit's point and normal, which determine the lights
+// that the surface faces, and the ends of the shadow rays from these lights.
 INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                                               EyeRay eye_ray, int leaf_index) {
-    // Planes give t and weights quickly; in slivers, their rounding errors are too large for shading. Smooth shadows
-    // also need the triangle's corners.
+    // Planes give t and weights quickly, but in slivers (thin triangles), with rounding errors too large for shading.
+    // Smooth shadows also need the triangle's corners.
 #if PLANES_OF_ORIGIN && !SMOOTH_SHADOWS
     const __global float4 *planes = planes_for(tree, 0) + leaf_index;
     const __global float *normals = surfaces + NORMAL_FLOATS * (size_t)leaf_index;
@@ -131,7 +131,7 @@ INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bia
 #include "tile_gpu/soft.cl"
 #endif
 // The additional parameter of functions in programs with soft light, including the comma after the parameter.
-#if SOFT // a frame then casts one sample of each pixel
+#if SOFT // with soft light, a frame casts one sample of each pixel
 #if SAMPLED
 #define BIND_LANE_SAMPLE own_sources.soft.lane_sample = 0;
 #else

@@ -7,7 +7,7 @@
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// `widen` extends an interval of slopes by this number times the largest component of the directions (x, y, 1). The
+// `widen` extends an interval of slopes by SLOPE_ROUNDING times the largest component of the directions (x, y, 1). The
 // extension is several times the rounding error of the numbers that are compared with the interval.
 #define SLOPE_ROUNDING 1e-6f
 
@@ -34,7 +34,7 @@ typedef struct {
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
 #if PLANES_OF_ORIGIN
-    const __global float4 *planes; // the planes of all triangles, for this origin
+    const __global float4 *planes; // the planes of all triangles for the rays' origin
     uint across_row, down_row, along_row; // the offsets in `planes` of the rows for the pass's axes
 #endif
 } Shaft;
@@ -52,8 +52,8 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
-    // These are the offsets of this lane's child in a node of 32 columns (common/tree.cl), for the pass's axes. They
-    // are computed once, so that finding an address takes only one addition.
+    // The offsets of this lane's child in a node of 32 columns (common/tree.cl), for the pass's axes, are computed only
+    // once, so that finding an address takes only one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     // Rays that run backwards (towards smaller coordinates) reach a box's high side first.
@@ -116,7 +116,7 @@ INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
 
-// A leaf's triangle that a group's rays have to test. `prepare`, in the intersector's file, computes the numbers.
+// A leaf's triangle against which a group's rays are tested. `prepare`, in the intersector's file, computes a, b and c.
 typedef struct {
     float4 a, b, c;
 } Candidate;

@@ -93,7 +93,7 @@ INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int 
     // is tested.
     int faces_it = (dot3(sight.direction, surface_point->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
 #if AREA_LIGHTS
-    // The sky has no floats among those of the lights.
+    // The sky is no light: the array of lights has no floats for it.
     if (!sight.is_sky) faces_it &= share_towards(at, sight.direction) > 0.0f; // the back of an area light is dark
 #endif
     return faces_it && !is_stopped(group, tree, along(surface_point->point, bias, sight.direction), sight.direction,

@@ -3,7 +3,7 @@
 // The result of testing the shaft against this lane's child of a node.
 typedef struct {
     int met;     // 1 if the shaft meets the child's box, else 0
-    float entry; // the z at which the shaft enters the box
+    float entry; // the z at which the shaft enters the child's box
     uint word;   // the child's word in the node: see common/tree.cl
 } Child;
 
@@ -25,7 +25,7 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     result.entry = near;
     // Along x, the shaft lies between two sides. Each side's x is its slope times z. Within the child's box, a side is
     // therefore outermost at z = near or at z = far. The shaft can meet the box only if the box overlaps the range from
-    // the low side's least x to the high side's greatest x. The same holds along y.
+    // the low side's least x to the high side's greatest x. The test along y is the same.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -82,7 +82,7 @@ INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, flo
 #define USES_LANES(any) !any
 #endif
 
-// A leaf's triangles that a group's rays have to test, stored without gaps, and the lanes that prepared them.
+// A leaf's triangles against which a group's rays are tested, stored without gaps, and the lanes that prepared them.
 typedef struct {
     __local float4 *quads; // three float4 for each triangle
     __local int *lanes;
@@ -169,8 +169,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             reach = reach_of(worst);
         }
         if (met || !going) continue;
-        // Continues with the topmost node or leaf of the stack that is not behind the nearest hits of all rays. Entries
-        // above this one are dropped.
+        // Continues with the topmost node or leaf of the stack that is not behind the nearest hits of all rays. The
+        // stack's entries above it are dropped.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];
@@ -178,8 +178,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // If the budget is used up, the remaining rays become leftover shadow rays. They are few, but take long, so it
-        // is faster if a whole group of 32 lanes casts each leftover ray.
+        // If the budget is used up, the remaining rays become leftover shadow rays. Leftover rays are few, but take
+        // long, so it is faster if a whole group of 32 lanes casts each of them.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read

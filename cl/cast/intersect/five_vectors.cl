@@ -52,8 +52,8 @@ Vec3 store_and_load(volatile varying *at, Vec3 value) {
 // no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // The index at which a vector begins in its array. The index is always 0, because no coordinate is larger than
-    // 1e38, but the compiler does not know this.
+    // `from` is the index at which a vector begins in its array. It is always 0, because no coordinate is larger than
+    // 1e38, but the compiler does not know that it is 0.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = store_and_load(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));

@@ -36,11 +36,11 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 #endif
 
 // Returns a triangle's row. A weight may exceed its bounds by its largest rounding error, the slack, so that no ray
-// falls through between two triangles. (Only the watertight test guarantees this.) The slack grows with the distance of
-// the ray's origin from the corner, and with the size of the edge in the weight's cross product. If a triangle is seen
-// nearly edge-on, no digit of the determinant `a` is correct, so the triangle is not hit. With PAPER_EPSILONS, both
-// slacks and the bound of `a` are the paper's constants. Otherwise, each slack is proportional to one edge's size (its
-// 1-norm), and the bound of `a` to the product of both sizes, like the rounding errors.
+// falls through between two triangles. (Only the watertight test guarantees that no ray does.) The slack grows with the
+// distance of the ray's origin from the corner, and with the size of the edge in the weight's cross product. If a
+// triangle is seen nearly edge-on, no digit of the determinant `a` is correct, so it is not hit. With PAPER_EPSILONS,
+// both slacks and the bound of `a` are the paper's constants. Without PAPER_EPSILONS, each slack is proportional to one
+// edge's size (its 1-norm), and the bound of `a` to the product of both sizes, like the rounding errors.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -66,8 +66,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Instead of dividing by a, this code multiplies the numerators by the sign of a, and compares them with |a|. The
-    // comparison is the same for front and back faces.
+    // Instead of dividing by `a`, this function multiplies the numerators by the sign of `a`, and compares the products
+    // with |a|. The comparison is the same for front and back faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
     // The variable w1 is the weight times |a|. A weight between 0 and 1 means -slack1 <= w1 <= |a| + slack1.
@@ -79,8 +79,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // Few rays get here. The second weight is tested in the same way as the first, and so is the condition that the sum
-    // of both weights is at most 1.
+    // Few rays pass the test of the first weight. The second weight, and the condition that the sum of both weights is
+    // at most 1, are tested in the same way.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;
@@ -92,8 +92,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
     // A ray within the edges still misses if the triangle is seen edge-on, or if t is not between t_min and t_max. If
-    // |a| is not larger than a slack, the slack would lengthen the triangle by its own length or more. Such a triangle
-    // looks so narrow that the slacks of its neighbours cover it.
+    // |a| is not larger than a slack, the slack would lengthen the triangle by its own length or more. A triangle with
+    // such a small |a| looks so narrow that the slacks of its neighbours cover it.
     const varying least = max(max(slack1, slack2), EDGE_ON(row));
     hit->lanes = inside & (size > least) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK

@@ -6,11 +6,11 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
-// becomes the z axis. An edge function is then the difference of two products, each rounded separately. The function's
-// sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two triangles. This
-// guarantee only holds without contraction to fma. Most misses are found after 50 operations: 9 for the corners
-// relative to the ray's origin, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2 for their
-// sum.
+// becomes the z axis. An edge function is then the difference of two products, each rounded separately. The sign of an
+// edge function is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
+// triangles. The test is watertight only without contraction to fma. Most misses are found after 50 operations: 9 for
+// the corners relative to the ray's origin, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2
+// for their sum.
 
 #include "common/exact_signs.cl"
 
@@ -44,8 +44,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // If the ray runs against its dominant axis, this shear would mirror triangles and swap front and back faces. For
-    // such a ray, the sign of the matrix's first row is therefore reversed.
+    // If the ray runs against its dominant axis, the shear would mirror triangles and swap front and back faces. The
+    // sign of the matrix's first row is therefore reversed for rays against their axis.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));

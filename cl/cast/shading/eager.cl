@@ -15,7 +15,7 @@ void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit
         COLOURED(surface_of(column), scene->corner_colours, own_triangle, hit->w1, hit->w2);
     const Surface surface = TEXTURED(own, &scene->textures, own_triangle, hit->w1, hit->w2,
                                      working_get(working, RAY_DIRECTION), hit->t);
-    // If a nearer hit is found later, its radiance overwrites this result.
+    // If a nearer hit is found later, its radiance overwrites the radiance of this hit.
     shade(working, scene, &surface, TRIANGLE_ARGUMENT((varying_int)(triangle)) hit->t, nearer);
 }
 

@@ -16,9 +16,9 @@ typedef struct {
     for (int v = 0; v < WORKING_VECTORS; v++)           \
         working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
 
-// Reserves `count` varyings of the pool. Returns the index of the first of them, or 0 if they do not fit. This is a
-// bump allocator: its counter only grows, and all work-items contend for it. Work-items allocate their vectors in any
-// order, for example:
+// Reserves `count` varyings of the pool. Returns the index of the first reserved varying, or 0 if the pool is full.
+// This is a bump allocator: its counter only grows, and all work-items contend for it. Work-items allocate their
+// vectors in any order, for example:
 //
 //     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {

@@ -7,13 +7,13 @@
 //
 // Triangles are prepared once for all rays, eight at a time, each in one lane. P and Q are the ends of an edge,
 // relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A ray's
-// direction d lies inside the edge if the dot product of d and this normal has the right sign. The triangle on the
-// edge's other side has the same plane with the opposite sign, to the last bit. (Embree's robust mode uses the same
-// planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles therefore overlap a little: after
-// the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where e1 and e2 are two of
-// the triangle's edges. The product of `a` and t is the same for all rays, and is called the height. A hit lies in
-// front of the ray's origin if `a` and the height have the same sign. The planes are multiplied by the height's sign
-// when they are prepared, not at each test.
+// direction d lies inside the edge if the dot product of d and this normal has the right sign. The neighbouring
+// triangle has the same plane for the shared edge, with the opposite sign, to the last bit. (Embree's robust mode uses
+// the same planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles therefore overlap a
+// little: after the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where e1 and e2
+// are two of the triangle's edges. The product of `a` and t is the same for all rays, and is called the height. A hit
+// lies in front of the ray's origin if `a` and the height have the same sign. The planes are multiplied by the height's
+// sign when they are prepared, not at each test.
 
 #define PREPARED TOGETHER
 
@@ -46,8 +46,8 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 // Returns the numbers by which the planes of one edge of eight triangles are multiplied. `size` is the edge's size,
 // `longer` the size of the longer of two edges, and `slack` the overlap of neighbouring triangles (see
 // SHARED_EDGE_SLACK) per size of an edge, in the unit of the edges' dot products. The overlap is rounded down to a
-// power of two. The planes are divided by this power, so that the overlap becomes 1. The division does not round,
-// because the divisor is a power of two.
+// power of two. The planes are divided by this power of two, so that the overlap becomes 1. The division does not
+// round, because the divisor is a power of two.
 float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);

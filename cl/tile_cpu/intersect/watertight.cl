@@ -18,7 +18,7 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
         // `along` is the smallest absolute value of the rays' components along this axis. If rays run in both
-        // directions, it is 0 or negative.
+        // directions, `along` is 0 or negative.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
         const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
@@ -100,8 +100,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // The triangle is tested first against the vectors' intervals of directions if more than FEW_VECTORS are to be tested:
 // a test of sixteen intervals takes about as long as the tests of four vectors of rays.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of the rounding errors of a volume (the determinant of three vectors), divided by the product of the vectors'
-// sizes. It also covers the errors of the sheared test, which grow if rays run at a large angle to their common axis.
+// A bound of the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. The
+// bound also covers the errors of the sheared test, which grow if rays run at a large angle to their common axis.
 #define VOLUME_ROUNDING 2e-5f
 
 // Returns those of the vectors in `live` with a ray that may run on the positive side of a plane through the origin:

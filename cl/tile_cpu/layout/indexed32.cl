@@ -14,7 +14,7 @@
 
 typedef struct {
     const __global float *set;      // three floats per normal
-    const __global uint *triangles; // MESH_WORDS per triangle
+    const __global uint *triangles; // MESH_WORDS words per triangle
 } Normals;
 
 #define BIND_NORMALS(normals)     \

@@ -1,7 +1,7 @@
 // Normals in leaf order, for shading the triangles that a tile's rays hit: a row of three normals for each triangle.
 
 typedef struct {
-    const __global float *rows; // NORMAL_FLOATS per triangle
+    const __global float *rows; // three normals per triangle: NORMAL_FLOATS floats
 } Normals;
 
 #define BIND_NORMALS(normals) normals.rows = surfaces;

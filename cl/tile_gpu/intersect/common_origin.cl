@@ -17,7 +17,7 @@
 #include "common/planes_of_origin.cl"
 
 // The overlap of neighbouring triangles, as a multiple of the overlap that planes_of scales to 1. As in edge_planes.cl,
-// the overlap is half as large as in other tests.
+// the overlap is half as large as in other ray-triangle tests.
 #define OVERLAP 0.5f
 
 // Evaluates four linear functions at once: a triangle's planes and 1/z. `plane` has their coefficients of one slope (x
@@ -54,7 +54,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
     // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
-    // all rays, no hit matters.
+    // all rays, its hits do not matter.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
@@ -85,7 +85,7 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // The last argument of planes_of is the sign for front faces. For the eye, it is negative. A shadow ray runs
+    // The last argument of planes_of is the sign for front faces: negative for rays from the eye. A shadow ray runs
     // towards its light, but is tested from the light, so it meets the side that faces away from the light: the sign is
     // positive.
     const Row row = planes_of(leaf_corners(&tree, index), from, origin ? 1.0f : -1.0f);

@@ -10,17 +10,17 @@
 // Returns the plane through the origin and an edge. `edge` is p - q; the edge's ends p and q are relative to the
 // origin. The plane is multiplied by `scale`, so that the overlap of neighbouring triangles is 1; this overlap is then
 // added. Swapping p and q changes the signs of all components without the overlap, and nothing else. The overlap is
-// half as large as in other tests. (Measured on a GPU: with the full overlap, one of two million pixels of a terrain is
-// wrongly dark. With half the overlap, no pixel is wrongly dark, and none of 60,516 rays aimed at edges and vertices
-// slips through.)
+// half as large as in other ray-triangle tests. (Measured on a GPU: with the full overlap, one of two million pixels of
+// a terrain is wrongly dark. With half the overlap, no pixel is wrongly dark, and none of 60,516 rays aimed at edges
+// and vertices slips through.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
 }
 
 // Returns the number by which the plane of an edge is multiplied, without its sign: the reciprocal of the overlap,
-// which is rounded down to a power of two. `size` is the edge's size, `longer` that of the longer of two edges, and
-// `slack` the overlap per size of an edge.
+// after rounding the overlap down to a power of two. `size` is the edge's size, `longer` the size of the longer of two
+// edges, and `slack` the overlap per size of an edge.
 INLINED float per_overlap(float slack, float size, float longer) {
     const float overlap = slack * min(longer, OVERLAP_EDGES * size);
     return as_float(0x7f000000 - (as_int(overlap) & 0x7f800000));
@@ -58,7 +58,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
     // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
-    // all rays, no hit matters.
+    // all rays, its hits do not matter.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }

@@ -3,7 +3,7 @@
 // axis, not the axis of the largest component of each ray's direction. The test stays watertight: a ray has the same
 // axis for all triangles, so a corner that two triangles share is sheared in the same way. A prepared triangle contains
 // the corners along the pass's axes, relative to the origin. The fourth component of `a` is the sign of `det` for front
-// faces (`det` is the sum of the three edge functions). This sign is reversed for rays that run against the axis, since
+// faces (`det` is the sum of the three edge functions). The sign is reversed for rays that run against the axis, since
 // their coordinates are mirrored, and for shadow rays, since they are tested from their light:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
@@ -45,7 +45,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
-    // The shear moves the ray to (0, 0) at every depth. It is applied to each corner at the corner's own depth.
+    // The shear moves the ray to (0, 0) at every depth. Each corner is sheared according to its own depth.
     const float ax = MULTIPLY_ADD(-x, a.z, a.x), ay = MULTIPLY_ADD(-y, a.z, a.y);
     const float bx = MULTIPLY_ADD(-x, b.z, b.x), by = MULTIPLY_ADD(-y, b.z, b.y);
     const float cx = MULTIPLY_ADD(-x, c.z, c.x), cy = MULTIPLY_ADD(-y, c.z, c.y);
