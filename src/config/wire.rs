@@ -13,15 +13,15 @@ use super::schema::{Anything, BaselineName, ImageSize, LocalSize, PresetName, Sa
 use super::validate::{MOST_LAUNCHES, MOST_SAMPLES};
 use crate::strategy::AXES;
 
-/// An experiment: the product of its scenes, image sizes, strategies, local sizes and devices. Each point is
-/// verified and timed.
+/// An experiment measures every combination of its scenes, image sizes, strategies, local sizes and devices.
+/// raycl verifies the picture of each combination, then times it.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
     /// The question that the experiment answers, in a sentence [default: the name of the file, without `.toml`].
     #[schemars(with = "Option<String>", length(min = 1))]
     pub question: Option<Spanned<String>>,
-    /// The expected answer, written before measuring [default: none].
+    /// The answer that the author of the experiment expects, written before measuring [default: none].
     #[schemars(with = "Option<String>", length(min = 1))]
     pub expectation: Option<Spanned<String>>,
     /// Scene files. Their paths are relative to the folder of the experiment file.
@@ -57,12 +57,13 @@ pub struct Experiment {
     /// Also measure presets on kinds of devices that they are not meant for [default: false].
     #[serde(default)]
     pub any_kind: bool,
-    /// Casters on the host. They are measured in the same rounds as the kernels, unless the experiment is
-    /// divided into shards or distributed over several devices.
+    /// Ray casters that run on the host without OpenCL. raycl measures baselines in the same rounds as the
+    /// kernels, unless the experiment is divided into shards or distributed over several devices.
     #[serde(default)]
     #[schemars(with = "Vec<BaselineName>")]
     pub baselines: Vec<Spanned<String>>,
-    /// Limits of a smaller device to imitate.
+    /// Memory limits of a smaller device, which raycl imitates: a point that needs more memory is not
+    /// measured.
     #[serde(default)]
     pub emulate: Emulate,
     /// How often and how long each point is measured: limits on samples and time.
@@ -81,8 +82,8 @@ pub struct SceneEntry {
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, Anything>")]
     pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
-    /// Samples per pixel, as of `raycl render --samples`; a list makes one scene per number [default: 1]. With several
-    /// samples, lights with a radius cast soft shadows.
+    /// Samples per pixel, like `raycl render --samples`; a list makes one scene per number [default: 1]. With
+    /// several samples, lights with a radius cast soft shadows.
     #[schemars(with = "Option<SampleNumbers>")]
     pub samples: Option<Spanned<Numbers>>,
 }
@@ -99,10 +100,12 @@ pub enum SceneValues {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Emulate {
-    /// Size in bytes of a work-group's `__local` memory.
+    /// Bytes of `__local` memory that a work-group of the imitated device can have [default: the real
+    /// device's limit].
     #[schemars(with = "Option<u32>")]
     pub local_bytes: Option<Spanned<i64>>,
-    /// Size in bytes of the `__constant` memory of a kernel.
+    /// Bytes of `__constant` memory that a kernel of the imitated device can have [default: the real device's
+    /// limit].
     #[schemars(with = "Option<u32>")]
     pub constant_bytes: Option<Spanned<i64>>,
 }
@@ -111,26 +114,26 @@ pub struct Emulate {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Number of frames that each point casts in a launch before the point's first sample [default: 2]. The
-    /// number is smaller if these frames take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch before the point's first sample [default: 2]. A
+    /// point casts fewer of these frames if they take over a tenth of `time_limit_ms`.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
     /// Number of launches [default: 4]. In each launch, new worker processes measure the points. A point's
     /// samples are divided among the launches. With 1 launch, the 95% intervals are too narrow.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
-    /// Smallest number of samples of a point, unless the time is up [default: 10].
+    /// Smallest number of samples of a point, unless `time_limit_ms` ends the sampling earlier [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Largest number of samples of a point [default: 100]. Each launch takes an equal part, usually at least
-    /// five.
+    /// Largest number of samples of a point [default: 100]. Each launch takes an equal part of these samples,
+    /// usually at least five.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
     /// Time limit in milliseconds for the samples of a point, averaged over the points of its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
-    /// Seed of two random orders: that of the groups in a launch, and that of the points in a round
-    /// [default: 1].
+    /// Seed of two random orders: the order of the groups of points in a launch, and the order of the points
+    /// in a round [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
     /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in

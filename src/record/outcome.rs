@@ -21,13 +21,15 @@ pub enum Outcome {
     /// The device refused or failed to run the kernel; or the free memory became too small for the point
     /// after the point had been cast once.
     LaunchFailed,
-    /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the reference,
-    /// too many uncertain pixels are outside the range of their values, or the number of pixels with a hit is wrong.
-    /// The point has no time.
+    /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the
+    /// reference, too many uncertain pixels are outside the range of values that the reference yields for
+    /// them, or the number of pixels with a hit is wrong. Points with wrong images are not timed.
     WrongImage,
-    /// A step of the point took longer than the time limit.
+    /// A step of the measurement, such as compiling the program or casting a frame, took longer than the time
+    /// limit.
     TimedOut,
-    /// The process that measured the point ended unexpectedly. This is also the initial value of a record's outcome.
+    /// The process that measured the point ended unexpectedly. A record has this outcome until raycl assigns
+    /// another one.
     #[default]
     Crashed,
 }

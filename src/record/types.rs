@@ -15,15 +15,16 @@ use serde::{Deserialize, Serialize};
 /// The value of `device` in the records of baselines.
 pub const HOST: &str = "host";
 
-/// The result of one point. An optional field is null or absent if its value is unknown, or if the field does not apply
-/// to the point.
+/// The result of one point of an experiment. A point is a combination of a scene, a device, a strategy, a
+/// local size and an image size. An optional field is null or absent if its value is unknown, or if the field
+/// does not apply to the point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
     /// The key of the measurement: a hash that identifies what was measured. It covers, for example, the
     /// scene, the device with its driver, the strategy, the local size, the image size, the program and the
     /// timing settings.
     pub key: String,
-    /// When the point was finished, in the format of RFC 3339.
+    /// When the measurement of the point ended, in the format of RFC 3339.
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
@@ -37,7 +38,7 @@ pub struct Record {
     /// The values that the config sets in the scene, each as a line of TOML.
     #[serde(default)]
     pub scene_values: Vec<String>,
-    /// The device's name; [`HOST`] for a baseline.
+    /// The device's name; "host" for a baseline (a ray caster that runs on the host without OpenCL).
     pub device: String,
     /// The device's kind: cpu, gpu, accelerator or other; null for a baseline.
     #[serde(default)]
@@ -50,7 +51,8 @@ pub struct Record {
     /// launches of the point, their names are separated by `, `.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
-    /// The attempt that measured the point, if the folder was merged from several attempts.
+    /// The attempt that measured the point (the process that measured its shard), if `raycl merge` wrote the
+    /// record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attempt: Option<String>,
     /// The number of the block in which the point was measured, if the point's group was divided into blocks.
@@ -59,19 +61,21 @@ pub struct Record {
     /// The key of the control point of the point's group, which is measured in every block of the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// True if the point was measured only to compare its block with other blocks. The point's result is in
-    /// another record.
+    /// True if this record was measured only to compare a block of points with other blocks. The point's
+    /// result is in another record, in which this field is absent.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
     /// The strategy's name: the name in the config or, without one, the preset's name and the axes that differ from the
     /// preset.
     pub name: String,
-    /// The preset's name; null for a baseline, and if an axis differs from the preset.
+    /// The name of the preset that is the point's strategy; null for a baseline, and if the strategy differs
+    /// from its preset on an axis.
     pub preset: Option<String>,
-    /// The folder of the point's kernels, if two folders of kernels are compared.
+    /// The folder with the source files of the point's kernels, if the run compares two such folders.
     #[serde(default)]
     pub kernels_of: Option<String>,
-    /// All axes with their values; for a baseline "serial-f32", "serial-f64" or "parallel-f32".
+    /// The strategy's value on every axis, such as "traversal=bvh width=1 ..."; for a baseline "serial-f32",
+    /// "serial-f64" or "parallel-f32".
     pub strategy: String,
     /// Work-items per work-group, across and down; null for a baseline.
     pub local_size: Option<[u32; 2]>,
@@ -101,8 +105,8 @@ pub struct Record {
     pub q1_ms: Option<f64>,
     /// The third quartile of `samples_ms`.
     pub q3_ms: Option<f64>,
-    /// The 95% interval of the median (low, high), from the differences between launches and the usual
-    /// difference between runs.
+    /// The 95% interval of the median time in milliseconds (low, high), computed from the differences between
+    /// launches and from the usual difference between runs.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the
@@ -111,8 +115,8 @@ pub struct Record {
     /// `moved_samples` and `moved_launches`).
     #[serde(default)]
     pub samples_ms: Vec<f64>,
-    /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
-    /// a single launch.
+    /// For each sample in `samples_ms`, the number of the launch that took it (launches are counted over the
+    /// whole folder of results). The list is empty in files of earlier versions, which have a single launch.
     #[serde(default)]
     pub sample_launches: Vec<u32>,
     /// When each sample was measured, in milliseconds since the rounds of its launch began.
@@ -122,7 +126,7 @@ pub struct Record {
     /// these times when it reads a folder, and does not store them.
     #[serde(skip)]
     pub relative_times: Option<RelativeTimes>,
-    /// The rule that ended the sampling in the last launch.
+    /// The name of the rule that ended the sampling in the last launch, such as "time-limit".
     pub stop_reason: Option<String>,
     /// The median time of the primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
@@ -149,9 +153,9 @@ pub struct Record {
     /// `records=once` prepare this data, once per scene; the time is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
-    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. The two rates
-    /// are different quantities, so no page shows this field; summaries in CSV contain it. See
-    /// [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
+    /// The number of primary rays, divided by the time of the primary pass or, if passes are fused, of the
+    /// whole frame in seconds. The rate of a pass and the rate of a frame cannot be compared, so no page
+    /// shows this field; summaries in CSV contain it.
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every primary ray that hits something, and one more per such
     /// ray if the scene has a sky.
@@ -165,9 +169,9 @@ pub struct Record {
     /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference:
     /// column, row.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly, or if another
-    /// small change is made. Verification compares an uncertain pixel with the range of values that these
-    /// changes yield.
+    /// Number of uncertain pixels: their radiance in the reference changes if their rays are moved slightly,
+    /// or if another small change is made. Verification compares the device's value of an uncertain pixel
+    /// with the range of values that the reference yields under these changes.
     pub uncertain_pixels: Option<u64>,
     /// Number of pixels whose rays hit something in the reference.
     #[serde(default)]
@@ -175,34 +179,37 @@ pub struct Record {
     /// Number of uncertain pixels whose rays hit something in the reference.
     #[serde(default)]
     pub uncertain_hits: Option<u64>,
-    /// Number of uncertain pixels whose values are outside the range of values that the small changes yield;
-    /// verification limits this number.
+    /// Number of pixels whose values are outside the range of values that the reference yields if rays are
+    /// moved slightly; only pixels that depend on such changes count. Verification limits this number.
     pub unexplained_pixels: Option<u64>,
     /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,
-    /// Bytes of `__constant` memory needed.
+    /// Bytes of `__constant` memory that the point's kernels need.
     pub constant_bytes: Option<u64>,
-    /// Bytes of global memory needed as scratch or heap memory.
+    /// Bytes of global memory that the working vectors of all rays need (as a scratch buffer or a heap); 0 if
+    /// these vectors are in other memory.
     pub scratch_bytes: Option<u64>,
     /// Bytes of private memory that all work-items of a work-group together need for their working vectors or
     /// their tiles' rays; 0 if the vectors or rays need not be stored for all work-items at the same time.
     pub private_bytes: Option<u64>,
-    /// The picture's path, relative to the folder of results. The fields whose names end in `_image` contain paths
-    /// relative to this folder too.
+    /// The path of the picture that the point cast, relative to the folder of results. The fields whose names
+    /// end in `_image` contain paths relative to this folder too.
     pub image: Option<String>,
-    /// The hash of the picture's values. If a later launch casts a different picture, raycl compares the new
-    /// picture with the reference too.
+    /// The hash of all pixels' values in the point's picture. If a later launch casts a different picture,
+    /// raycl compares the new picture with the reference too.
     #[serde(default)]
     pub image_hash: Option<String>,
-    /// The picture of the differences from the reference.
+    /// The path of a picture that shows how much each pixel of the point's picture differs from the
+    /// reference.
     pub difference_image: Option<String>,
-    /// The picture of the reference.
+    /// The path of the picture that the reference cast.
     pub reference_image: Option<String>,
-    /// The reference with uncertain pixels marked.
+    /// The path of a copy of the reference's picture in which uncertain pixels are marked.
     pub certainty_image: Option<String>,
-    /// The picture that shows in false colour against how many triangles each pixel's rays are tested.
+    /// The path of a picture that shows in false colour against how many triangles each pixel's rays are
+    /// tested.
     pub tests_image: Option<String>,
-    /// The picture that shows in false colour how many nodes of the tree each pixel's rays visit.
+    /// The path of a picture that shows in false colour how many nodes of the tree each pixel's rays visit.
     pub nodes_image: Option<String>,
     /// Number of frames per sample, if a single frame is too short for the device's timer.
     #[serde(default)]
@@ -232,10 +239,12 @@ pub struct Record {
     /// The device's measured peak rate of multiply-adds per second.
     #[serde(default)]
     pub fma_per_s: Option<f64>,
-    /// `tests_per_s` x `operations_per_test`, divided by `fma_per_s`.
+    /// The fraction of the device's peak rate of multiply-adds that the ray-triangle tests reach:
+    /// `tests_per_s` x `operations_per_test` / `fma_per_s`.
     #[serde(default)]
     pub limit_fraction: Option<f64>,
-    /// The mean of the sensors' readings while the samples were measured.
+    /// The means of the readings of the device's sensors (clock, power, temperature) while the samples were
+    /// measured.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
     /// Number of samples that were left out because other programs used the processors at the same time; null
@@ -251,18 +260,19 @@ pub struct Record {
     /// Null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out because, for some point of the group, fewer than
-    /// five samples had processors at the usual distance (see `moved_samples`). Null if it is unknown how far apart the
+    /// Number of launches of the record's group that were left out. raycl leaves out a launch if, for some
+    /// point of the group, it took fewer than five samples while the virtual machine's processors were at the
+    /// usual distance from each other (see `moved_samples`). Null if it is unknown how far apart the
     /// processors were.
     #[serde(default)]
     pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
-    /// The hash of the source, the defines and the build options.
+    /// The hash of the point's program: of its source, its defines and its build options.
     pub program_hash: Option<String>,
-    /// The seed of two random orders: the order of the groups' launches, and the order of the points in each
-    /// round.
+    /// The seed of two random orders: the order of the groups of points in each launch, and the order of the
+    /// points in each round.
     pub seed: Option<u64>,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]

@@ -10,10 +10,11 @@ pub(super) const LEAST_SINE: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum AreaShape {
-    /// A rectangle with the two edges; a parallelogram if they are not perpendicular.
+    /// A rectangle with the light's two edges; a parallelogram if these edges are not perpendicular.
     #[default]
     Rectangle = 1,
-    /// The disc that touches the rectangle's sides; an ellipse if the edges differ in length.
+    /// The disc that touches the four sides of the rectangle with the light's two edges; an ellipse if these
+    /// edges differ in length.
     Disc = 2,
 }
 

@@ -6,7 +6,8 @@ use schemars::JsonSchema;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
-    /// Exposed radiance up to 1 is not changed; more is 1, so bright parts lose their shades.
+    /// Exposed radiance up to 1 is not changed; larger values become 1, so that bright parts of the picture
+    /// lose their shades.
     #[default]
     Clip,
     /// Narkowicz's curve ("ACES Filmic Tone Mapping Curve", 2015): dark parts get more contrast, and bright parts keep

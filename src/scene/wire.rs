@@ -16,7 +16,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use toml::Spanned;
 
-/// A scene: objects, lights and a camera.
+/// A scene: objects, lights, a camera and perhaps a sky.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneWire {
@@ -66,7 +66,7 @@ pub(super) struct SceneWire {
 #[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraWire {
-    /// The eye [default: the origin].
+    /// The position of the camera's eye [default: the origin].
     #[schemars(with = "Option<Position>")]
     pub position: Option<Spanned<Position>>,
     /// The point in the middle of the picture [default: position + [0, 0, -1]].
@@ -81,12 +81,13 @@ pub(super) struct CameraWire {
     /// Field of view across the height, instead of fov_x_degrees.
     #[schemars(with = "Option<Number<Angle>>")]
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
-    /// Hits are ignored if their depth along the view is at most this distance [default: 0].
+    /// The camera ignores surfaces whose depth along its viewing direction is at most this distance [default:
+    /// 0].
     pub z_near: Option<Number<NonNegative>>,
-    /// See the whole scene from this direction, in degrees to the right of the scene's front (+z, or -y if +z or -z is
-    /// up).
+    /// Place the camera so that it sees the whole scene from this direction, in degrees to the right of the
+    /// scene's front (+z, or -y if +z or -z is up).
     pub azimuth_degrees: Option<Number<Finite>>,
-    /// See the whole scene from this angle above the horizon, in degrees.
+    /// Place the camera so that it sees the whole scene from this angle above the horizon, in degrees.
     pub elevation_degrees: Option<Number<Elevation>>,
 }
 
@@ -99,43 +100,45 @@ pub(super) struct ObjectWire {
     #[serde(alias = "mesh")]
     #[schemars(with = "Option<String>")]
     pub obj: Option<Spanned<String>>,
-    /// A generated shape.
+    /// The name of a shape that raycl generates.
     #[schemars(with = "Option<ShapeName>")]
     pub shape: Option<Spanned<String>>,
     /// With a shape: the target number of triangles.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_TRIANGLES))]
     pub triangles: Option<Spanned<Whole<1, MAX_TRIANGLES>>>,
-    /// With the teapot: the number of quads along a side of each of its 32 patches.
+    /// With the shape `teapot`: the number of quads along a side of each of the teapot's 32 patches.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_FINENESS))]
     pub fineness: Option<Spanned<Whole<1, MAX_FINENESS>>>,
-    /// With the terrain: the seed for the shape of the hills.
+    /// With the shape `terrain`: the seed for the random shape of the hills.
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<Whole<0, { u32::MAX }>>>,
-    /// Points of inline triangles.
+    /// Positions of the corners of inline triangles.
     #[schemars(with = "Option<Vec<Position>>")]
     pub vertices: Option<Spanned<Vec<Position>>>,
     /// For each face: the indices of its three or more corners in `vertices`, from 0.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub faces: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
-    /// Normals. Without `face_normals`, there is one normal for each vertex.
+    /// Normals of inline triangles. Without `face_normals`, there is one normal for each of `vertices`.
     #[schemars(with = "Option<Vec<Vector>>")]
     pub normals: Option<Spanned<Vec<Vector>>>,
-    /// For each corner of each face: the index of its normal, from 0.
+    /// For each corner of each face: the index of the corner's normal in `normals`, from 0.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub face_normals: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
-    /// Scale along the object's own axes, applied first; a negative scale mirrors [default: 1].
+    /// Scale along the object's own axes, applied before rotation and translation; a negative scale mirrors
+    /// [default: 1].
     pub scale: Option<Triple<NonZero>>,
-    /// Rotation in degrees about x, then y, then z, applied second.
+    /// Rotation of the object in degrees about x, then y, then z, applied after scale and before translation.
     pub rotation: Option<Vector>,
-    /// Translation, applied last.
+    /// Translation of the object, applied after scale and rotation.
     pub translation: Option<Position>,
     /// Give every triangle its own normal, so that facets are visible [default: false].
     #[serde(default)]
     pub flat: bool,
-    /// With a mesh or vertices: the crease angle, in degrees and before `scale`, instead of the scene's.
+    /// With a mesh or vertices: the object's crease angle in degrees, instead of the scene's. The angle is
+    /// measured before `scale`.
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
-    /// Values that replace the values of every material of the object.
+    /// Values that replace those of all materials of the object.
     pub material: Option<MaterialWire>,
     /// With a mesh: also read MTL files, pictures and glTF buffers outside the mesh's folder [default: false].
     #[schemars(with = "Option<bool>")]
@@ -152,8 +155,8 @@ pub(super) struct MaterialWire {
     pub k_g: Option<Triple<Reflectance>>,
     /// The highlight's exponent [default: 100 with k_g, else the mesh's own, else none].
     pub shininess: Option<Number<Shininess>>,
-    /// The radiance that the surface emits in linear light, one number or three; lights no other surface
-    /// [default: the mesh's own, else 0].
+    /// The radiance that the surface emits in linear light, one number or three. Emitted light makes the
+    /// surface itself bright, but lights no other surface [default: the mesh's own, else 0].
     pub emitted: Option<Triple<Emission>>,
 }
 
@@ -161,17 +164,17 @@ pub(super) struct MaterialWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
-    /// The light's position.
+    /// The position of the light's centre.
     #[schemars(with = "Position")]
     pub position: Spanned<Position>,
     /// The light's power: one number is white, three are red, green and blue.
     #[schemars(with = "Triple<Power>")]
     pub power: Spanned<Triple<Power>>,
-    /// The radius of a ball that replaces the point if there are several samples per pixel [default: 0, a
-    /// point].
+    /// The radius of the ball that replaces the point light if there are several samples per pixel [default:
+    /// 0, a point].
     pub radius: Option<Number<NonNegative>>,
-    /// Two edges of a rectangle around the position, instead of a radius: an area light. It emits light only to the side
-    /// to which the cross product of the edges points.
+    /// Two edges of a rectangle around the position, instead of a radius. A light with edges is an area
+    /// light, which emits light only to the side to which the cross product of the edges points.
     #[schemars(with = "Option<[Vector; 2]>")]
     pub edges: Option<Spanned<[Vector; 2]>>,
     /// With edges: a rectangle, or the disc that touches the rectangle's sides [default: rectangle].
@@ -188,15 +191,16 @@ pub(super) struct SkyWire {
     pub zenith: Option<Triple<Power>>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
-    /// A picture of all directions, instead of zenith and horizon: the path of a Radiance HDR or OpenEXR file, relative
-    /// to this file.
+    /// A picture of the light from all directions, instead of zenith and horizon: the path of a Radiance HDR
+    /// or OpenEXR file, relative to the scene file.
     #[schemars(with = "Option<String>")]
     pub picture: Option<Spanned<String>>,
     /// A factor for the picture's radiance [default: 1].
     pub strength: Option<Number<NonNegative>>,
     /// Degrees by which the picture is turned around the zenith, counter-clockwise from above [default: 0].
     pub turn_degrees: Option<Number<Finite>>,
-    /// Surfaces farther away than this do not occlude the sky [default: all occlude it].
+    /// The distance from a hit beyond which surfaces do not occlude the sky [default: surfaces at any
+    /// distance occlude it].
     pub reach: Option<Number<Positive>>,
 }
 
@@ -208,7 +212,7 @@ pub(super) struct DisplayWire {
     pub exposure: Option<Number<NonNegative>>,
     /// The tone curve: clip cuts what is brighter than 1; filmic keeps shades in bright parts [default: clip].
     pub tone: Option<Tone>,
-    /// The exponent is 1 / gamma [default: 2.2].
+    /// Gamma: after the tone curve, brightness is raised to the power 1 / gamma [default: 2.2].
     pub gamma: Option<Number<Positive>>,
 }
 

@@ -42,13 +42,13 @@ pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SensorReading {
-    /// Clock of the processors, MHz.
+    /// Clock rate of the device's processors, in MHz.
     pub clock_mhz: Option<f64>,
-    /// Clock of the memory, MHz.
+    /// Clock rate of the device's memory, in MHz.
     pub memory_clock_mhz: Option<f64>,
-    /// Power of the whole device.
+    /// Power that the whole device draws, in watts.
     pub power_w: Option<f64>,
-    /// Temperature of the chip.
+    /// Temperature of the device's chip, in degrees Celsius.
     pub temperature_c: Option<f64>,
     /// True if the device reduced its clock because of power, heat or an external signal. False if the device
     /// does not report this.

@@ -18,15 +18,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Resources {
-    /// Registers per work-item.
+    /// Number of registers per work-item, from the compiler's build log.
     pub registers: Option<u32>,
-    /// Bytes of stack per work-item.
+    /// Bytes of stack per work-item, from the compiler's build log.
     pub stack_bytes: Option<u64>,
-    /// Bytes of registers that are spilled to memory.
+    /// Bytes that the kernel stores when it spills registers to memory, from the compiler's build log.
     pub spill_store_bytes: Option<u64>,
-    /// Bytes of spilled registers that are loaded again.
+    /// Bytes of spilled registers that the kernel loads again, from the compiler's build log.
     pub spill_load_bytes: Option<u64>,
-    /// `__local` bytes per work-group.
+    /// Bytes of `__local` memory per work-group, from the compiler's build log.
     pub shared_bytes: Option<u64>,
 }
 

@@ -16,13 +16,13 @@ use ocl::enums::{KernelWorkGroupInfo as Query, KernelWorkGroupInfoResult as Answ
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One built kernel. A property that is not known is `None`.
+/// Properties of one compiled kernel. An unknown property is null.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct CompiledKernel {
     /// The kernel's name in the source.
     pub name: String,
-    /// Work-items of the largest work-group with which the kernel can run.
+    /// The largest number of work-items per work-group with which the kernel can run.
     pub work_group_size: Option<u64>,
     /// The driver prefers local sizes that are multiples of this number: the size of a warp or of a vector.
     pub preferred_multiple: Option<u64>,
@@ -33,12 +33,13 @@ pub struct CompiledKernel {
     /// Registers and spills from the build log.
     #[serde(flatten)]
     pub resources: Resources,
-    /// Memory instructions in the program's binary; `None` if the binary is not PTX.
+    /// The kernel's memory instructions, counted in the program's binary; null if the binary is not PTX.
     #[serde(rename = "census")]
     pub instruction_counts: Option<InstructionCounts>,
     /// Predicted number of work-groups that a multiprocessor holds at once.
     pub resident_groups: Option<u64>,
-    /// Resident warps divided by the largest possible number, 0 to 1.
+    /// The predicted occupancy, from 0 to 1: the number of warps that a multiprocessor holds at once, divided
+    /// by the largest number that it can hold.
     pub occupancy: Option<f64>,
     /// The limit that prevents a multiprocessor from holding more work-groups.
     pub occupancy_limited_by: Option<String>,

@@ -14,7 +14,7 @@ pub struct InstructionCounts {
     pub instructions: BTreeMap<String, u32>,
     /// Bytes per work-item of private arrays that are not in registers (the `.local` depot).
     pub private_array_bytes: u64,
-    /// Number of calls; the instructions of the called functions are not counted.
+    /// Number of function calls in the kernel; the instructions of the called functions are not counted.
     pub calls: u32,
 }
 

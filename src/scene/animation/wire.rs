@@ -20,24 +20,24 @@ pub(in crate::scene) struct AnimationWire {
     /// Frames per second of an .apng, or of a y4m stream (uncompressed video) [default: 30].
     #[schemars(with = "Option<u16>", range(min = 1, max = MAX_RATE))]
     pub frames_per_second: Option<Whole<1, MAX_RATE>>,
-    /// The values that change.
+    /// Tracks: each is a value of the scene that changes over time.
     #[serde(default)]
     #[schemars(with = "Vec<TrackWire>")]
     pub track: Vec<TrackWire>,
 }
 
-/// A value of the scene over time.
+/// A value of the scene that changes over time, given at keyframes.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene) struct TrackWire {
-    /// The value's path, as in --set: camera.position, light.0.power, object.2.rotation.
+    /// The path of the value that changes, as in --set: camera.position, light.0.power, object.2.rotation.
     #[schemars(with = "String")]
     pub path: Spanned<String>,
-    /// The frames of `values`, ascending [default: evenly spaced from the first frame to the last frame of the
-    /// animation].
+    /// The keyframes: the number of the frame of each value in `values`, ascending [default: evenly spaced
+    /// from the first frame to the last frame of the animation].
     #[schemars(with = "Option<Vec<u32>>")]
     pub at: Option<Spanned<Vec<Spanned<Value>>>>,
-    /// The values at the frames of `at`.
+    /// The track's values at the keyframes in `at`.
     #[schemars(with = "Vec<serde_json::Value>", length(min = 1))]
     pub values: Spanned<Vec<Spanned<Value>>>,
     /// How the values between two keyframes are computed [default: smooth for numbers and lists of
@@ -50,10 +50,10 @@ pub(in crate::scene) struct TrackWire {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::scene) enum Interpolation {
-    /// A curve without corners that stays between the two values.
+    /// A smooth curve through the keyframes, which stays between the values of neighbouring keyframes.
     Smooth,
-    /// A straight line.
+    /// A straight line between the values of neighbouring keyframes.
     Linear,
-    /// The earlier value.
+    /// The value of the earlier keyframe, until the next keyframe.
     Step,
 }
