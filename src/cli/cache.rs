@@ -18,7 +18,7 @@ The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HO
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
-    /// Print one JSON object
+    /// Print one JSON object instead of text
     #[arg(long, global = true)]
     json: bool,
 }
@@ -27,7 +27,7 @@ pub struct Args {
 enum Action {
     /// Show the cache's folder, number of entries and size [default]
     Show,
-    /// Remove every entry
+    /// Remove all entries of the cache
     Clear,
     /// Print the path of the cache's folder
     Path,

@@ -12,11 +12,11 @@ use std::sync::atomic::{AtomicU8, Ordering};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
-    /// On a terminal.
+    /// Use colours if the output goes to a terminal.
     Auto,
-    /// Always, also in files and pipes.
+    /// Always use colours, also in files and pipes.
     Always,
-    /// Never.
+    /// Never use colours.
     Never,
 }
 

@@ -24,8 +24,8 @@ pub struct Args {
     before: PathBuf,
     /// The folder whose results are compared with those of BEFORE
     after: PathBuf,
-    /// Report a point as "same" if the whole 95% interval of its change lies between a speed-up and a slowdown of
-    /// PERCENT
+    /// Report a point as "same" if the whole 95% interval of the change of its time lies between a speed-up
+    /// and a slowdown of PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = THRESHOLD_PERCENT, value_parser = percent)]
     threshold: f64,
     /// Compare the times as they were measured. Without this option, raycl first divides each time by another time of
@@ -50,7 +50,7 @@ pub struct Args {
     /// Print Markdown instead of a table. Not with --json
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-    /// Print one JSON object
+    /// Print one JSON object instead of a table
     #[arg(long)]
     json: bool,
     /// Print nothing but errors. Not with --json or --markdown

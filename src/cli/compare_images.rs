@@ -19,8 +19,8 @@ use std::path::PathBuf;
 pub struct Args {
     /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance)
     found: PathBuf,
-    /// The expected picture, with which FOUND (the picture to check) is compared. Both pictures should have displayed
-    /// values, or both radiance
+    /// The expected picture, with which FOUND (the picture to check) is compared. Either both pictures should
+    /// have displayed values, or both should have radiance
     expected: PathBuf,
     /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]
@@ -31,7 +31,7 @@ pub struct Args {
     /// Exit with code 1 if the peak signal-to-noise ratio is below DB decibels
     #[arg(long, value_name = "DB", value_parser = decibels)]
     fail_below: Option<f64>,
-    /// Print one JSON object
+    /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
     /// Print nothing but errors. Not with --json

@@ -25,16 +25,18 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions. It also counts the instructions of each kind, such as loads from global memory. PoCL, a driver for CPUs, compiles a kernel for its local size only when it is launched; with --out or --json, raycl therefore casts a frame of one pixel with PoCL. With other drivers, no ray is cast.
+Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions, and counts the instructions of each kind, such as loads from global memory. PoCL, a driver for CPUs, compiles a kernel for its local size only when the kernel is launched; with --out or --json, raycl therefore casts a frame of one pixel with PoCL. With drivers other than PoCL, raycl casts no ray.
 
-The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel: in PTX and SASS from one label to the next, on a CPU for each function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers; for the others, the table that `raycl compile` prints does not show it. This table counts memory instructions only in PTX.")]
+The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel: in PTX and SASS from one label to the next, on a CPU for each function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. The table that `raycl compile` prints shows the number of registers only if the compiler prints it, and the number of memory instructions only if the program's binary is PTX.")]
 pub struct Args {
-    /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
-    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays. A bare
-    /// mesh is compiled as for `raycl render --plain --samples 1`
+    /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which
+    /// parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks and of
+    /// some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples
+    /// 1`
     scene: PathBuf,
-    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several
-    /// times; if the program of a strategy cannot be built, the others are built nevertheless
+    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). The option may
+    /// be given several times; if the program of one strategy cannot be built, the programs of the other
+    /// strategies are built nevertheless
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
@@ -53,7 +55,7 @@ pub struct Args {
     /// them
     #[arg(long, requires = "out")]
     force: bool,
-    /// Print one JSON object per strategy
+    /// Print one JSON object per strategy instead of a table
     #[arg(long)]
     json: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the

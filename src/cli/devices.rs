@@ -14,7 +14,7 @@ use crate::sources::Sources;
   raycl devices
   raycl devices --json | jq '.devices[].limits.local_bytes'
 
-To select a device in other commands, give part of its name, platform or vendor, or its kind (cpu, gpu, accelerator): `raycl render SCENE --device pocl`. If several devices have the same name, the table shows a label for each of them, as `--device LABEL`. A whole label selects only its own device.")]
+To select a device in other commands, give part of its name, platform or vendor, or its kind (cpu, gpu, accelerator): `raycl render SCENE --device pocl`. If several devices have the same name, the table shows a label for each of them, as `--device LABEL`. A complete label selects only the device that has this label.")]
 pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long)]

@@ -31,7 +31,7 @@ pub struct Args {
     /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Print one JSON object per device
+    /// Print one JSON object per device instead of text
     #[arg(long)]
     json: bool,
     /// Do not print the progress

@@ -19,31 +19,31 @@ use crate::error::{Error, Result};
 pub struct Args {
     #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper", help = help_of_capability())]
     compute_capability: Option<String>,
-    /// Registers per work-item
+    /// Number of registers that each work-item uses
     #[arg(long, value_name = "N", default_value_t = 32, conflicts_with = "paper")]
     registers: u32,
-    /// __local bytes per work-group
+    /// Bytes of __local memory that each work-group uses
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
     local_bytes: u32,
-    /// __local bytes per work-item, added to the __local bytes per work-group (optimisation 1 of the student paper that
-    /// raycl repeats uses 108)
+    /// Bytes of __local memory per work-item, added to those per work-group (optimisation 1 of the student
+    /// paper that raycl repeats uses 108)
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
     local_bytes_per_item: u32,
-    /// Local sizes, such as 8x8,64x1; 8 stands for 8x8
+    /// Local sizes (work-items per work-group, across and down), such as 8x8,64x1; 8 stands for 8x8
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values = LOCAL_SIZES, value_parser = parse_size)]
     local_sizes: Vec<[u32; 2]>,
-    /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its record
-    /// contains its kernel's number of registers and occupancy; with --compute-capability, the number of registers is
-    /// enough. Rasterisers are left out, since their main kernels have work-groups of a fixed size. DIR is a folder of
-    /// results, or its file records.jsonl. Of the other options, only --compute-capability and --json can be given with
-    /// this one
+    /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its
+    /// record contains its kernel's number of registers and occupancy; with --compute-capability, the number
+    /// of registers is enough. Rasterisers are left out, since their main kernels have work-groups of a fixed
+    /// size. DIR is a folder of results, or the file records.jsonl in it. Of the other options, only
+    /// --compute-capability and --json can be given with --results
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// For each local size, print three numbers of threads per multiprocessor. The first is the prediction of
-    /// Figure 5 in the student paper that raycl repeats. The second is the number that the paper's 63
-    /// registers per work-item allow. For the third, each work-item also needs the 108 B of __local memory of
-    /// the paper's optimisation 1. Of the other options, only --local-sizes and --json can be given with this
-    /// one
+    /// For each local size, print three numbers of threads per multiprocessor. The first number is the
+    /// prediction of Figure 5 in the student paper that raycl repeats. The second number is what the paper's
+    /// 63 registers per work-item allow. For the third number, each work-item also needs the 108 B of __local
+    /// memory of the paper's optimisation 1. Of the other options, only --local-sizes and --json can be given
+    /// with --paper
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

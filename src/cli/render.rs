@@ -70,9 +70,9 @@ pub struct Args {
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long)]
     force: bool,
-    /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name, platform or
-    /// vendor; a kind (cpu, gpu, accelerator); or all. A bare mesh is then shown as with --plain, unless --samples is
-    /// given. Not with --device or --watch
+    /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name,
+    /// platform or vendor; a kind (cpu, gpu, accelerator); or all. With --devices, a bare mesh is shown as
+    /// with --plain, unless --samples is given. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them
@@ -106,7 +106,8 @@ pub struct Args {
     /// command. Not with --json, or with a scene from standard input
     #[arg(long, conflicts_with = "json")]
     watch: bool,
-    /// Print one JSON object; to standard error if the picture goes to standard output
+    /// Print one JSON object instead of text; the object goes to standard error if the picture goes to
+    /// standard output
     #[arg(long)]
     json: bool,
     /// Print nothing but errors and, with --json, the JSON object

@@ -21,12 +21,12 @@ const BETWEEN: Duration = Duration::from_secs(5);
 #[command(after_help = "Examples:
   raycl repair results/quick
   raycl run configs/quick.toml --resume      measures the damaged points again
-  raycl repair /shared/figure-8              also repairs the parts of an experiment that is divided into shards")]
+  raycl repair /shared/figure-8              also repairs the results of each shard of an experiment")]
 pub struct Args {
-    /// A folder that `raycl run` or `raycl run --shard` wrote
+    /// The folder of results that `raycl run` or `raycl run --shard` wrote
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Print one JSON object
+    /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
 }

@@ -14,10 +14,10 @@ use std::path::PathBuf;
   raycl report results/quick
   raycl report results/figure-8-h200 results/figure-8-pocl --out results/both")]
 pub struct Args {
-    /// Folders that `raycl run` wrote
+    /// Folders of results that `raycl run` wrote
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// The folder to write to [default: the first DIR]
+    /// The folder in which to write the page, the plots and the exports [default: the first DIR]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace files in the folder of --out even if they were not written by raycl, or were changed after raycl wrote

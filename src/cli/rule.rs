@@ -38,7 +38,8 @@ pub struct Args {
     /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Number of rounds, 1 to 100. The time of each candidate strategy is the shortest of all rounds
+    /// Number of rounds, 1 to 100. In each round, every candidate strategy is timed once; the shortest of its
+    /// times counts
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = whole::<u32>(1..=100))]
     rounds: u32,
     /// If another process is measuring on the device, end at once instead of waiting for it

@@ -63,7 +63,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 Exit code: 0 if no point failed (points that do not fit on their device, or are meant for another kind of device, are not failures), 1 if a point failed, if --fail-on-regression found a regression, or if the run failed for another reason, 2 for a mistake in the arguments or files, 130 if Ctrl-C or SIGTERM stopped the run.")]
 pub struct Args {
-    /// The experiment: a TOML file
+    /// The config: a TOML file that describes the experiment
     config: PathBuf,
     /// The folder of results [default: results/NAME, where NAME is the name of the config's file without .toml, or
     /// results/NAME-N with the next number N if a folder results/NAME or results/NAME-N exists; with --resume, the

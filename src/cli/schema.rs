@@ -12,18 +12,18 @@ use crate::{config, record, scene};
 
 If the first line of a TOML file is `#:schema PATH`, where PATH is the schema's path relative to the TOML file, editors with support for JSON schemas (Even Better TOML, Taplo, Tombi) complete and check the file. raycl itself ignores this line. raycl's repository has all schemas in docs/schemas. The schema of records describes the type of each field of records.jsonl.")]
 pub struct Args {
-    /// What the schema describes
+    /// The files that the schema describes
     #[arg(value_name = "WHAT")]
     what: What,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum What {
-    /// A scene
+    /// Scene files
     Scene,
-    /// An experiment (a config, such as configs/quick.toml)
+    /// Configs of experiments, such as configs/quick.toml
     Config,
-    /// A line of records.jsonl
+    /// Lines of records.jsonl, each of which is the result of one point
     Record,
 }
 

@@ -27,16 +27,16 @@ pub struct Args {
     /// forms it supports, and uses the best of them
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
-    /// Move the camera around the scene, one degree per frame
+    /// Move the camera around the scene by one degree per frame
     #[arg(long)]
     spin: bool,
-    /// End after this many frames, or sooner if all samples are cast
+    /// End after this many frames, or as soon as all samples are cast
     #[arg(long, value_parser = whole::<u32>(1..=u32::MAX))]
     frames: Option<u32>,
     /// End after this many seconds
     #[arg(long, value_parser = parse_seconds)]
     seconds: Option<Duration>,
-    /// Print one JSON object at the end
+    /// At the end, print one JSON object instead of text
     #[arg(long)]
     json: bool,
     /// Print nothing but errors and, with --json, the JSON object
@@ -60,7 +60,7 @@ fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
         "Keys:\n{}\n\nThe left mouse button orbits, the right or the middle mouse button pans, and the wheel zooms. \
-         If the window or the terminal becomes larger or smaller, so do the pictures. \
+         If the window or the terminal changes its size, the pictures change their size too. \
          raycl reads the files of the scene and of --cl-dir again when they change, unless the scene comes from \
          standard input.\n\n\
          Examples:\n  \

@@ -58,7 +58,7 @@ fn strategy() -> Schema {
     };
     add(
         "preset",
-        "The preset whose axes the entry changes; `raycl strategies` lists all presets.",
+        "The preset whose axes this strategy changes; `raycl strategies` lists all presets.",
         PresetName::schema(),
     );
     add(
@@ -68,7 +68,11 @@ fn strategy() -> Schema {
         json_schema!({ "type": "string", "minLength": 1 }),
     );
     let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE) });
-    add("local_sizes", "Work-items per work-group, instead of the experiment's local sizes.", sizes);
+    add(
+        "local_sizes",
+        "Work-items per work-group for this strategy, instead of the experiment's `local_sizes`.",
+        sizes,
+    );
     let about = "Also measure the preset on kinds of devices that it is not meant for [default: false].";
     add("any_kind", about, json_schema!({ "type": "boolean" }));
     for axis in AXES {

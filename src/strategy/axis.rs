@@ -138,7 +138,7 @@ file_axis! {
 }
 file_axis! {
     /// The memory from which triangles are read.
-    Triangles "triangles" "where triangles are read from" {
+    Triangles "triangles" "the memory from which kernels read triangles" {
         GLOBAL "global",
         CONSTANT "constant",
         LOCAL "local",
@@ -164,7 +164,7 @@ file_axis! {
 }
 axis! {
     /// Whether one kernel does a whole frame, or each pass has its own kernel.
-    Passes "passes" "whether one kernel does the whole frame, or each pass has its own" {
+    Passes "passes" "whether one kernel casts the whole frame, or primary rays have a kernel of their own" {
         Fused "fused" "one kernel casts primary rays, shades and casts shadow rays; if work-items share tiles, a second kernel shades",
         Separate "separate" "one kernel finds the nearest hits, another shades them; the kernels are timed separately",
     }
@@ -182,57 +182,57 @@ file_axis! {
 }
 axis! {
     /// The time at which a triangle's data for the ray-triangle test is computed.
-    Records "records" "when a triangle's data for the tests is computed" {
+    Records "records" "when the data that a ray-triangle test reads of a triangle is computed" {
         EachTest "each-test" "at each test, from the triangle's corners; with triangles = tiled, when a work-group copies the triangle to __local memory (tests with planes, and tiles of rays, prepare triangles at other times)",
         Once "once" "once per scene, by a kernel of its own, which writes a record per triangle to global memory",
     }
 }
 axis! {
-    /// Which faces are visible.
-    Culling "culling" "which faces are visible" {
-        None "none" "both sides, as the paper's figures need",
-        Back "back" "front faces only, as the book's code does",
+    /// Whether rays hit the back faces of triangles.
+    Culling "culling" "whether rays hit the back faces of triangles, or pass through them" {
+        None "none" "rays hit both sides of a triangle, as the paper's figures need",
+        Back "back" "rays hit only front faces, as in the book's code",
     }
 }
 axis! {
     /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
-    Epsilons "epsilons" "when a test counts a ray as parallel to a triangle, or as passing outside it" {
+    Epsilons "epsilons" "when a ray-triangle test counts a ray as parallel to the triangle, or as passing outside it" {
         Paper "paper" "the paper's absolute numbers: |determinant| <= 1e-7, weights < -1e-10",
         Relative "relative" "tolerances relative to the triangle, independent of the scene's scale",
     }
 }
 axis! {
     /// The number of rays that a work-item casts side by side.
-    Width "width" "rays that a work-item casts side by side, in vector types" {
-        W1 "1" "one, as in the paper",
-        W2 "2" "2 x 1 pixels",
-        W4 "4" "2 x 2 pixels",
-        W8 "8" "4 x 2 pixels",
-        W16 "16" "4 x 4 pixels (8 x 2 for pixel-linear): a CPU's widest vectors",
+    Width "width" "the number of rays that a work-item casts side by side, in vector types" {
+        W1 "1" "one ray, as in the paper",
+        W2 "2" "the rays of 2 x 1 pixels",
+        W4 "4" "the rays of 2 x 2 pixels",
+        W8 "8" "the rays of 4 x 2 pixels",
+        W16 "16" "the rays of 4 x 4 pixels (8 x 2 for pixel-linear): a CPU's widest vectors",
     }
 }
 axis! {
     /// The number of children of a tree node.
-    NodeWidth "node_width" "children of a tree node" {
-        N2 "2" "two",
-        N4 "4" "four: the fastest for single rays on a GPU",
-        N8 "8" "eight: a CPU tests all of them as one vector of 8 numbers",
-        N16 "16" "sixteen: a CPU tests all of them as one vector of 16 numbers",
-        N32 "32" "thirty-two: with traversal = tile on a GPU, each of the 32 work-items that share a tile tests one of them",
+    NodeWidth "node_width" "the largest number of children of a tree node" {
+        N2 "2" "two children",
+        N4 "4" "four children: the fastest for single rays on a GPU",
+        N8 "8" "eight children, which a CPU tests at once in vectors of 8 numbers",
+        N16 "16" "sixteen children, which a CPU tests at once in vectors of 16 numbers",
+        N32 "32" "thirty-two children: with traversal = tile on a GPU, each of the 32 work-items that share a tile tests one child",
     }
 }
 axis! {
     /// The largest number of triangles in a leaf.
     LeafSize "leaf_size" "the largest number of triangles in a leaf of the tree" {
-        L4 "4" "few: a ray tests each of them",
-        L8 "8" "eight",
-        L16 "16" "sixteen",
-        L32 "32" "many: a tile of rays shares their preparation",
+        L4 "4" "at most 4 triangles: good for single rays, each of which is tested against every triangle of a leaf",
+        L8 "8" "at most 8 triangles",
+        L16 "16" "at most 16 triangles",
+        L32 "32" "at most 32 triangles: good for tiles, whose rays share the preparation of a leaf's triangles",
     }
 }
 axis! {
     /// The size of a tile of rays that traverse a tree together.
-    TileSize "tile" "pixels of a tile whose rays walk the tree together" {
+    TileSize "tile" "the size of a tile, a rectangle of pixels whose rays walk the tree together" {
         T8x4 "8x4" "32 rays",
         T8x8 "8x8" "64 rays",
         T16x8 "16x8" "128 rays",

@@ -15,7 +15,7 @@ use std::io::Write as _;
 /// The form in which a terminal shows a picture.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, clap::ValueEnum)]
 pub enum Graphics {
-    /// Two pixels per character
+    /// Half blocks: characters that show two pixels each
     Blocks,
     /// Pixels, by kitty's graphics protocol (kitty, Ghostty, WezTerm, Konsole)
     Kitty,
