@@ -51,7 +51,8 @@ const GENERAL: &str = "`raycl help COMMAND` explains the command's arguments; do
 /// The default remedy for a run that failed.
 const AGAIN: &str = "run the command again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
-const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
+const ON: &str =
+    "run the same command again to continue; add --resume if the command writes measurements into a folder";
 /// The remedy for a file of results that cannot be written, for example because the disk is full.
 const ELSEWHERE: &str = "free up space on the file's disk, or choose another folder with --out DIR";
 /// The remedy for a file of results that this process may not write, however much space is free.

@@ -140,7 +140,7 @@ fn launches_are_in_the_journals_and_one_is_called_a_look() {
         assert!(low <= median && median <= high, "{record}");
     }
     let summary = folder.text("out/summary.md");
-    has(&summary, &["| 10 in 2 |", "between two points are mostly not detected here."]);
+    has(&summary, &["| 10 in 2 |", "between two points are mostly not detected in these results."]);
     assert!(!summary.contains("only one launch"), "{summary}");
     let again = ["--set", "timing.launches=1", "--resume"];
     folder.raycl(&arguments(&device(), &again)).assert().success();

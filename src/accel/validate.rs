@@ -17,7 +17,7 @@ impl Bvh {
         is_permutation(&self.order, mesh.triangles.len())?;
         if self.nodes.is_empty() != self.order.is_empty() {
             return Err(format!(
-                "{} nodes over {} triangles; expected both or neither to be 0",
+                "the tree has {} nodes and {} triangles; expected both numbers to be 0, or neither",
                 self.nodes.len(),
                 self.order.len()
             ));

@@ -146,7 +146,7 @@ fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> 
     };
     (found != expected).then(|| {
         format!(
-            "{} and {}, so the two differ even if they show the same picture: compare a .png or .jpg with a .png or \
+            "{} and {}, so the two files differ even if they show the same picture: compare a .png or .jpg with a .png or \
              .jpg, and an .exr or .hdr with an .exr or .hdr",
             values_of(&args.found, found),
             values_of(&args.expected, expected)

@@ -33,7 +33,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let error = Error::run(format!("{}:\n{}", differ(left.len()), listed(&left)));
     Err(error.with_help(
-        "`raycl figures` without --check writes every number that the records yield; correct the other ones by hand: CONTRIBUTING.md explains how documents state from which record a number comes",
+        "`raycl figures` without --check writes every number that the records yield; correct the other numbers by hand: CONTRIBUTING.md explains how documents state from which record a number comes",
     ))
 }
 

@@ -110,7 +110,9 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
     }
     let cause = drivers_doing(status).unwrap_or_default();
     for (driver, why) in &broken {
-        printer::tell(format!("note: the driver {driver} is left out: {why}"));
+        printer::tell(format!(
+            "note: the driver {driver} is left out of the drivers that raycl loads: {why}"
+        ));
     }
     if good.is_empty() {
         return Err(Error::run(format!("{cause}, and no other driver is left")).with_help(crash_advice(0)));

@@ -137,7 +137,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         help.extend(missing.failed.iter().map(command_text));
     }
     if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
-        let remedy = "a wrong image stays the result of its point; to discard it, move its attempt's folder out of parts/";
+        let remedy = "a wrong image stays the result of its point; to discard the image, move the folder of the attempt that cast it out of parts/";
         help.push(remedy.to_owned());
     }
     match said.is_empty() {

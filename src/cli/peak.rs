@@ -175,7 +175,7 @@ impl Wanted<'_> {
         // A child process that succeeded has printed no reason for a failure.
         let why = match output.is_some_and(|finished| finished.status.success()) {
             true => "`raycl peak` printed no valid JSON",
-            false => "the reason is above",
+            false => "the messages above give the reason",
         };
         peaks.ok_or_else(|| failed(&why))
     }

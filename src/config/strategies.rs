@@ -44,7 +44,7 @@ pub fn expand(
             }
             if strategy.local_sizes.is_empty() {
                 let message = format!("strategy '{}' has no local sizes", strategy.name);
-                let error = document.error(span, message, "it would never run");
+                let error = document.error(span, message, "a strategy without a local size would never run");
                 let setting = "set local_sizes = [8, 16] (8 x 8 and 16 x 16 work-items)";
                 return Err(error.with_help(format!("{setting} {position}")));
             }

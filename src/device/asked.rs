@@ -11,7 +11,7 @@ use ocl::core::DeviceInfo as Query;
 /// driver.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
-const NO_GROUPS: &str = "its driver reports that a work-group may have no work-items";
+const NO_GROUPS: &str = "its driver reports that a work-group can have at most 0 work-items";
 const TOO_OLD: &str = "its driver supports OpenCL";
 const UNREADABLE: &str = "its version of OpenCL cannot be read";
 

@@ -12,7 +12,7 @@ const ENDINGS: &[(&[&str], &str, &str)] = &[
     (
         &["splat", "ksplat", "spz"],
         "a scene of Gaussian splats",
-        "export it as a mesh, from a program for splats",
+        "export the splats as a mesh, from a program for splats",
     ),
     (&["off"], "an OFF mesh", EXPORT),
     (&["3ds"], "a 3DS scene", EXPORT),
@@ -35,7 +35,7 @@ const ENDINGS: &[(&[&str], &str, &str)] = &[
     (&["bgeo", "hip", "hipnc"], "a Houdini file", OWN),
     (&["ac", "ac3d"], "an AC3D model", OWN),
     (&["x", "md2", "md3", "md5mesh", "ms3d", "b3d", "nff", "cob"], "a mesh of another format", OWN),
-    (&["scad"], "an OpenSCAD program", "export it as STL, with OpenSCAD"),
+    (&["scad"], "an OpenSCAD program", "export the model as STL, with OpenSCAD"),
     (&["stp", "step", "p21"], "a STEP model", CAD),
     (&["igs", "iges"], "an IGES model", CAD),
     (&["brep", "brp", "fcstd"], "a FreeCAD model", CAD),
@@ -46,13 +46,13 @@ const ENDINGS: &[(&[&str], &str, &str)] = &[
         "a mesh for simulations",
         CONVERT,
     ),
-    (&["geo"], "a Gmsh or Houdini geometry", "make a mesh (STL) of it, with Gmsh or Houdini"),
+    (&["geo"], "a Gmsh or Houdini geometry", "make a mesh (STL) of the geometry, with Gmsh or Houdini"),
     (&["vtk", "vtp", "vtu", "vts", "vti", "vtr", "pvd"], "a VTK file", CONVERT),
     (&["nii", "mrc", "nrrd", "nhdr", "mha", "mhd", "dcm", "vdb", "raw"], "a volume", SURFACE),
     (
         &["pdb", "cif", "mol", "mol2", "sdf"],
         "a molecule",
-        "export its surface as OBJ, with PyMOL or ChimeraX",
+        "export the molecule's surface as OBJ, with PyMOL or ChimeraX",
     ),
 ];
 

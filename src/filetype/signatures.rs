@@ -3,20 +3,20 @@
 use super::{FileType, Foreign, MeshFormat, stl};
 
 /// The advice for files that contain a mesh.
-pub(super) const EXPORT: &str = "export it as glTF or OBJ, with Blender for example";
+pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
 /// The advice for files that only the program that made them reads.
-pub(super) const OWN: &str = "export it as glTF or OBJ from the program that made it";
+pub(super) const OWN: &str = "export the file as glTF or OBJ from the program that made it";
 /// The advice for models of curved surfaces.
-pub(super) const CAD: &str = "export a mesh (STL) from it, with FreeCAD for example";
+pub(super) const CAD: &str = "export a mesh (STL) from the file, with FreeCAD for example";
 /// The advice for meshes of simulations.
-pub(super) const CONVERT: &str = "convert it to PLY, with meshio or ParaView for example";
+pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaView for example";
 /// The advice for points without triangles.
-pub(super) const POINTS: &str = "make triangles of its points, with MeshLab for example";
+pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
 /// The advice for volumes.
-pub(super) const SURFACE: &str = "extract a surface (PLY or STL), with ParaView for example";
+pub(super) const SURFACE: &str = "extract a surface (PLY or STL) from the file, with ParaView for example";
 /// Every advice by which the user gets a mesh from a file.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
-pub(super) const UNPACK: &str = "unpack it first";
+pub(super) const UNPACK: &str = "unpack the file first";
 /// The advice for a web server's error page that was downloaded instead of a file.
 pub(super) const DOWNLOAD: &str = "download the file again, with the address of the file itself";
 
@@ -39,7 +39,7 @@ pub(super) const SIGNATURES: &[Signature] = &[
     (0, b"# .PCD", "a point cloud (PCD)", POINTS),
     (0, b"LASF", "a point cloud (LAS or LAZ)", POINTS),
     (0, b"ASTM-E57", "a point cloud (E57)", POINTS),
-    (0, b"DRACO", "a Draco mesh", "decode it to PLY or OBJ, with draco_decoder"),
+    (0, b"DRACO", "a Draco mesh", "decode the file to PLY or OBJ, with draco_decoder"),
     (0, b"//Maya ASCII", "a Maya scene (ASCII)", OWN),
     (0, b"FOR4", "a Maya scene (binary)", OWN),
     (0, b"FOR8", "a Maya scene (binary)", OWN),

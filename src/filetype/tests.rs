@@ -280,7 +280,7 @@ fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
         "the key `mesh` of an [[object]] accepts OBJ, PLY, STL and glTF, also as .gz",
         "`raycl run` reads experiments (TOML), such as configs/quick.toml",
     ];
-    let export = "; export it as glTF or OBJ, with Blender for example";
+    let export = "; export the file as glTF or OBJ, with Blender for example";
     let [scene, mesh, experiment] = [Wanted::Scene, Wanted::Mesh, Wanted::Experiment];
     let foreign = "an FBX scene (ASCII), which raycl does not read";
     let run = format!("`raycl render a.x` renders this mesh; {}", reads[2]);
@@ -293,7 +293,7 @@ fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
             zip,
             experiment,
             "a zip archive, which raycl does not read",
-            format!("{}; unpack it first", reads[2]),
+            format!("{}; unpack the file first", reads[2]),
         ),
         (stl, experiment, "an STL mesh, not an experiment", run),
         (toml, mesh, "a TOML file, not a mesh", reads[1].to_owned()),

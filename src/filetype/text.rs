@@ -91,7 +91,7 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         "OFF" | "COFF" | "NOFF" | "CNOFF" | "STOFF" | "4OFF" | "nOFF" => named("an OFF mesh", EXPORT),
         // Some OBJ files begin with the definitions of their materials.
         "newmtl" if has_vertex(head) => Some(FileType::Mesh(MeshFormat::Obj)),
-        "newmtl" => named(MTL, "name the .obj file that refers to it"),
+        "newmtl" => named(MTL, "name the .obj file that refers to this material file"),
         "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
         "*3DSMAX_ASCIIEXPORT" => named("a 3ds Max scene (ASE)", OWN),
         "VERSION" if contains(head, b"\nFIELDS ") => named("a point cloud (PCD)", POINTS),

@@ -178,7 +178,8 @@ fn closed(path: &Path, error: &IoError) -> String {
 /// Returns the error for a file that another program made at the output path after raycl last checked the
 /// path.
 fn appeared(path: &Path, choice: Choice) -> Error {
-    let message = format!("another program made '{}' in the meantime", path.display());
+    let message =
+        format!("another program made the file '{}' while this command was running", path.display());
     Error::input(message).with_help(choice.help("replaces it"))
 }
 

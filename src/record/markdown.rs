@@ -410,7 +410,7 @@ mod tests {
             "\nWarnings:\n\n- naive at 8 x 8: it throttled\n",
             "\nPoints without a time:\n\n- wide at 4 x 4, build-failed: line 7: no such name\n",
             "\n## Notes on scenes\n\n- teapot: it has no normals\n",
-            " Differences below 2.1% between two points are mostly not detected here.\n",
+            " Differences below 2.1% between two points are mostly not detected in these results.\n",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }
@@ -420,7 +420,7 @@ mod tests {
             sampled(name, (0..10).map(move |index| (index / 5, ms[index as usize / 5])))
         });
         let noisy = summary_markdown(&judged(noisy), &[], "?", "!");
-        let below = " Differences below a factor of 100 between two points are mostly not detected here.\n";
+        let below = " Differences below a factor of 100 between two points are mostly not detected in these results.\n";
         assert!(noisy.contains(below), "{noisy}");
         let quiet = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
         for heading in ["Warnings", "Points without a time", "Notes on scenes"] {

@@ -111,8 +111,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     };
     Some(format!(
         "Disturbed: {launches}, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
-         {} of {} processors busy{stolen}. This may have made times longer: if \
-         possible, stop these programs and run the experiment again.",
+         {} of {} processors busy{stolen}. This load may have made times longer: if \
+         possible, stop the other programs and run the experiment again.",
         significant(worst.others, 2),
         worst.processors
     ))
@@ -165,7 +165,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     if launches + samples > 0 {
         return Some(format!(
             "{left_out} left out, because this virtual machine's processors were on cores further apart than in other \
-             samples, or shared a core. Both change times."
+             samples, or shared a core. Distant cores and shared cores both change times."
         ));
     }
     let shown = launches_of(records);
@@ -173,7 +173,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved to other cores. This changes the times of everything that runs on these processors, \
+             probably moved to other cores. Such moves change the times of everything that runs on these processors, \
              above all of kernels whose work-groups share data.",
             significant(low, 2),
             significant(high, 2)
@@ -254,8 +254,8 @@ mod tests {
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
         let expected = "Disturbed: in 1 of 2 launches, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other \
-            processes kept 0.50 of 2 processors busy. This may have made times longer: if possible, stop these \
-            programs and run the experiment again.";
+            processes kept 0.50 of 2 processors busy. This load may have made times longer: if possible, stop the \
+            other programs and run the experiment again.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine, which is less than the limit of 5%.
@@ -309,7 +309,7 @@ mod tests {
         assert!(
             said.ends_with(
                 "kept 0.010 of 2 processors busy, and other virtual machines on the same hardware used 0.40 more. This \
-                 may have made times longer: if possible, stop these programs and run the experiment again."
+                 load may have made times longer: if possible, stop the other programs and run the experiment again."
             ),
             "{said}"
         );

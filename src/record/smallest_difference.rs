@@ -46,8 +46,9 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
     let is_noisy = |point: &&Record| resolution([*point]).is_some_and(|[part, _]| part > NOISY);
     let known = points.into_iter().filter(|point| resolution([*point]).is_some());
     let (noisy, fine): (Vec<&Record>, Vec<&Record>) = known.partition(is_noisy);
-    let below =
-        |amount: &str| format!("Differences below {amount} between two points are mostly not detected here.");
+    let below = |amount: &str| {
+        format!("Differences below {amount} between two points are mostly not detected in these results.")
+    };
     let count =
         |points: &[&Record]| points.iter().filter_map(|point| rounds_of(point)).collect::<HashSet<_>>().len();
     match (smallest_difference(&fine), smallest_difference(&noisy)) {
@@ -149,13 +150,13 @@ mod tests {
         let several = judged([in_two_launches("naive", 10.0, 0.0), in_two_launches("wide", 5.0, 0.0)]);
         assert_eq!(
             how_sure(&several),
-            ["Differences below 2.1% between two points are mostly not detected here."]
+            ["Differences below 2.1% between two points are mostly not detected in these results."]
         );
         let on_processors = |name| Record { threads: Some(2), ..in_two_launches(name, 10.0, 0.0) };
         let several = judged([on_processors("naive"), on_processors("wide")]);
         assert_eq!(
             how_sure(&several),
-            ["Differences below 4.1% between two points are mostly not detected here."]
+            ["Differences below 4.1% between two points are mostly not detected in these results."]
         );
         assert!(how_sure(&[]).is_empty());
     }
@@ -170,12 +171,12 @@ mod tests {
         let with = |more: &[Record]| said(&[&on_gpu[..], more].concat());
         assert_eq!(
             with(&baselines[..1]),
-            "Differences below 2.1% between two points are mostly not detected here."
+            "Differences below 2.1% between two points are mostly not detected in these results."
         );
         // The times of baselines differ from run to run as much as the times of kernels on a CPU.
         assert_eq!(
             said(&baselines),
-            "Differences below 4.1% between two points are mostly not detected here."
+            "Differences below 4.1% between two points are mostly not detected in these results."
         );
         let on_cpu =
             ["naive", "wide"].map(|name| Record { threads: Some(2), ..measured("cpu", name, 8, 50.0) });
@@ -202,12 +203,15 @@ mod tests {
         let said = |groups: &[[Record; 2]]| how_sure(&judged(groups.concat())).remove(0);
         let [quiet, noisy] = [group("room", 0, 1.0), group("table", 2, 20.0)];
         let both = said(&[quiet.clone(), noisy.clone()]);
-        let below = "Differences below 2.1% between two points are mostly not detected here.";
+        let below = "Differences below 2.1% between two points are mostly not detected in these results.";
         let noisier = "In 1 of 2 groups of points, the times are noisier: differences below a factor of 100 \
                        are mostly not detected there.";
         assert_eq!(both, format!("{below} {noisier}"));
         let all = said(&[noisy]);
-        assert_eq!(all, "Differences below a factor of 100 between two points are mostly not detected here.");
+        assert_eq!(
+            all,
+            "Differences below a factor of 100 between two points are mostly not detected in these results."
+        );
     }
 
     /// Returns the two points `naive` and `wide`, measured in two launches. In the first launch, `naive`

@@ -74,8 +74,8 @@ fn sessions(folder: &Folder) -> Option<(String, String)> {
     let first = earlier_environment(1);
     let described = match earlier {
         0 => return None,
-        1 => format!("{first} describes the earlier one"),
-        _ => format!("{first} to {} describe the earlier ones", earlier_environment(earlier)),
+        1 => format!("{first} describes the earlier session"),
+        _ => format!("{first} to {} describe the earlier sessions", earlier_environment(earlier)),
     };
     Some(("sessions".to_owned(), format!("{}; {described}", earlier + 1)))
 }
@@ -267,8 +267,8 @@ mod tests {
             found.push(said());
         }
         let expected = [
-            "2; environment-1.json describes the earlier one",
-            "3; environment-1.json to environment-2.json describe the earlier ones",
+            "2; environment-1.json describes the earlier session",
+            "3; environment-1.json to environment-2.json describe the earlier sessions",
         ];
         assert_eq!(found, [None, Some(expected[0].to_owned()), Some(expected[1].to_owned())]);
     }

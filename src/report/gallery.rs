@@ -161,7 +161,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
         (
             &record.reference_image,
             "reference".to_owned(),
-            "Cast on the host, in double precision.".to_owned(),
+            "The reference picture, cast on the host in double precision.".to_owned(),
         ),
         (
             &record.certainty_image,
@@ -295,7 +295,7 @@ mod tests {
         let one = of_two_folders(["1", "1"]);
         let captions: Vec<_> = one[0].pictures.iter().map(|one| one.caption.as_str()).collect();
         let expected = [
-            "Cast on the host, in double precision. From the folder 'before'.",
+            "The reference picture, cast on the host in double precision. From the folder 'before'.",
             "Cast on gpu (before). From the folder 'before'.",
             "Cast on gpu (after). From the folder 'after'.",
         ];

@@ -170,7 +170,7 @@ fn note(listing: &Listing) -> String {
             " The timed program is compiled without a line table. It has the same operations in the same order; registers, addresses and numbers are not compared."
         }
         Some(false) => {
-            " The timed program is compiled without a line table. Its instructions differ from these."
+            " The timed program is compiled without a line table. Its instructions differ from those shown here."
         }
         None => "",
     };

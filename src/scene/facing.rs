@@ -43,13 +43,13 @@ pub(super) fn note(
     let ground = if own < scene.mesh.triangles.len() { " beside the ground" } else { "" };
     let remedy = match is_turned {
         true => "a scene that is seen from all sides gets either all of its normals reversed or none",
-        false => "--two-sided (two_sided = true) reverses its normals",
+        false => "--two-sided (two_sided = true) reverses the normals of this part",
     };
     (part > MOST).then(|| {
         let is_lost = !eye_is_set && is_inside(&scene.mesh, starts, scene.camera.position);
         let inside = if is_lost { INSIDE } else { "" };
         format!(
-            "{inside}{:.0}% of the visible surface{ground} faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
+            "{inside}{:.0}% of the visible surface{ground} faces away from the camera, so lights on the camera's side leave this part dark: {remedy}",
             100.0 * part
         )
     })

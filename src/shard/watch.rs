@@ -55,7 +55,7 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) -> Result<()> {
                 let _ = attempt.ended(&End::LauncherLost(lost.clone()));
                 // Standard error may be a pipe whose reader, the launcher, has ended; `tell` ignores errors.
                 printer::tell(printer::plain(&format!(
-                    "launcher lost: {lost}, so raycl ends; start this shard again if the scheduler does not"
+                    "launcher lost: {lost}, so raycl ends; if the scheduler does not start this shard again, start it yourself"
                 )));
                 std::process::exit(1);
             }

@@ -80,7 +80,7 @@ pub(super) fn check(
     if counts.is_some_and(|counts| !counts.are_of(&sampling)) {
         let Sampling { first, most, .. } = sampling;
         let message = format!(
-            "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
+            "the picture is wrong: some pixels have a number of samples that is neither {first} nor {most}"
         );
         return Err(Error::run(message).with_help(
             "this is a bug in raycl or in the driver: update the driver, or report the bug with your command",
@@ -293,6 +293,6 @@ mod tests {
         let saved = Target::of_results("a.png");
         let error =
             check(&scene, (&image, 0), (&strategy, sampled), None, &saved, None).expect_err("a wrong number");
-        assert!(error.to_string().ends_with("a number of samples other than 1 or 16"), "{error}");
+        assert!(error.to_string().ends_with("a number of samples that is neither 1 nor 16"), "{error}");
     }
 }

@@ -380,7 +380,11 @@ mod tests {
         let answer = of(&tie);
         assert!(answer.sure.ends_with("2 of 2 points tie for fastest"), "{}", answer.sure);
         let none = "no reason can be given: on teapot, naive ties for fastest. Differences below ";
-        assert!(answer.why.starts_with(none) && answer.why.ends_with(" not detected here"), "{}", answer.why);
+        assert!(
+            answer.why.starts_with(none) && answer.why.ends_with(" not detected in these results"),
+            "{}",
+            answer.why
+        );
         let on_gourd = |name: &str, ms| Record {
             key: format!("gourd {name}"),
             scene: "gourd".into(),

@@ -37,8 +37,9 @@ pub(super) fn make(
         }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
-            room_for(&shape)
-                .map_err(|error| document.located(name.span(), error, "too fine for this machine"))?;
+            room_for(&shape).map_err(|error| {
+                document.located(name.span(), error, "this shape has too many triangles for this machine")
+            })?;
             made(shapes::generate(&shape))
         }
         (None, None, Some(vertices)) => inline(document, wire, vertices)?,
@@ -141,7 +142,7 @@ fn read_file(
         false => read = read.unscaled(),
     }
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
-        read.notes.push("its cameras and lights are not used; the scene's are used instead".to_owned());
+        read.notes.push("this file's cameras and lights are not used, only those of the scene".to_owned());
     }
     let named = |note: String| format!("{}: {note}", path.display());
     read.camera_notes = read.camera_notes.drain(..).map(named).collect();

@@ -27,7 +27,7 @@ pub(super) fn build(
     let refused = |message: &str, label: &str| Err(document.error(sky.span(), message, label));
     let picture = match (&wire.picture, wire.zenith) {
         (Some(_), _) if wire.zenith.is_some() || wire.horizon.is_some() => {
-            return refused("a sky is a picture, or has a zenith and a horizon", "both of them here");
+            return refused("a sky is a picture, or has a zenith and a horizon", "this sky has both");
         }
         (Some(file), _) => {
             let FileTexels { size, texels, invalid, mut remarks } = texels(document, wire, file, cache)?;
@@ -42,7 +42,7 @@ pub(super) fn build(
         (None, _) if wire.strength.is_some() || wire.turn_degrees.is_some() => {
             return refused("strength and turn_degrees belong to a picture", "no picture here");
         }
-        (None, None) => return refused("a sky has a zenith or a picture", "neither of them here"),
+        (None, None) => return refused("a sky has a zenith or a picture", "this sky has neither"),
         (None, Some(_)) => None,
     };
     let zenith = wire.zenith.map_or(Vec3::ZERO, |zenith| Vec3::from_array(zenith.0));

@@ -144,7 +144,7 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
         assert_eq!(notes(&path, &[value]), [""; 0]);
     }
     let unused =
-        format!("{}: its cameras and lights are not used; the scene's are used instead", path.display());
+        format!("{}: this file's cameras and lights are not used, only those of the scene", path.display());
     assert!(notes(&scene, &[]).contains(&unused));
     assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
     // A file may have lights without having a camera.

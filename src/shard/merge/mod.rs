@@ -196,8 +196,8 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     let points = records.iter().filter(|record| !record.sample_launches.is_empty()).count();
     Ok((points > 0).then(|| {
         format!(
-            "parts/{}/{SAMPLES} is missing or has no lines, so {SAMPLES} lacks samples of {}. {RECORDS} has \
-             their times.",
+            "parts/{}/{SAMPLES} is missing or has no lines, so {SAMPLES} lacks samples of {}. The times of \
+             these samples are in {RECORDS}.",
             attempt.name,
             counted(points, "point")
         )
@@ -499,7 +499,7 @@ mod tests {
         let [attempt] = &Attempt::all(folder.path()).unwrap()[..] else { panic!("one attempt") };
         assert_eq!(lost_samples(attempt).unwrap(), None);
         std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
-        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. records.jsonl has their times.";
+        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. The times of these samples are in records.jsonl.";
         assert_eq!(lost_samples(attempt).unwrap().as_deref(), Some(note));
     }
 
