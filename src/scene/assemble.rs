@@ -60,7 +60,8 @@ pub(super) fn assemble(
     if let Some(most) = shot.most_triangles {
         objects::refuse_many(document, &wire.object, most)?;
     }
-    let Joined { mut mesh, origin, seen, mut starts } = cache.joined(|cache| join(document, &wire, cache, notes))?;
+    let Joined { mut mesh, origin, seen, mut starts } =
+        cache.joined(|cache| join(document, &wire, cache, notes))?;
     wire.set_origin(origin);
     if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
         Arc::make_mut(&mut mesh).leave_out_textures();

@@ -99,7 +99,11 @@ mod tests {
         let unit = DVec3::new(1.0, 2.0, 3.0).normalize().as_vec3();
         let given = [unit, Vec3::Y * 3.0, Vec3::new(0.3, 0.0, 0.4)];
         mesh.normals = given.to_vec();
-        Transform { translation: DVec3::X * 1e-6, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO, DVec3::ZERO);
+        Transform { translation: DVec3::X * 1e-6, ..Transform::IDENTITY }.apply(
+            &mut mesh,
+            DVec3::ZERO,
+            DVec3::ZERO,
+        );
         assert_eq!(mesh.normals[0], unit.as_dvec3().normalize().as_vec3());
         assert!(
             mesh.normals.iter().zip(given).all(|(n, given)| n.distance(given) < 1e-6),

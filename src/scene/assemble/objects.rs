@@ -78,12 +78,7 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
 
 /// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene file's
 /// coordinates. Applies the object's `material` to them.
-pub(super) fn placed(
-    document: &Document,
-    wire: &ObjectWire,
-    mut file: MeshFile,
-    origin: DVec3,
-) -> MeshFile {
+pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> MeshFile {
     let from = if document.bare { DVec3::ZERO } else { file.placement.origin };
     let mut transform = transform(wire);
     if origin == DVec3::ZERO {
@@ -267,11 +262,7 @@ fn room_for(shape: &Shape) -> Result<()> {
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
 /// Returns the mesh of an object whose vertices and faces are in the scene file itself.
-fn inline(
-    document: &Document,
-    wire: &ObjectWire,
-    vertices: &Spanned<Vec<Position>>,
-) -> Result<MeshFile> {
+fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Position>>) -> Result<MeshFile> {
     let Some(faces) = &wire.faces else {
         return Err(document.error(
             vertices.span(),

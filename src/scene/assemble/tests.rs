@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::scene::{Setting, Shot, load_scene, load_scene_for, load_scene_with};
+use crate::scene::{Scene, Setting, Shot, load_scene, load_scene_for, load_scene_with};
 use glam::Vec3;
 use std::path::Path;
 use toml::Value;
@@ -401,15 +401,16 @@ fn the_shadow_bias_exceeds_the_rounding_of_coordinates_unless_the_scene_moves_to
 
 /// Two meshes, of which one is turned and scaled about the file's origin, a light and a camera.
 fn scene_at(offset: [f64; 3]) -> String {
-    let at = |position: [f64; 3]| format!("{:?}", std::array::from_fn::<_, 3, _>(|i| position[i] + offset[i]));
+    let at =
+        |position: [f64; 3]| format!("{:?}", std::array::from_fn::<_, 3, _>(|i| position[i] + offset[i]));
     let vertices = [[-1.0, -1.0, -5.0], [1.0, -1.0, -5.0], [0.0, 1.0, -5.0]].map(at).join(", ");
     // A rotation by 90 degrees about z turns (x, y) to (-y, x).
     let [x, y, z] = offset;
-    let turned = [[y / 2.0, -x / 2.0, z / 2.0 - 2.0], [y / 2.0 + 0.25, -x / 2.0, z / 2.0 - 2.0], [
-        y / 2.0,
-        0.25 - x / 2.0,
-        z / 2.0 - 2.0,
-    ]];
+    let turned = [
+        [y / 2.0, -x / 2.0, z / 2.0 - 2.0],
+        [y / 2.0 + 0.25, -x / 2.0, z / 2.0 - 2.0],
+        [y / 2.0, 0.25 - x / 2.0, z / 2.0 - 2.0],
+    ];
     format!(
         "[camera]\nposition = {}\nlook_at = {}\n[[light]]\nposition = {}\npower = 9\n[[object]]\n\
          vertices = [{vertices}]\nfaces = [[0, 1, 2]]\n[[object]]\nvertices = {turned:?}\nfaces = [[0, 1, 2]]\n\
@@ -464,10 +465,14 @@ fn a_scene_keeps_its_coordinates_if_its_centre_is_up_to_16_radii_away() {
 fn a_mistake_of_a_far_camera_is_reported_in_the_files_coordinates() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
-    let text = scene_at([500_000.0, 0.0, 0.0]).replace("look_at = [500000.0, 0.0, -4.0]", "look_at = [500000, 0.25, 1]");
+    let text = scene_at([500_000.0, 0.0, 0.0])
+        .replace("look_at = [500000.0, 0.0, -4.0]", "look_at = [500000, 0.25, 1]");
     std::fs::write(&path, text).unwrap();
     let error = load_scene_with(&path, &[]).unwrap_err();
-    assert!(error.message().contains("the camera is at [500000, 0.25, 1] and looks at the same point"), "{error}");
+    assert!(
+        error.to_string().contains("the camera is at [500000, 0.25, 1] and looks at the same point"),
+        "{error}"
+    );
 }
 
 #[test]

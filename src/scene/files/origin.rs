@@ -161,7 +161,7 @@ pub(super) fn settle_if(
 
 /// Returns the placement (how positions are moved and scaled) for a mesh, or for the outline of a polygon,
 /// with these positions. Positions that are not valid are ignored.
-pub(super) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Placement {
+pub(in crate::scene) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Placement {
     let valid = positions.filter(|position| is_valid(position));
     let (low, high) = valid.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| {
         (low.min(*position), high.max(*position))

@@ -22,6 +22,10 @@ impl<'de> Deserialize<'de> for BackgroundWire {
     }
 }
 
+fn radiance(channels: [f64; 3]) -> BackgroundWire {
+    BackgroundWire::Radiance(channels.map(|channel| channel as f32))
+}
+
 struct BackgroundVisitor(TripleVisitor<Power>);
 
 impl<'de> Visitor<'de> for BackgroundVisitor {
@@ -44,15 +48,15 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     }
 
     fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<BackgroundWire, E> {
-        self.0.visit_f64(value).map(BackgroundWire::Radiance)
+        self.0.visit_f64(value).map(radiance)
     }
 
     fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<BackgroundWire, E> {
-        self.0.visit_i64(value).map(BackgroundWire::Radiance)
+        self.0.visit_i64(value).map(radiance)
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, sequence: A) -> Result<BackgroundWire, A::Error> {
-        self.0.visit_seq(sequence).map(BackgroundWire::Radiance)
+        self.0.visit_seq(sequence).map(radiance)
     }
 }
 

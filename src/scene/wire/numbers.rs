@@ -109,7 +109,9 @@ impl<'de, R: Range> Deserialize<'de> for Number<R> {
 impl<'de, R: Range> Deserialize<'de> for Triple<R> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let visitor = TripleVisitor::<R> { single: true, range: PhantomData };
-        deserializer.deserialize_any(visitor).map(|values| Self(values.map(|value| value as f32), PhantomData))
+        deserializer
+            .deserialize_any(visitor)
+            .map(|values| Self(values.map(|value| value as f32), PhantomData))
     }
 }
 
