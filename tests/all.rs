@@ -6,6 +6,7 @@
 mod binary;
 mod common;
 
+mod all_features;
 mod animation;
 mod architecture;
 mod area_lights;

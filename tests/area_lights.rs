@@ -48,10 +48,9 @@ fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
 #[test]
 fn every_family_agrees_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", LAMPS)]);
-    for strategy in FAMILIES {
-        for samples in ["1", "4"] {
-            picture(&folder, &["--strategy", strategy, "--samples", samples, "--verify"]);
-        }
+    let all = FAMILIES.into_iter().flat_map(|strategy| ["4", "1"].map(|samples| (strategy, samples)));
+    for (strategy, samples) in due(all) {
+        picture(&folder, &["--strategy", strategy, "--samples", samples, "--verify"]);
     }
     picture(&folder, &["--strategy", "raster", "--samples", "1", "--verify"]);
     let device = device();

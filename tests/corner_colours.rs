@@ -55,11 +55,11 @@ fn every_family_interpolates_colours_like_the_reference() {
     let folder = folder();
     let (expected, said) = folder.picture(&[]);
     assert!(!said.contains("colour"), "{said}");
-    for strategy in STRATEGIES {
+    for strategy in due(STRATEGIES) {
         let (picture, _) = folder.picture(&["--verify", "--strategy", strategy]);
         assert!(apart(&picture, &expected) <= 8, "{strategy}");
     }
-    for strategy in ["tile", "tile-group", "bvh", "raster"] {
+    for strategy in due(["tile", "tile-group", "bvh", "raster"]) {
         folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
     }
     let shown = expected.pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();

@@ -66,7 +66,7 @@ fn render(folder: &WorkFolder, options: &[&str]) -> Rgb32FImage {
 /// side by side.
 fn families() -> impl Iterator<Item = &'static str> {
     let usual = one_preset_of_each_family().into_iter().map(|preset| preset.name);
-    usual.filter(|name| *name != "raster").chain(["wide-common-origin", "bvh-packet"])
+    due(usual.filter(|name| *name != "raster").chain(["wide-common-origin", "bvh-packet"]))
 }
 
 #[test]

@@ -51,7 +51,7 @@ fn error(a: &RgbImage, b: &RgbImage, rows: std::ops::Range<u32>) -> f64 {
 fn every_family_takes_the_reference_s_levels() {
     let folder = floor();
     let (expected, _) = folder.picture(&["--verify"]);
-    for strategy in [
+    for strategy in due([
         "naive",
         "naive,layout=indexed16,vectors=global",
         "deferred,passes=separate",
@@ -63,7 +63,7 @@ fn every_family_takes_the_reference_s_levels() {
         "tile,passes=separate,intersector=watertight",
         "tile-group",
         "tile-group-watertight,passes=separate",
-    ] {
+    ]) {
         let (picture, _) = folder.picture(&["--verify", "--strategy", strategy]);
         assert!(apart(&picture, &expected) <= 8, "{strategy}: {}", apart(&picture, &expected));
     }
@@ -86,7 +86,7 @@ fn samples_have_narrower_cones_in_soft_light_too() {
     let folder = floor();
     let soft = ("8e4]", "8e4]\nradius = 20\n[sky]\nzenith = 0.02");
     change(&folder, "scene.toml", "scene.toml", &[soft]);
-    for strategy in ["deferred", "bvh-packet", "tile", "tile-group"] {
+    for strategy in due(["tile", "bvh-packet", "deferred", "tile-group"]) {
         folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
         folder.picture(&["--verify", "--samples", "8", "--adaptive", "--strategy", strategy]);
     }

@@ -1,6 +1,7 @@
 //! Smooth shadows, in every family, and the scenes that get them by default.
 
 use crate::binary::{WorkFolder, apart, device, repository};
+use crate::common::due;
 use image::RgbImage;
 
 /// These strategies cast rays one by one and in vectors, with and without planes through a common origin, with and
@@ -28,9 +29,8 @@ fn picture(folder: &WorkFolder, scene: &str, options: &[&str]) -> RgbImage {
 fn smooth_shadows_of_a_point_agree_with_the_reference_in_every_family() {
     let folder = coarse();
     let off = picture(&folder, "scene.toml", &OFF);
-    for strategy in
-        FAMILIES.iter().chain(&["naive", "deferred", "bvh,shading=eager,passes=fused,vectors=heap", "raster"])
-    {
+    let more = ["naive", "deferred", "bvh,shading=eager,passes=fused,vectors=heap", "raster", "tile-group"];
+    for strategy in due(FAMILIES.into_iter().chain(more)) {
         let on = picture(&folder, "scene.toml", &["--verify", "--strategy", strategy]);
         assert!(apart(&on, &off) > 60, "{strategy}: {}", apart(&on, &off));
     }
@@ -39,7 +39,7 @@ fn smooth_shadows_of_a_point_agree_with_the_reference_in_every_family() {
 #[test]
 fn smooth_shadows_of_a_ball_and_a_sky_agree_with_the_reference() {
     let folder = coarse();
-    for strategy in FAMILIES {
+    for strategy in due(FAMILIES) {
         let options = [&["--verify=600", "--samples", "4", "--strategy", strategy][..], &SOFT].concat();
         picture(&folder, "scene.toml", &options);
     }
