@@ -481,8 +481,8 @@ mod tests {
             (Errno::FBIG, "`ulimit -f unlimited`"),
         ] {
             let error = of_system(errno);
-            // The crate `tempfile` wraps the system's error in the same way as this line, with the path of
-            // the temporary file at the end.
+            // The crate `tempfile` wraps the system's error in the same way as the next line does, with the
+            // path of the temporary file at the end.
             let wrapped = std::io::Error::other(format!("{error} at path \"/a/.raycl-x\""));
             for error in [&error, &wrapped] {
                 for error in [

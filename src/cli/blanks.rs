@@ -1,5 +1,6 @@
-//! Recognises a strategy that was written with blanks. A shell passes such a strategy as several words, and
-//! clap (the library that parses the arguments) does not expect the second word.
+//! Recognises a strategy that the user wrote with blanks, such as `--strategy deferred, width=4`. A shell
+//! passes such a strategy as several words, and clap (the library that parses the arguments) does not expect
+//! the second word.
 
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
@@ -28,13 +29,14 @@ fn joined(unexpected: &str, words: &[OsString]) -> Option<String> {
     let at = words.iter().position(|word| *word == unexpected)?;
     let before = words.get(..at)?;
     let option = before.iter().rposition(|word| word.starts_with(OPTION))?;
-    // The strategy's first word follows the option, or `=` within the option's word.
+    // The strategy's first word is the word after `--strategy`, or the text after `--strategy=` in the same
+    // word.
     let (start, first) = match words.get(option)?.strip_prefix(OPTION)?.strip_prefix('=') {
         Some(first) => (option, first),
         None => (option + 1, *words.get(option + 1)?),
     };
     let strategy: Vec<&str> = std::iter::once(first).chain(words.iter().skip(start + 1).copied()).collect();
-    // A comma at a blank shows that the strategy continues behind the blank.
+    // A comma before or after a blank shows that the strategy continues after the blank.
     let goes_on = |pair: &&[&str]| matches!(pair, [one, next] if one.ends_with(',') || next.starts_with(','));
     let last = strategy.windows(2).take_while(goes_on).count();
     (last > 0 && start + last >= at).then(|| strategy.iter().take(last + 1).copied().collect())

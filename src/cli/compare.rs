@@ -102,7 +102,8 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Returns the advice of the error about regressions in the folder `after`. If points of this folder failed,
-/// the advice names the file with the reasons. If no point failed, the advice is to repeat both runs.
+/// the advice names the file that contains the reasons of the failures. If no point failed, the advice is to
+/// repeat both runs.
 fn remedy(comparison: &Comparison, after: &Path) -> String {
     match comparison.broken.is_empty() {
         true => "repeat both runs, one after the other, to find out whether the programs differ or the machine was \

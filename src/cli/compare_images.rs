@@ -281,7 +281,7 @@ mod tests {
             assert_eq!((report.equal, report.different_pixels), (false, 1));
             assert_eq!((report.largest_error, report.largest_error_at), (0.25, Some([7, 3])));
             assert_eq!(report.largest_relative_difference, 0.25);
-            // One of 400 channel values is wrong by 1/4.
+            // In this test, one of the picture's 400 channel values is wrong by 1/4.
             let psnr = 10.0 * 6400_f64.log10();
             assert!((report.psnr_db.unwrap_or_default() - psnr).abs() < 1e-9, "{report:?}");
         }
@@ -315,7 +315,7 @@ mod tests {
     fn the_peak_is_white_or_the_brightest_channel_of_the_expected_picture() {
         let flat = |value: f32| Radiance { pixels: vec![[0.0, value, 0.0]; 4], ..Radiance::new(2, 2) };
         let psnr = |found, expected| compare(&flat(found), &flat(expected), None).psnr_db;
-        // One of three channels is wrong by 0.1, so the mean squared error is 0.01 / 3.
+        // One of the pixel's three channels is wrong by 0.1, so the mean squared error is 0.01 / 3.
         let of_peak = |peak: f64| 10.0 * (peak * peak * 300.0).log10();
         for (found, expected, peak) in [(0.6, 0.5, 1.0), (4.1, 4.0, 4.0), (4.0, 4.1, 4.1)] {
             let found = psnr(found, expected).unwrap_or_default();

@@ -136,8 +136,9 @@ fn written(out: Option<&Path>, as_json: bool, made: usize) -> Option<String> {
     out.filter(|_| !as_json && made > 0).map(|out| format!("Written to {}", out.display()))
 }
 
-/// Returns the line which says that the files of another program in the strategy's folder are replaced; `None` if the
-/// folder has no such files. The folder is in the folder `out`, and must not contain the new files yet.
+/// Returns the line which says that the files of another program in the strategy's folder are replaced;
+/// `None` if the folder has no such files. The strategy's folder is a subfolder of `out`, and must not
+/// contain the new program's files yet.
 fn replaced(out: &Path, strategy: &str, made: &Compilation) -> Option<String> {
     let folder = out.join(folder_name(strategy));
     let earlier = existing::bytes(&folder.join("made.json")).ok()??;
@@ -240,8 +241,9 @@ fn binary_name(is_ptx: bool) -> &'static str {
     if is_ptx { "binary.ptx" } else { "binary.bin" }
 }
 
-/// Writes the files of a strategy's folder. Then removes files that an earlier program left in this folder and that the
-/// new program does not have. For example, a program has only one of the files `binary.ptx` and `binary.bin`.
+/// Writes the files of a strategy's folder. After writing, removes the files of an earlier program from the
+/// strategy's folder if the new program does not have such files. For example, a program has only one of the
+/// files `binary.ptx` and `binary.bin`.
 fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: Files) -> Result<()> {
     let text = serde_json::to_string_pretty(made).map_err(|error| Error::fault(error.to_string()))?;
     files.push(("made.json", format!("{text}\n").into_bytes()));

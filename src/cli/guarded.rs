@@ -42,8 +42,8 @@ pub fn is_inside() -> bool {
 /// The properties of a command that decide how it runs in a child process, and what may have crashed the
 /// child process.
 pub struct Guarded<'a> {
-    /// True if the command reads standard input. Such a command cannot run again, since standard input can be
-    /// read only once.
+    /// True if the command reads standard input. A command that reads standard input cannot run again, since
+    /// standard input can be read only once.
     pub reads_standard_input: bool,
     /// True for `raycl render` and `raycl view`: the allocator of the child process uses huge pages, unless the user
     /// has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes of `raycl
@@ -51,20 +51,21 @@ pub struct Guarded<'a> {
     pub shows_pictures: bool,
     /// Where the command shows pictures while it runs.
     pub screen: Screen,
-    /// The folder of the user's kernel files, if the command uses one. If the child process crashes, a mistake in these
-    /// files is a more likely cause than a mistake in a driver.
+    /// The folder of the user's kernel files, if the command uses one. If the child process crashes, a
+    /// mistake in the user's kernel files is a more likely cause than a mistake in a driver.
     pub cl_dir: Option<&'a Path>,
 }
 
 /// Where a command shows pictures while it runs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Screen {
-    /// Nowhere, for all commands except `raycl view`.
+    /// The command shows no pictures while it runs; only `raycl view` does.
     None,
-    /// In the terminal, for `raycl view --terminal`. On Unix, the terminal is restored after the child
-    /// process has ended in any way, if standard input and standard output are a terminal.
+    /// The command shows its pictures in the terminal (`raycl view --terminal`). On Unix, the terminal is
+    /// restored after the child process has ended in any way, if standard input and standard output are a
+    /// terminal.
     Terminal,
-    /// In a window, for `raycl view` without `--terminal`.
+    /// The command shows its pictures in a window (`raycl view` without `--terminal`).
     Window,
 }
 
@@ -80,8 +81,8 @@ impl Guarded<'_> {
 ///
 /// # Errors
 ///
-/// Fails if a driver ended the child process, and the command cannot run again without the failing drivers, for example
-/// because every driver fails. Also fails if a driver ends the second child process.
+/// Fails if a driver ended the child process, and the command cannot run again without the failing drivers,
+/// for example because every driver fails. The function also fails if a driver ends the second child process.
 pub fn run(command: &Guarded<'_>) -> Result<()> {
     let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
     let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
@@ -225,8 +226,8 @@ impl Parent {
 /// a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
 /// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
-    // The child process has ended, and the shell sees only that this process exits. So only this process can
-    // tell the user which signal ended the child process.
+    // The child process has ended, and the shell sees only that this process exits. Therefore only this
+    // parent process can tell the user which signal ended the child process.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }

@@ -9,7 +9,8 @@ use crate::record::Record;
 use crate::words::counted_of;
 use serde::Serialize;
 
-/// Returns the values before the first error, and this error; all values and `Ok` if there is no error.
+/// Returns the values before the first error in `results`, and this error. If `results` contains no error,
+/// returns all values and `Ok`.
 pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, Result<()>) {
     let mut values = Vec::new();
     let end = results.try_for_each(|result| result.map(|value| values.push(value)));
@@ -17,7 +18,7 @@ pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, 
 }
 
 /// Writes `measured` to `target`. If the measurement ended with an error (`end`) and the file exists already,
-/// keeps the existing file, because its earlier measurement may be complete.
+/// keeps the existing file, because the earlier measurement in this file may be complete.
 pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Result<()> {
     if end.is_ok() || target.is_standard_output() || !target.path().exists() {
         return target.write_json(measured);

@@ -81,7 +81,7 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Merges the attempts in the folder `out`, and reads the merged folder. A point's 95% interval depends on
 /// the samples of all launches, but a process that measured a shard had only the samples of its own launches.
-/// So this function computes the intervals again, from the merged samples.
+/// Therefore this function computes the points' intervals again, from the merged samples.
 fn merged(out: &Path, devices: &[String]) -> Result<(Merged, Folder)> {
     let merged = merge(out, devices)?;
     let folder = Folder::read(out)?;

@@ -1,4 +1,5 @@
-//! `raycl occupancy`: predicts occupancy as in the paper's Figure 5, for each compute capability that raycl knows.
+//! `raycl occupancy`: predicts occupancy as in Figure 5 of the student paper that raycl reproduces, for each
+//! compute capability that raycl knows.
 
 mod paper;
 mod results;
@@ -72,7 +73,7 @@ fn named([across, down]: [u32; 2]) -> String {
     format!("{across}x{down}")
 }
 
-/// The inputs that the predictions in all rows of a table share.
+/// The inputs that are the same for the predictions in all rows of a table.
 struct Question {
     sm: &'static Multiprocessor,
     registers: u32,

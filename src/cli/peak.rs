@@ -54,9 +54,9 @@ pub struct Args {
 }
 
 /// Measures the peak rates of the devices, one device after another, and prints the rates. Also writes the
-/// rates to the file of `--out`, if this option is given. If a device fails, the rates of the devices before
-/// it are printed. If the file of `--out` does not exist yet, these rates are also written to the file; an
-/// existing file keeps its earlier rates.
+/// rates to the file of `--out`, if this option is given. If a device fails, the rates of the devices that
+/// were measured earlier are printed. If a device fails, the rates of the earlier devices are written to the
+/// file of `--out` only if the file does not exist yet; an existing file keeps its earlier rates.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out FILE");
     let target = args.out.as_ref().map(|path| Target::new(path, choice));
@@ -165,8 +165,8 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
         };
         let mut command = own_program()?;
-        // The child's messages go to the user, since these messages say which process the child waits for, or
-        // why the child failed.
+        // The messages of the child process go to the user, since they say which process the child process
+        // waits for, or why it failed.
         command.args(self.arguments(pattern)).stderr(Stdio::inherit());
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
@@ -203,8 +203,8 @@ fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }
 
-/// Returns a heading and a table of rates per device. If several devices have the same common name, their
-/// headings have names that differ.
+/// Returns a heading and a table of rates per device. The headings call each device by a short name; devices
+/// whose short names would be equal keep the names that their drivers report.
 fn texts(all: &[Peak]) -> Vec<String> {
     let names = common_names(all.iter().map(|peak| peak.device.as_str()));
     all.iter().map(|peak| text(peak, &names[peak.device.as_str()])).collect()
@@ -275,7 +275,8 @@ mod tests {
             let status = ExitStatus::from_raw(status);
             complete(&Output { status, stdout: stdout.clone(), stderr: Vec::new() })
         };
-        // These are the states of a process that succeeded, one that exited with code 1, and one that was killed.
+        // The three numbers are the exit statuses (as `wait` returns them) of a process that succeeded, of
+        // one that exited with code 1, and of one that was killed.
         assert_eq!([0, 1 << 8, 9].map(of), [Some(printed), None, None]);
     }
 

@@ -15,8 +15,8 @@ pub struct Bar {
 
 /// Returns the bar's layout as a template for indicatif, the library that draws the bar. At `wide_msg`, the
 /// bar shows the text about the current work that the method `works_on` received last; on a terminal of 80
-/// columns, this text has about 40 columns. The layout itself contains the codes for cyan and for the usual
-/// colour, because the colours of indicatif do not obey `--color`.
+/// columns, this text has about 40 columns. The layout itself contains the escape codes for cyan and for the
+/// terminal's default colour, because the colours of indicatif do not obey `--color`.
 fn layout(coloured: bool) -> String {
     let [cyan, usual] = if coloured { ["\u{1b}[36m", "\u{1b}[0m"] } else { [""; 2] };
     format!("{{spinner}} {cyan}{{bar:16}}{usual} {{pos}}/{{len}}, {{left}} left: {{wide_msg}}")
@@ -24,7 +24,7 @@ fn layout(coloured: bool) -> String {
 
 /// Writes the time left; `?` if no step has finished yet.
 fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
-    // If the bar cannot be written, the run continues.
+    // If writing the time left fails, the error is ignored: the run continues without a complete bar.
     let _ = match state.pos() {
         0 => out.write_str("?"),
         _ => write!(out, "{:#}", HumanDuration(state.eta())),
@@ -89,8 +89,8 @@ impl Observer for Bar {
 pub struct Lines {
     points: usize,
     done: usize,
-    /// Number of points that earlier sessions have finished; with several runs (stages), only those of the
-    /// runs that have begun.
+    /// Number of points that earlier sessions have finished; with several runs (stages), only the points of
+    /// the runs that have begun.
     earlier: usize,
     /// Number of steps of all points; a step is the measurement of one point in one launch. `taken` is the number of
     /// finished steps.
@@ -106,7 +106,7 @@ pub struct Lines {
     printed_at: Option<Instant>,
 }
 
-/// After this time without a line, a line about the current work is printed.
+/// If no line was printed for this time, a line about the current work is printed.
 const QUIET: Duration = Duration::from_secs(60);
 
 impl Lines {
@@ -124,15 +124,16 @@ impl Lines {
         format!(", about {:#} left", HumanDuration(left))
     }
 
-    /// Returns a line about the points that earlier sessions have finished; `None` if there are none. `done`
-    /// is the number of all finished points: with several runs (stages), this session itself has finished
-    /// some of these points.
+    /// Returns a line about the points that earlier sessions have finished; `None` if they have finished no
+    /// point. `done` is the number of all finished points: with several runs (stages), this session itself
+    /// has finished some of the `done` points.
     fn earlier_line(&mut self, done: usize) -> Option<String> {
         self.earlier += done.saturating_sub(self.done);
         (self.earlier > 0).then(|| format!("{} of {} points are done already", self.earlier, self.points))
     }
 
-    /// Returns a line with the progress followed by `text`, and remembers that a line was printed.
+    /// Returns a line with the progress followed by `text`, and stores the present time as the time of the
+    /// latest line.
     fn line(&mut self, text: &str) -> String {
         self.printed_at = Some(Instant::now());
         format!("[{}/{}{}] {text}", self.done, self.points, self.left())
@@ -182,7 +183,8 @@ impl Observer for Lines {
     fn ends(&mut self) {}
 }
 
-/// Shows the progress of several runs like that of one run: the counts continue from run to run.
+/// Shows the progress of several runs like the progress of a single run: the counts of finished points and
+/// steps continue from run to run.
 pub struct Stages {
     inner: Box<dyn Observer>,
     /// Number of points in all runs.
@@ -267,8 +269,8 @@ impl Observer for Notes {
 
 /// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows no
 /// progress. If `verbose` is true, the observer prints a line per point. The observer also prints a line per
-/// point if standard error cannot show a bar, because standard error is no terminal or the terminal cannot
-/// move its cursor. In all other cases, the observer shows a bar.
+/// point if standard error cannot show a bar: if it is no terminal, or if the terminal cannot move its
+/// cursor. In all other cases, the observer shows a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(Notes);
@@ -337,7 +339,7 @@ mod tests {
         }
     }
 
-    /// A terminal that stores what is written.
+    /// A terminal for tests, which stores the text that is written to it.
     #[derive(Clone, Debug, Default)]
     struct Screen(Arc<Mutex<String>>);
 
@@ -479,7 +481,8 @@ mod tests {
         assert_eq!(lines.earlier_line(0), None);
         assert_eq!(lines.earlier_line(2).as_deref(), Some("2 of 10 points are done already"));
         lines.done = 2;
-        // This session finishes three points. Then the next run begins, of which four points are finished.
+        // In this test, the session finishes three points. Then the next run begins, of which earlier
+        // sessions have finished four points.
         (0..3).for_each(|_| lines.finished(&Record::default()));
         assert_eq!(lines.earlier_line(9).as_deref(), Some("6 of 10 points are done already"));
     }
@@ -492,7 +495,8 @@ mod tests {
         lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 6));
         lines.taken = 12;
         assert_eq!(lines.left(), ", about 3m left");
-        // The finished point has a median time, so its steps were timed and still count for the estimate.
+        // The finished point has a median time, so its steps were timed and still count for the estimate of
+        // the time left.
         lines.finished(&Record { median_ms: Some(1.0), ..Record::default() });
         assert_eq!(lines.left(), ", about 3m left");
         // A point that does not fit on the device finishes all its three steps at once.

@@ -157,8 +157,8 @@ fn written(args: &Args) -> Vec<PathBuf> {
     targets(args).iter().map(|target| target.path().to_owned()).collect()
 }
 
-/// Returns the files that are written for a picture: first the files of its layers, then the file of the
-/// picture itself.
+/// Returns the files that the command writes for a picture: first the files of the picture's layers, then the
+/// file of the picture itself.
 fn targets(args: &Args) -> Vec<Target> {
     let picture = target(args);
     let mut targets = layer_files(args, &picture).unwrap_or_default();
@@ -250,7 +250,8 @@ fn judged(
     })
 }
 
-/// Saves a picture. Returns the picture's radiance, or `None` if `picture` has only the displayed 8-bit colours.
+/// Saves a picture. Returns the picture's radiance, or `None` if `picture` has only the 8-bit colours for the
+/// screen.
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
@@ -259,8 +260,8 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
     }
 }
 
-/// Returns true if the command needs only the picture's displayed 8-bit colours, which a device can compute.
-/// Verification, layers and some file formats need radiance instead.
+/// Returns true if the command needs only the picture's 8-bit colours for the screen, which a device can
+/// compute. Verification, layers and some file formats need radiance instead.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
@@ -341,9 +342,9 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(|| default.into()), choice)
 }
 
-/// Returns the files of `--layers`, if requested. The .png file of a layer must not have the path of the
-/// picture. The .exr file of all layers may have the path of the picture, since the .exr file also contains
-/// the picture.
+/// Returns the files that `--layers` requests; an empty list without `--layers`. The .png file of a layer
+/// must not have the path of the picture. The .exr file of all layers may have the path of the picture, since
+/// the .exr file also contains the picture.
 fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     let choice = Choice::new(args.force, "--layers FILE");
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))

@@ -33,11 +33,12 @@ pub struct Args {
 
 /// Removes damaged lines from the folder's journals: records, samples, ends of launches, rounds, samples of
 /// the anchor and records of control points. A copy of each changed file's original stays in the same folder.
-/// Other files, such as plan.json, cannot be repaired. If such a file cannot be read, the command says what
-/// to do. If the folder is that of an experiment in shards, the journals of all attempts are repaired too,
-/// except those of attempts that may be running. A running attempt increases a counter once per second. If
-/// some attempts have not reported their end, the repair reads the counters of all attempts twice, five
-/// seconds apart. An attempt whose counter has not increased was lost, so its journals are repaired.
+/// Other files, such as plan.json, cannot be repaired. If a file other than a journal cannot be read, the
+/// command says what to do. If the folder is that of an experiment in shards, the journals of all attempts
+/// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
+/// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
+/// twice, five seconds apart. An attempt whose counter has not increased was lost, so its journals are
+/// repaired.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }
@@ -46,11 +47,11 @@ pub fn run(args: Args) -> Result<()> {
 /// The remedy for a folder in which this process may not create files.
 const CLOSED: &str = "change the folder's permissions, or repair a copy";
 
-/// What a repair found.
+/// What `raycl repair` found in a folder of results.
 struct Findings {
     /// The journals that were damaged, with the paths of their folders.
     repaired: Vec<Repaired>,
-    /// The errors about other files than journals that cannot be read.
+    /// The errors about unreadable files that are not journals, such as plan.json.
     unreadable: Vec<Error>,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
@@ -133,10 +134,10 @@ impl Findings {
     }
 }
 
-/// Returns an error for each file of a folder, other than a journal, that cannot be read. These files are the
-/// plan, the peak rates and, for an experiment in shards, one file per kind of device. If several of the
-/// files per kind cannot be read, only the first is reported. Other commands refuse a folder with a file that
-/// cannot be read.
+/// Returns an error for each file of a folder, other than a journal, that cannot be read. The checked files
+/// are the plan, the peak rates and, for an experiment in shards, one file per kind of device. If several of
+/// the files per kind cannot be read, only the first is reported. Other commands refuse a folder with a file
+/// that cannot be read.
 fn unreadable(folder: &Path) -> Vec<Error> {
     let errors = [CurrentPlan::read(folder).err(), Peak::stored_in(folder).err(), Kind::all(folder).err()];
     errors.into_iter().flatten().collect()
@@ -246,7 +247,7 @@ mod tests {
     #[test]
     fn an_attempt_whose_lock_cannot_be_opened_is_an_error_and_not_taken_for_running() {
         let folder = tempfile::tempdir().unwrap();
-        // A folder has the name of the lock's file, so the lock cannot be opened.
+        // The test makes a folder with the name of the lock's file, so raycl cannot open the lock.
         std::fs::create_dir(folder.path().join(".lock")).unwrap();
         let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
         let error = findings.repair(folder.path().to_owned(), true).unwrap_err();
@@ -269,7 +270,7 @@ mod tests {
             "{}",
             findings.text()
         );
-        // The counter of a lost attempt stands still.
+        // The counter of an attempt that was lost (whose process was killed) does not increase.
         std::fs::write(attempt.folder.join("pulse"), "7 0 1\n").unwrap();
         let findings = Findings::of(out, Duration::ZERO).unwrap();
         assert!(findings.repaired.len() == 1 && findings.running.is_empty(), "{}", findings.text());

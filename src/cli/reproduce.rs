@@ -1,4 +1,5 @@
-//! `raycl reproduce`: measures the paper's experiments and writes a page that judges the paper's claims.
+//! `raycl reproduce`: measures the experiments of the student paper that raycl reproduces, and writes a page
+//! that judges the paper's claims.
 
 use super::choice::parse_assignment;
 use super::measured::failures;
@@ -198,7 +199,7 @@ fn refuse_without_results(out: &Path) -> Result<()> {
     Err(no_results(format!("{}; it holds other folders of results: {}", holds_none(out), few(&names))))
 }
 
-/// Returns a message for a folder without results of the paper's configs.
+/// Returns the message which says that a folder contains no results of the paper's configs.
 fn holds_none(out: &Path) -> String {
     format!("{} holds no results of the paper's configs", out.display())
 }

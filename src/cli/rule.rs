@@ -1,5 +1,5 @@
-//! `raycl rule`, for contributors. `render` chooses a strategy by a rule. This command checks the rule's choices
-//! against measurements, and computes the rule's constants from measurements.
+//! `raycl rule`, for contributors. `render` chooses a strategy by a rule. `raycl rule` checks the rule's
+//! choices against measurements, and computes the rule's constants from measurements.
 
 use super::choice::{one_device, whole};
 use super::measured::{store, until_error};
@@ -17,8 +17,8 @@ use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The default number of rounds. Each candidate strategy is timed once in every round, and the shortest of
-/// these times counts.
+/// The default number of rounds. Each candidate strategy is timed once in every round; the shortest time of a
+/// candidate counts.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
@@ -143,9 +143,9 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
 }
 
 /// Loads a case's scene. Returns an error if the kinds that the case states differ from the kinds that follow
-/// from its scene and image size. Three kinds are checked: few triangles, an eye inside the scene, many
-/// triangles per pixel. The kind `watertight` is not checked, because it does not follow from the scene and
-/// the image size.
+/// from the case's scene and image size. Only three kinds are checked: few triangles, an eye inside the
+/// scene, many triangles per pixel. The kind `watertight` is not checked, because it does not follow from the
+/// scene and the image size.
 fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
     let scene = last.of(case, path)?;
     let task = case.task(&scene);

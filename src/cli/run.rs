@@ -238,8 +238,8 @@ fn listed(args: &Args) -> Result<Vec<Listed>> {
     }
 }
 
-/// Returns an error if the folder `out` belongs to an experiment that is divided into shards. In this folder,
-/// `raycl merge` writes the results, so a run without shards must not write results there.
+/// Returns an error if the folder `out` belongs to an experiment that is divided into shards. `raycl merge`
+/// writes the results into such a folder, so a run without shards must not write results there.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
@@ -263,9 +263,10 @@ pub(crate) fn measure_resumably(args: &Args, observer: &mut dyn Observer) -> Res
     Ok((out, records))
 }
 
-/// Measures the missing points. Returns the folder of results and a second result: the records of all points, or the
-/// error that ended the run in this folder. The outer result is an error if the run fails before it opens the folder,
-/// or cannot make the folder. No error says how to continue, since that depends on the command.
+/// Measures the missing points. Returns the folder of results and a second result: the records of all points,
+/// or the error that ended the run in this folder. The outer result is an error if the run fails before it
+/// opens the folder, or cannot make the folder. No error of this function says how to continue the run, since
+/// the way to continue depends on the command that called it.
 pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Result<Vec<Record>>)> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -457,7 +458,8 @@ fn foresee(args: &Args) -> Result<()> {
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
     if args.resume {
-        // The run itself would refuse a damaged file of peak rates, so its forecast refuses this file too.
+        // The run itself would refuse a damaged file of peak rates in its folder, so `--dry-run` refuses this
+        // file too.
         Peak::stored_in(&out)?;
     }
     let past = if args.resume { Past::in_folder(&out)? } else { Past::default() };
@@ -578,7 +580,8 @@ mod tests {
         assert!(note.starts_with("note: h200.json has no peak rates of other, so"), "{note}");
         assert_eq!(note_for("--peak=h200.json", &[&one]), None);
         assert_eq!(note_for("--peak", &[&one, &other]), None);
-        // Rates of another driver are not used, whether they come from a file or from the folder of results.
+        // Peak rates that were measured with another driver are not used, whether they come from the file of
+        // `--peak=FILE` or from the folder of results.
         let outdated = [Peak { driver: "another".into(), ..peaks[0].clone() }];
         for (words, file) in [
             (&["a.toml", "--peak=h200.json"][..], "h200.json"),
@@ -634,7 +637,8 @@ mod tests {
         );
         std::fs::write(&config, text).unwrap();
         let devices = [1.0, 2.0].map(|ms| Listed::from(asleep::device(ms)));
-        // Each picture is cast by the baseline and, on each device, with two local sizes.
+        // Each picture has one point of the baseline and, on each device, two points with different local
+        // sizes.
         let config = config.to_str().unwrap();
         assert_eq!(
             count(&fixtures::args(&[config]), &devices).unwrap(),

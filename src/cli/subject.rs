@@ -16,7 +16,7 @@ use crate::strategy::{Strategy, Task, preset};
 use look::Look;
 use std::path::PathBuf;
 
-/// The note if the user gives `--plain` with a scene file.
+/// The note that raycl prints if the user gives `--plain` with a scene file.
 const PLAIN_SCENE: &str =
     "--plain has no effect: it changes only how a bare mesh is shown, and this scene comes from a scene file";
 
@@ -238,8 +238,8 @@ mod tests {
         assert!(has_note(&scene, true) && !has_note(&scene, false) && !has_note(&mesh, true));
     }
 
-    /// In this test, not even a work-group with one tile fits on the device, so the error message names the last local
-    /// size that was tried.
+    /// In this test, not even a work-group that casts a single tile of rays fits on the device, so the error
+    /// message names the last local size that raycl tried.
     #[test]
     fn a_local_size_is_made_smaller_unless_it_was_requested() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

@@ -1,4 +1,5 @@
-//! Takes the locks of devices, for commands that measure on these devices in their own process.
+//! Takes the locks of devices, for commands that measure on devices in their own process instead of in
+//! workers.
 
 use crate::device::DeviceInfo;
 use crate::device_lock::{Held, LockName, Locks};

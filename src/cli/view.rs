@@ -30,7 +30,7 @@ pub struct Args {
     /// Move the camera around the scene by one degree per frame
     #[arg(long)]
     spin: bool,
-    /// End after this many frames, or as soon as all samples are cast
+    /// End after this many frames, or as soon as all samples of --samples are cast
     #[arg(long, value_parser = whole::<u32>(1..=u32::MAX))]
     frames: Option<u32>,
     /// End after this many seconds
@@ -85,7 +85,8 @@ struct Report {
     frames: u32,
     /// The time from the first frame to the last.
     seconds: f64,
-    /// The number of frames after the first frame, divided by `seconds`; null if there are no such frames.
+    /// The number of frames after the first frame, divided by `seconds`; null if only one frame or none was
+    /// shown.
     frames_per_s: Option<f64>,
     /// The number of frames that were cast since the strategy, the local size, the device, the picture's size or a file
     /// changed last.

@@ -35,8 +35,8 @@ pub struct Watched {
     /// The number of folders that were given to [`Watched::new`]. The given folders come first in `folders`;
     /// the folders of files that raycl has read follow.
     given: usize,
-    /// The folders of files that raycl has read. Each of these folders is watched by itself, or is covered by
-    /// the watch on a given folder.
+    /// The folders of files that raycl has read. Each folder in `of_inputs` is watched by itself, or is
+    /// covered by the watch on a given folder.
     of_inputs: BTreeSet<PathBuf>,
     inputs: &'static Inputs,
 }
@@ -96,8 +96,9 @@ impl Watched {
         is_complete(&self.changes, &mut self.changed_at, Instant::now())
     }
 
-    /// Watches those folders again that have been replaced since the last call; each replacement counts as a change.
-    /// Also begins to watch the folders of files that have been read since the last call.
+    /// Begins to watch again the folders that have been replaced since the last call; each replacement counts
+    /// as a change. The function also begins to watch the folders of files that have been read since the last
+    /// call.
     fn follow(&mut self) {
         for folder in &mut self.folders {
             if folder.identity != identity(&folder.path) {
@@ -142,7 +143,7 @@ impl Folder {
         Self { path, depth, identity: None }
     }
 
-    /// Begins to watch the folder that has the path now.
+    /// Begins to watch the folder that now exists at the stored path.
     fn watch(&mut self, watcher: &mut notify::RecommendedWatcher) -> notify::Result<()> {
         // If the folder is replaced after this line, the next comparison of identities detects the replacement.
         self.identity = identity(&self.path);
@@ -157,9 +158,9 @@ impl Folder {
     }
 }
 
-/// What distinguishes a folder from another folder that later gets the same path: the number of the disk, the
-/// number of the folder on the disk, and the time of the folder's creation. The time is needed because a disk
-/// may give the number of a removed folder to a new folder.
+/// The properties that distinguish a folder from another folder that later gets the same path: the number of
+/// the disk, the number of the folder on the disk, and the time of the folder's creation. The time is needed
+/// because a disk may give the number of a removed folder to a new folder.
 type Identity = ([u64; 2], Option<SystemTime>);
 
 /// Returns the identity of the folder that now has the path `folder`; `None` if there is no such folder.
@@ -198,9 +199,9 @@ pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveM
     std::iter::once(of_scene).chain(of_kernels).collect()
 }
 
-/// Calls `action` once, and again after every change of a watched file. A failed action is reported and does not end
-/// the loop, since the next change may correct the mistake. Unless `quiet` is set, prints a line before each wait for a
-/// change.
+/// Calls `action` once, and again after every change of a watched file. If an action fails, the error is
+/// printed and the loop continues, since the next change of a file may correct the mistake. Unless `quiet` is
+/// set, prints a line before each wait for a change.
 pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Result<()>) -> Result<()> {
     loop {
         let done = action();
@@ -269,7 +270,8 @@ mod tests {
     /// The longest wait for a change. A test reaches this limit only if it hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Watches a folder in a thread. The returned receiver gets a message from each action after the first one.
+    /// Watches a folder in a thread. The returned receiver gets a message from each action after the first
+    /// action.
     fn watching(folder: PathBuf) -> Receiver<()> {
         static INPUTS: Inputs = Inputs::new();
         let (sender, seen) = channel();
@@ -302,7 +304,7 @@ mod tests {
         assert!(seen.recv_timeout(LIMIT).is_ok(), "a change is noticed");
     }
 
-    /// Changes a file until a watcher acts.
+    /// Changes a file again and again until the watcher reacts, that is, until `acts` returns true.
     fn change_until(path: &Path, mut acts: impl FnMut() -> bool) {
         let start = Instant::now();
         while !acts() {
@@ -323,8 +325,8 @@ mod tests {
             let gone = if renames { std::fs::rename(&path, other) } else { std::fs::remove_dir(&path) };
             gone.expect("the folder goes away");
             std::fs::create_dir(&path).expect("another folder");
-            // The removal of the folder and its return cause at most two actions, so the third action is caused by a
-            // change of the file.
+            // The removal of the folder and its return cause at most two actions, so at least the third
+            // action is caused by a change of the file in the new folder.
             for _ in 0..3 {
                 change_until(&path.join("scene.toml"), || seen.try_recv().is_ok());
             }
@@ -409,8 +411,8 @@ mod tests {
             );
             assert!(error.remedy().starts_with("check the path of the scene"), "{}", error.remedy());
         }
-        // The remedy suggests the folder `misssing`. It does not suggest `missin`: the name is equally
-        // similar, but `missin` is a file.
+        // The error's remedy suggests the folder `misssing`. It does not suggest `missin`: this name is
+        // equally similar, but `missin` is a file.
         std::fs::write(folder.path().join("missin"), "").expect("a file");
         let meant = folder.path().join("misssing");
         std::fs::create_dir(&meant).expect("a folder");

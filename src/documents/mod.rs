@@ -56,8 +56,8 @@ impl Documents {
         self.texts.iter().find(|(own, _)| *own == name).map(|(_, text)| text.as_str())
     }
 
-    /// Returns every difference between a document and the records, with the document's name. Also returns every entry
-    /// of docs/figures.toml that no document uses.
+    /// Returns every difference between a document and the records, with the document's name. The result also
+    /// contains every entry of docs/figures.toml that no document uses.
     pub fn differences(&self) -> Vec<(&'static str, Difference)> {
         let of = |(name, text): &(&'static str, String)| {
             let name = *name;

@@ -171,7 +171,7 @@ mod tests {
             ("groups", 3.0, Count),
             ("items", 60.0, Count),
             ("occupancy", 0.5, Percent),
-            // A work-group of 20 work-items uses 20 of a warp's 32 lanes: 0.625.
+            // A work-group of 20 work-items uses 20 of a warp's 32 lanes, which is a share of 0.625.
             ("lanes", 0.625, Percent),
             ("pixels", 400_000.0, Count),
         ] {

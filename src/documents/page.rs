@@ -7,7 +7,7 @@ use super::query::Query;
 use super::sheet::Sheet;
 use super::unrecorded::{Fences, unrecorded};
 
-/// The line before a block begins with this text. After this text, the line contains the block's name.
+/// The text with which the line before a block begins. The block's name follows in the same line.
 const BEGIN: &str = "<!-- figures: ";
 /// The line that marks the end of a block.
 const END: &str = "<!-- end of figures -->";
@@ -186,7 +186,7 @@ mod tests {
     "#;
     const TABLE: [&str; 4] = ["| size | threads |", "|---|---|", "| 8x8 | 512 |", "| 10x10 | 800 |"];
 
-    /// Returns the page of a document that has these lines in its block.
+    /// Returns the page of a document whose block consists of `lines`.
     fn page(lines: &[&str]) -> Page {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join("docs")).unwrap();
@@ -231,7 +231,7 @@ mod tests {
         assert!(page.text.ends_with(&format!("{END}\nmore text\n")), "{}", page.text);
     }
 
-    /// Returns the page of a document with this text.
+    /// Returns the page of a document that consists of `text`.
     fn line(text: &str) -> Page {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join("docs")).unwrap();

@@ -1,4 +1,4 @@
-//! Answers a document's queries for the run times that the paper published.
+//! Answers a document's queries for the run times that the student paper that raycl reproduces published.
 
 use super::of_record::{Figure, Form};
 use crate::report::paper::curve;

@@ -22,8 +22,8 @@ const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The published times are part of the program, not
 /// of a folder of records.
 const PUBLISHED: &str = "published";
-/// The source name for numbers of threads on a multiprocessor. raycl computes these numbers of threads
-/// instead of reading them from a file.
+/// The source name for numbers of threads on a multiprocessor. raycl computes the numbers of threads on a
+/// multiprocessor instead of reading them from a file.
 const OCCUPANCY: &str = "occupancy";
 /// The units in which a query can ask for a result: the name of each unit, and the factor by which the figure is
 /// multiplied.
@@ -163,8 +163,8 @@ fn quotient(one: &Side, other: &Side) -> Figure {
     }
 }
 
-/// Returns the value at the JSON pointer (RFC 6901) that `words` spells. Returns an error if the JSON has no
-/// value at the pointer.
+/// Returns the value at the JSON pointer (RFC 6901) that the words in `words` form when they are joined.
+/// Returns an error if the JSON has no value at the pointer.
 fn at(value: &Value, words: &[&str]) -> Result<Figure, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
@@ -272,7 +272,7 @@ mod tests {
         assert_eq!(answer("published: teapot naive 14x14"), Ok(Figure::Nothing("no point".into())));
         assert_eq!(words("occupancy: groups=8 threads=1536 10x10"), "800");
         assert_eq!(words("occupancy: capability=2.0 registers=63 16x16"), "512 (registers)");
-        // Seven work-groups of 196 work-items fit into 1536 threads.
+        // Seven work-groups of 14 x 14 = 196 work-items (1372 threads) fit into 1536 threads.
         assert_eq!(words("occupancy: groups=8 threads=1536 14x14"), "1372");
         assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4"), "10.8");
         assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4, 2 digits"), "11");

@@ -1,5 +1,6 @@
-//! Formats, for documents, the paper's claims with the verdicts of `raycl reproduce`, and the answer to the paper's
-//! question in four lines (best memory strategy, best local size, why, how sure).
+//! Formats, for documents, the claims of the student paper that raycl reproduces with the verdicts of `raycl
+//! reproduce`, and the answer to the paper's question in four lines (best memory strategy, best local size,
+//! why, how sure).
 
 use super::sheet::{Device, line};
 use super::sources::Sources;
@@ -71,8 +72,8 @@ fn counted(head: &str, claims: &[Value]) -> String {
 }
 
 /// Returns a claim's verdict, and the first comparison with that verdict. If some comparisons hold and the
-/// remaining comparisons cannot be made, the claim is unclear although no single comparison is unclear. For
-/// such a claim, returns the first comparison that cannot be made.
+/// remaining comparisons cannot be made, the claim is unclear although no single comparison is unclear. For a
+/// claim that is unclear for this reason, returns the first comparison that cannot be made.
 fn decided(claim: &Value) -> String {
     let verdict = claim["verdict"].as_str().unwrap_or_default();
     let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);

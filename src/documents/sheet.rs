@@ -30,7 +30,7 @@ struct Wire {
 enum Block {
     /// A table in which a query determines the number in each cell.
     Table(Table),
-    /// The paper's claims with raycl's verdicts.
+    /// The claims of the student paper that raycl reproduces, with raycl's verdicts.
     Claims { devices: Vec<Device> },
     /// For each device, the answer to the paper's question in four lines: best memory strategy, best local size, why,
     /// how sure.
@@ -81,8 +81,8 @@ impl Row {
         }
     }
 
-    /// Returns the modifiers for the digits or the unit of the row's numbers, or an empty text. In a query,
-    /// the row's modifiers follow the column's modifiers.
+    /// Returns the modifiers for the digits or the unit of the row's numbers, or an empty text. In a cell's
+    /// query, the modifiers of the cell's row follow the modifiers of its column.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),

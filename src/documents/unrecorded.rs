@@ -11,8 +11,8 @@ pub struct Fences {
 }
 
 impl Fences {
-    /// Returns a line without its number in a numbered list ("1. "). Only the number 1, or the number after
-    /// that of the last item, counts as a list's number.
+    /// Returns a line without its number in a numbered list ("1. "). A number counts as a list's number only
+    /// if it is 1, or by one larger than the number of the list's last item.
     fn without_number<'a>(&mut self, line: &'a str) -> &'a str {
         let item = line.split_once(". ").and_then(|(number, rest)| Some((number.parse().ok()?, rest)));
         match item {
@@ -25,8 +25,8 @@ impl Fences {
     }
 }
 
-/// Units of measured numbers. A code span (text between backticks) that contains a number with one of these units is
-/// checked. Other code spans contain options and names, and are not checked.
+/// Units of measured numbers. A code span (text between backticks) is checked if it contains a number with a
+/// unit of this list. Other code spans contain options and names, and are not checked.
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 

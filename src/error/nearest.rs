@@ -4,7 +4,7 @@ use crate::reader::folder_of;
 use std::path::{Path, PathBuf};
 
 /// Returns the candidate most similar to `word`, or `None` if no candidate is similar enough. Upper and lower
-/// case matter only if several candidates are otherwise equally similar.
+/// case matter only if several candidates are equally similar apart from case.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // A word that is much longer than every name is not a misspelt name, and comparing it would take long.
     let candidates = candidates.into_iter().filter(|_| word.len() <= 100);

@@ -7,8 +7,8 @@ use crate::printer;
 const BYTE_ORDER_MARK: char = '\u{feff}';
 /// Largest number of bytes of a line or a message that is shown in full.
 pub(super) const SHOWN_LINE_BYTES: usize = 400;
-/// Largest number of bytes of a note that is shown in full. A note may contain the paths of two files, the name of a
-/// third one, what is wrong with this file, and the remedy.
+/// Largest number of bytes of a note that is shown in full. A note may contain the paths of two files, the
+/// name of a third file, what is wrong with the third file, and the remedy.
 const SHOWN_NOTE_BYTES: usize = 2000;
 
 /// Returns the text with control characters and invisible characters replaced, and with its middle omitted if the text
@@ -106,7 +106,7 @@ mod tests {
         let text = format!("short\n{}\nbad\n", "x".repeat(500));
         let cut = format!("short\n{} ...\nbad\n", "x".repeat(200));
         assert_eq!(cut_long_lines(text.clone(), 2), (cut.clone(), 0));
-        // A line of 501 bytes becomes one of 205.
+        // A line of 501 bytes becomes a line of 205 bytes.
         assert_eq!(cut_long_lines(text, 507), (cut, 296));
         let most = format!("{}\n", "x".repeat(400));
         assert_eq!(cut_long_lines(most.clone(), 3), (most, 0));

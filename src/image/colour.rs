@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn the_map_goes_from_purple_to_yellow() {
-        // The second colour is halfway between the map's first two colours.
+        // The second expected colour is halfway between the first two colours of the colour map.
         let colours = [0.0, 1.0 / 16.0, 0.5, 1.0].map(viridis);
         assert_eq!(colours, [[68, 1, 84], [70, 23, 103], [33, 144, 141], [253, 231, 37]]);
         assert_eq!(
@@ -165,7 +165,7 @@ mod tests {
         let (mut decades, mut counts) = (RgbImage::new(500, SCALE_HEIGHT), RgbImage::new(500, SCALE_HEIGHT));
         draw_scale(&mut decades, 0);
         draw_count_scale(&mut counts, 0, 1);
-        // The scales have no tick in these columns.
+        // In the columns that this loop checks, the scales have no tick.
         for x in [1_u32, 100, 200, 400, 498] {
             let expected = viridis(f64::from(x) / 499.0);
             assert_eq!([decades[(x, 5)].0, counts[(x, 5)].0], [expected; 2], "column {x}");

@@ -59,8 +59,8 @@ fn with_plain_chunk(line: &str) -> Option<String> {
     Some(format!("{before}{kind}{after}"))
 }
 
-/// Returns an error if the palette of a PNG ends within a colour. The crate `png` 0.18.1 panics at such a
-/// palette.
+/// Returns an error if the palette of a PNG ends within a colour. The crate `png` 0.18.1 panics if a palette
+/// ends within a colour.
 fn check_palette(bytes: &[u8]) -> Result<(), String> {
     let mut rest = bytes.get(PNG_SIGNATURE_BYTES..).unwrap_or_default();
     while let Some((length, after)) = rest.split_first_chunk::<4>() {

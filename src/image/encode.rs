@@ -13,7 +13,7 @@ use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error, Result, Write as _};
 
-/// The JPEG quality that the paper uses for its figures.
+/// The JPEG quality that the student paper that raycl reproduces uses for its figures.
 pub const JPEG_QUALITY: u8 = 95;
 /// Length of the first two segments of a JPEG file, which are the start marker and JFIF's header. raycl
 /// inserts the comment with its mark after these two segments.

@@ -138,8 +138,8 @@ pub enum Values {
 
 /// Reads a picture: the integers of a PNG or JPEG as displayed values from 0 to 1, the floating-point numbers
 /// of an EXR or HDR as linear radiance. The returned `coverage` is the picture's alpha channel, or empty if
-/// the picture is opaque. The returned colours are those in the file, so the colours of a transparent PNG are
-/// not multiplied by alpha.
+/// the picture is opaque. The returned colours are the colours in the file, so the colours of a transparent
+/// PNG are not multiplied by alpha.
 ///
 /// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
 pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
@@ -361,7 +361,8 @@ mod tests {
         for (written, read) in image.pixels.iter().zip(&read.pixels) {
             let most = f64::from(written.iter().copied().fold(0.0, f32::max));
             let step = 2.0_f64.powi(most.log2().floor() as i32 - 7);
-            // A byte cannot hold 256 steps, but it can hold 128 steps of twice the size.
+            // A channel is stored as a number of steps in one byte, which cannot hold 256 steps, but can hold
+            // 128 steps of twice the size.
             let step = if most >= 255.5 * step { 2.0 * step } else { step };
             let errors = [0, 1, 2].map(|i| (f64::from(read[i]) - f64::from(written[i])) / step);
             assert!(errors.iter().all(|error| error.abs() < 0.500_1), "{written:?}: {read:?}");
@@ -669,7 +670,8 @@ mod tests {
         image::DynamicImage::new_rgba16(1, 1).save(&path).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         // The test changes the header so that it states a row of 70 million pixels of 8 bytes, and the file
-        // seems to be cut off. The decoder's own limit applies only to the length of a row.
+        // seems to be cut off. The test needs such a long row, since the decoder's own limit on memory
+        // applies only to the length of a row.
         bytes[16..24].copy_from_slice(&[70_000_000_u32.to_be_bytes(), 1_u32.to_be_bytes()].concat());
         let mut check = flate2::Crc::new();
         check.update(&bytes[12..29]);

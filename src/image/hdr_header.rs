@@ -26,7 +26,7 @@ pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
 pub struct HdrExposure([f64; 3]);
 
 impl HdrExposure {
-    /// Reads the three numbers from the bytes of a picture file.
+    /// Reads the three numbers of [`HdrExposure`] from the bytes of a picture file.
     ///
     /// # Errors
     ///

@@ -30,8 +30,8 @@ impl Incoming {
         }
     }
 
-    /// Returns the number of rows of which each call of `take` must get a multiple. Only the last call may
-    /// get any number of rows.
+    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows, except the
+    /// last call, which may get any number.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,
@@ -45,7 +45,8 @@ impl Incoming {
             Self::Whole(picture, there) => {
                 let bytes: &mut [u8] = picture;
                 let target = &mut bytes[*there..*there + rows.len()];
-                // All cores copy, since the first access to this memory is slow.
+                // All cores copy parts of the rows, since the first access to the picture's new memory is
+                // slow.
                 let pairs = target.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
                 pairs.for_each(|(to, from)| to.copy_from_slice(from));
                 *there += rows.len();

@@ -1,6 +1,6 @@
 //! Encodes JPEG in bands of rows on several cores. Restart markers separate the bands: a JPEG decoder resets
-//! its state at each of these markers. The decoded pixels are the same as those of a picture that is encoded
-//! in one piece.
+//! its state at each of these markers. The decoded pixels are the same as if the picture were encoded in one
+//! piece.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn restart_markers_are_numbered_from_0_to_7_again_and_again() {
-        // The picture has eleven bands, and therefore ten restart markers.
+        // The test's picture has eleven bands, and therefore ten restart markers.
         let file = encode(&picture(40, 128 * 10 + 1), 95).unwrap();
         let scan = segment(&file, START_OF_SCAN).unwrap();
         let restart = |pair: &[u8]| match pair {

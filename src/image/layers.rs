@@ -130,7 +130,8 @@ fn directions(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Shows base colours as sRGB, so that a texture's own 8-bit colours come back; more than 1 is shown as 1.
+/// Returns a picture of the base colours in sRGB, so that a textured pixel has the 8-bit colour that the
+/// texture's file has. Base colours above 1 are shown as 1.
 fn colours(layers: &Layers) -> RgbImage {
     picture(layers, |pixel| layers.albedo[pixel].map(srgb_value))
 }

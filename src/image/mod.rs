@@ -56,7 +56,7 @@ impl Radiance {
     }
 
     /// Adds the values of another image, pixel by pixel. Both images must have the same size; the function
-    /// does not check this. If this image has no coverage, its coverage counts as 0.
+    /// does not check their sizes. If this image has no coverage, its coverage counts as 0.
     pub fn add(&mut self, other: &Self) {
         let (sums, values) = (self.pixels.as_flattened_mut(), other.pixels.as_flattened());
         sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);

@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
 
-    /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of these frames arrive.
+    /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of the two frames arrive.
     fn write_frames(path: &std::path::Path, count: usize) -> Result<()> {
         let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
         let frames = frames.into_iter().take(count).map(|frame| (frame, Display::default()));

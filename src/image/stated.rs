@@ -16,7 +16,7 @@ const CLOSE: f32 = 0.03;
 const NAMED: usize = 8;
 
 /// Returns an error if an OpenEXR picture lacks the channels that the decoder reads (R, G and B). The decoder
-/// also refuses such a picture, but the decoder's message does not name the channels that the file has.
+/// also refuses a picture without R, G and B, but its message does not name the channels that the file has.
 /// Pictures in other formats are not checked. The caller puts the file's name before the error's text.
 pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     let headers = exr_headers(bytes);

@@ -19,29 +19,29 @@ pub enum Memory {
     /// The memory that contains the kernel's arguments.
     Argument,
     /// A memory that the instruction's text does not determine: the address decides when the instruction
-    /// runs. On a CPU all OpenCL address spaces are the same memory. Therefore all accesses on a CPU are
-    /// generic, except `Private` accesses and accesses to constants of the program.
+    /// runs. On a CPU all OpenCL address spaces are the same memory. All accesses on a CPU are therefore
+    /// `Generic`, except `Private` accesses and accesses to constants of the program.
     Generic,
 }
 
 /// The kind of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
-    /// Reads from the given memory.
+    /// The instruction reads from the given memory.
     Load(Memory),
-    /// Writes to the given memory.
+    /// The instruction writes to the given memory.
     Store(Memory),
-    /// Reads and writes the given memory in one atomic step.
+    /// The instruction reads and writes the given memory in one atomic step.
     Atomic(Memory),
-    /// Computes, compares or converts.
+    /// The instruction computes, compares or converts numbers.
     Arithmetic,
-    /// Copies a value from register to register, possibly to other lanes, or sets a register.
+    /// The instruction copies a value from register to register, possibly to other lanes, or sets a register.
     Move,
-    /// Branches: execution continues at another instruction.
+    /// The instruction branches: execution continues at another instruction.
     Branch,
-    /// Calls a function.
+    /// The instruction calls a function.
     Call,
-    /// Waits for other work-items, or keeps accesses to memory in order.
+    /// The instruction waits for other work-items, or keeps accesses to memory in order.
     Barrier,
 }
 

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 /// The error message if `objdump` is not installed.
 pub const REMEDY: &str = "objdump is missing; install the package binutils";
 
-/// Reads the kernels with these names from an ELF file. `file` is the name of the source file; line numbers
-/// of other files are ignored. The error says why the kernels cannot be read.
+/// Reads the kernels with the names in `kernels` from an ELF file. `file` is the name of the source file;
+/// line numbers of other files are ignored. The error says why the kernels cannot be read.
 pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, String> {
     let objdump = Tool::find("objdump").ok_or(REMEDY)?;
     let folder = Folder::with("kernel.so", elf)?;

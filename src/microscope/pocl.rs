@@ -12,7 +12,7 @@ const MAGIC: &[u8] = b"poclbin\0";
 /// The largest number of bytes of a file's path in PoCL's binary.
 const LONGEST: usize = 1024;
 
-/// Returns true if PoCL made a binary.
+/// Returns true if `binary` is a program's binary that PoCL made.
 pub fn is_pocls(binary: &[u8]) -> bool {
     binary.starts_with(MAGIC)
 }

@@ -16,9 +16,9 @@ use super::code::{Code, Instruction, opcode, with_called};
 use super::kind::{Kind, Memory};
 use crate::program::compiled::ptx::{after_results, body_of, instruction, without_comments};
 
-/// Reads the kernels with these names: the instructions of a kernel, then the instructions of all functions
-/// that the kernel calls directly or indirectly. `file` is the name of the source file; line numbers of other
-/// files are ignored.
+/// Reads the kernels with the names in `kernels`. Each kernel's code consists of the instructions of the
+/// kernel itself, then the instructions of all functions that the kernel calls directly or indirectly. `file`
+/// is the name of the source file; line numbers of other files are ignored.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     let text = without_comments(ptx);
     let number = text.lines().find_map(|line| numbered(line, file));
@@ -165,7 +165,8 @@ fn memory(space: &str) -> Memory {
 mod tests {
     use super::*;
 
-    /// In this PTX text, line 3 of the source loads, and line 4 computes and stores. Line 7 belongs to another file.
+    /// A PTX text in which line 3 of the source loads, and line 4 computes and stores. Line 7 belongs to
+    /// another source file.
     const WITH_LINES: &str = r#"
 .version 8.8
 .target sm_90, texmode_independent

@@ -27,8 +27,8 @@ pub struct Assembled {
     pub log: String,
 }
 
-/// Assembles PTX and reads the kernels with these names. `file` is the name of the source file; line numbers
-/// of other files are ignored. The error says why the SASS cannot be read.
+/// Assembles PTX and reads the kernels with the names in `kernels` from the result. `file` is the name of the
+/// source file; line numbers of other files are ignored. The error says why the SASS cannot be read.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Result<Assembled, String> {
     let both = Tool::find("ptxas").zip(Tool::find("nvdisasm"));
     let (ptxas, nvdisasm) = both.ok_or("ptxas and nvdisasm, of the CUDA toolkit, are not both on PATH")?;

@@ -110,7 +110,7 @@ fn kinds_by_name(name: &str, operand: &str, frames: &[&str]) -> Option<Vec<Kind>
         "ret" | "retq" | "hlt" => vec![Kind::Branch],
         "mfence" | "lfence" | "sfence" => vec![Kind::Barrier],
         _ if name.starts_with('j') => vec![Kind::Branch],
-        // The operand of `lea` looks like memory, but the instruction only computes the address.
+        // The operand of `lea` looks like an access to memory, but `lea` only computes the address.
         _ if name.starts_with("lea") => vec![Kind::Arithmetic],
         _ => return None,
     })

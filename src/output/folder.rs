@@ -27,9 +27,9 @@ pub struct OutFolder {
 }
 
 impl OutFolder {
-    /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's
-    /// place, or if this process may not make the folder or create files in it. Without `--force`, also fails
-    /// if the folder's file `raycl.b3sum` is not a list in the format of `b3sum`.
+    /// Reads the list of a folder. The folder and the list need not exist. Fails if `path` is a file instead
+    /// of a folder, or if this process may not make the folder or create files in it. Without `--force`, also
+    /// fails if the folder's file `raycl.b3sum` is not a list in the format of `b3sum`.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
@@ -61,9 +61,10 @@ impl OutFolder {
         self.results || !self.made.is_empty()
     }
 
-    /// Returns an error if [`write`](Self::write) would refuse files of these names. Commands call this
-    /// function before their work, when the new contents are not known yet. `check` therefore also refuses an
-    /// existing file that raycl did not make, even if the file equals the content that would be written.
+    /// Returns an error if [`write`](Self::write) would refuse files with the names in `names`. Commands call
+    /// this function before their work, when the new contents are not known yet. `check` therefore also
+    /// refuses an existing file that raycl did not make, even if the file equals the content that would be
+    /// written.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -157,8 +158,8 @@ impl OutFolder {
         })
     }
 
-    /// Creates the folder and the subfolders for these files; returns an error if a link is in the place of a
-    /// subfolder.
+    /// Creates the folder and the subfolders in which `files` are written; returns an error if a link is in
+    /// the place of a subfolder.
     fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
         let remedy = remedy(self.choice);
         let failed = |folder: &Path, error: std::io::Error| cannot_make(folder, &error, remedy.as_str());
@@ -263,7 +264,7 @@ mod tests {
         {
             let error = OutFolder::open(&out, KEEP).err().unwrap();
             assert!(error.exit_code() == 2 && error.to_string().ends_with(end), "{error}");
-            // A file may also appear in the folder's place while the command works.
+            // Another program may also create a file at the folder's path while the command works.
             let made = OutFolder { path: out, choice: KEEP, results: false, made: BTreeSet::new() };
             let error = made.make_folders(&[]).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().ends_with(end), "{error}");
@@ -291,7 +292,8 @@ mod tests {
         let error = write(folder.path(), KEEP, "one").unwrap_err();
         assert!(error.to_string().contains("raycl did not make it"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        // A file with the content that would be written may be replaced.
+        // A file that already has the content that would be written may be replaced, even if raycl did not
+        // make it.
         std::fs::write(folder.path().join("page.html"), "one").unwrap();
         write(folder.path(), KEEP, "one").unwrap();
         std::fs::write(folder.path().join(LIST), "my notes").unwrap();

@@ -1,4 +1,4 @@
-//! Puts a new file at its path, or refuses to replace an existing file there.
+//! Puts a new file at an output path, or refuses to replace an existing file at this path.
 
 use super::mark::Maker;
 use super::unfinished::Unfinished;
@@ -183,7 +183,7 @@ fn appeared(path: &Path, choice: Choice) -> Error {
     Error::input(message).with_help(choice.help("replaces it"))
 }
 
-/// Renames a file to a name that no other file may have.
+/// Renames a temporary file to `path`, and fails if another file has this name.
 fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
@@ -294,7 +294,8 @@ mod tests {
         assert_eq!(permit(&name("b.png"), choice, |_| Ok(Maker::Other)).unwrap(), Name::Free);
         let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
         assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
-        // The command that the advice suggests works in a shell, whatever the folder's name.
+        // The `mkdir` command that the advice suggests works in a shell, whatever characters the folder's
+        // name contains.
         for (path, word) in [
             ("nowhere/a.png", "nowhere"),
             ("it's/a.png", r"'it'\''s'"),
@@ -347,7 +348,7 @@ mod tests {
     fn nothing_is_in_the_folder_until_the_file_is_complete() {
         let folder = tempfile::tempdir().unwrap();
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
-        // Some file systems have no files without names.
+        // Some file systems do not support files without names.
         let has_unnamed = matches!(Unfinished::in_folder(folder.path()).unwrap(), Unfinished::Unnamed(_));
         let path = folder.path().join("a.png");
         for force in [false, true] {
@@ -386,7 +387,7 @@ mod tests {
         let read_only = closed(Path::new("a.png"), &IoError::from(ErrorKind::ReadOnlyFilesystem));
         let expected = "cannot write 'a.png': the folder '.' cannot be written to (read-only ";
         assert!(read_only.starts_with(expected), "{read_only}");
-        // Nobody can create files in /proc, not even the superuser.
+        // Nobody, not even the superuser, can create files in the folder /proc.
         if cfg!(target_os = "linux") {
             let path = Path::new("/proc/a.png");
             let choice = Choice::new(false, "-o FILE");

@@ -25,15 +25,15 @@ const BEGINNINGS: [&str; 12] = [
 /// Extensions of the names of a report's plots and exports.
 const ENDINGS: [&str; 3] = [".svg", ".png", ".json"];
 
-/// Removes plots and exports of earlier reports that the new report did not write. Files that cannot be
-/// removed stay; no page shows these files.
+/// Removes plots and exports of earlier reports that the new report did not write. Plots and exports that
+/// cannot be removed stay, but no page shows them.
 pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     for folder in FOLDERS {
         for entry in std::fs::read_dir(results.join(folder)).into_iter().flatten().flatten() {
             let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let file = entry.file_type().is_ok_and(|kind| kind.is_file());
             if file && is_of_report(&name) && !is_written(&name) {
-                // If the file cannot be removed, it stays, but no page shows it.
+                // If the plot or export cannot be removed, it stays in the folder, but no page shows it.
                 let _ = std::fs::remove_file(entry.path());
             }
         }

@@ -91,8 +91,9 @@ impl Target {
         Ok(())
     }
 
-    /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash). Then replaces
-    /// the zeros by the hash. The file appears at its path completely or not at all.
+    /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash).
+    /// Afterwards, this function replaces the zeros of the mark by the file's hash. The file appears at its
+    /// path completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
         if self.is_standard_output() {
             return to_standard_output(write);

@@ -10,7 +10,8 @@ use tempfile::NamedTempFile;
 #[derive(Debug)]
 pub(super) enum Unfinished {
     /// A file without a name. The system removes such a file when this process ends, even if the process is
-    /// killed. So a command that writes a file for minutes leaves nothing behind when it is interrupted.
+    /// killed. A command that writes a file for minutes therefore leaves nothing behind when it is
+    /// interrupted.
     Unnamed(File),
     /// A file with a temporary name, where the system or the file system has no files without names.
     Named(NamedTempFile),
@@ -76,8 +77,8 @@ fn copied(mut file: File, folder: &Path) -> IoResult<NamedTempFile> {
     let mut copy = temporary_in(folder)?;
     file.rewind()?;
     std::io::copy(&mut file, &mut copy)?;
-    // The caller may have waited until the first file was on the disk (`sync_all`), so this function waits for the copy
-    // too.
+    // The caller may have waited until the file without a name was on the disk (`sync_all`), so this function
+    // waits until the copy is on the disk too.
     copy.as_file().sync_all()?;
     Ok(copy)
 }
@@ -146,7 +147,8 @@ mod tests {
         let mut file = Unfinished::in_folder(folder.path()).unwrap();
         file.file().write_all(b"whole").unwrap();
         let has_name = matches!(file, Unfinished::Named(_));
-        // Where /proc is not mounted, a file without a name must be copied.
+        // Where /proc is not mounted, `link_to` returns false, since a file without a name must then be
+        // copied.
         if file.link_to(&path).unwrap() {
             assert!(!has_name);
             assert_eq!(std::fs::read(&path).unwrap(), b"whole");

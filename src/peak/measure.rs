@@ -60,8 +60,8 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     })
 }
 
-/// Returns the rate: the work per loop divided by the seconds per loop. Repeats that took no time by the device's clock
-/// have no rate.
+/// Returns the rate: the work per loop divided by the seconds per loop. Repeats that took no time by the
+/// device's clock are left out.
 fn rates(work: f64, seconds: &[f64]) -> Result<Figure> {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
     match rates.is_empty() {
@@ -191,8 +191,8 @@ fn read_locally(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
     rates((items as u64 * SLOTS * width * 4) as f64, seconds)
 }
 
-/// Measures the time of a single kernel launch on the device's clock and on the host's. Then measures the mean time of
-/// many kernel launches in a row. All times are in microseconds.
+/// Measures the time of a single kernel launch on the device's clock and on the host's. The function also
+/// measures the mean time of many kernel launches in a row. All times are in microseconds.
 fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let program = rig.program("peak/launch.cl", &[])?;
     let out = rig.buffer::<i32>(1)?;
@@ -335,7 +335,8 @@ mod tests {
             }
         }
         assert_eq!(visited, 1000);
-        // A device may fetch neighbouring lines ahead. In a random cycle, about one line is followed by its neighbour.
+        // A device may fetch neighbouring cache lines ahead. In a random cycle of 1000 lines, only about one
+        // line is followed by its neighbour.
         let is_neighbour = |line: &usize| next[32 * line] as usize == 32 * ((line + 1) % 1000);
         let in_order = (0..1000).filter(is_neighbour).count();
         assert!(in_order < 10, "{in_order} of 1000 lines are followed by their neighbours");
@@ -363,7 +364,8 @@ mod tests {
         );
     }
 
-    /// Each number is the sum of 16 chains after eight steps. In the first work-item, the chains begin at 0 to 15.
+    /// Each expected number is the sum of a work-item's 16 chains after eight steps. In the first work-item,
+    /// the chains begin at the numbers 0 to 15.
     #[test]
     fn a_loop_of_multiply_adds_moves_each_chain_eight_steps_towards_its_limit() {
         assert_eq!(after_a_loop(0, 1), 32.0 + (120.0 - 32.0) / 256.0);
@@ -430,12 +432,12 @@ mod tests {
 
     #[test]
     fn a_rate_is_work_by_time_and_a_latency_is_the_time_of_a_step() {
-        // A loop that took no time has no rate.
+        // The repeat with 0 s per loop has no rate, so three of the four repeats remain.
         let rate = rates(10.0, &[2.0, 0.0, 4.0, 5.0]).unwrap();
         assert_eq!((rate.median, rate.repeats), (2.5, 3));
         let error = rates(10.0, &[0.0; 9]).unwrap_err().to_string();
         assert!(error.ends_with("by the device's clock, the kernels take no time"), "{error}");
-        // A loop of 16 steps takes 3.2 microseconds.
+        // A loop of 16 steps takes 3.2 microseconds, so a step takes 200 nanoseconds.
         assert!((latency(&[3.2e-6; 3]).median - 200.0).abs() < 1e-9);
     }
 

@@ -36,13 +36,13 @@ const OLD_FILE: &str = "limits.json";
 /// A measured rate or time: the median and the quartiles of its repeats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
-    /// The median.
+    /// The median of the repeats.
     pub median: f64,
-    /// The first quartile.
+    /// The first quartile of the repeats.
     pub q1: f64,
-    /// The third quartile.
+    /// The third quartile of the repeats.
     pub q3: f64,
-    /// Number of repeats.
+    /// Number of repeats of the measurement.
     pub repeats: usize,
 }
 
@@ -125,7 +125,7 @@ impl Peak {
         Ok(all)
     }
 
-    /// Returns an error if no device can have these rates, which were read from a file.
+    /// Returns an error if no device can have the rates in `self`, which were read from the file `path`.
     fn check(&self, path: &Path) -> Result<()> {
         let rates = [
             ("fma_per_s", self.fma_per_s),
@@ -161,13 +161,14 @@ impl Peak {
         write_json(path, all)
     }
 
-    /// Returns true if the rates may be those of this device. The name of a device in records depends on the
-    /// machine's other devices, so the rates may have any of the names that records can use for the device.
+    /// Returns true if the rates may have been measured on `device`. The name of a device in records depends
+    /// on the machine's other devices, so the rates may have any of the names that records can use for the
+    /// device.
     pub fn may_be_of(&self, device: &DeviceInfo) -> bool {
         [&device.label, &device.name, &device.slug()].contains(&&self.device)
     }
 
-    /// Returns true if the rates are those of one of these devices, but with another driver or in another
+    /// Returns true if the rates were measured on one of `devices`, but with another driver or in another
     /// state. Rates without a state count as rates of every state.
     pub fn are_outdated(&self, devices: &[&DeviceInfo]) -> bool {
         let fits = |device: &&DeviceInfo| {
@@ -178,8 +179,8 @@ impl Peak {
         !own.is_empty() && !own.iter().any(fits)
     }
 
-    /// Returns true if the rates are those of the same device with the same driver and in the same state as
-    /// `earlier`. Earlier rates without a state count as rates of every state.
+    /// Returns true if these rates and `earlier` were measured on the same device with the same driver and in
+    /// the same state. Earlier rates without a state count as rates of every state.
     pub fn is_of_state_of(&self, earlier: &Self) -> bool {
         (&self.device, &self.platform, &self.driver) == (&earlier.device, &earlier.platform, &earlier.driver)
             && (earlier.state.is_none() || earlier.state == self.state)
@@ -209,8 +210,8 @@ impl Peak {
 
 /// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many
 /// bytes the test reads. The numbers of operations and bytes come from the headers of the strategy's kernel
-/// files. The record keeps both numbers, since a process that reads the record later may have read other
-/// kernel files.
+/// files. The numbers of operations and bytes are stored in the record, since a process that reads the record
+/// later may have read other kernel files.
 pub fn describe_test(record: &mut Record) {
     record.operations_per_test = operations_per_test(&record.strategy);
     if let Some(traffic) = Traffic::by_headers(record) {
@@ -225,7 +226,7 @@ pub fn describe_test(record: &mut Record) {
 pub(crate) mod fixtures {
     use super::{Figure, Peak};
 
-    /// Returns rates that a device can have.
+    /// Returns, for tests, peak rates that a real device could have.
     pub fn rates() -> Peak {
         let rate = Figure::of(&[3.0e12, 2.0e12, 4.0e12]);
         Peak { fma_per_s: rate, copy_bytes_per_s: rate, local_bytes_per_s: rate, ..Peak::default() }
@@ -245,8 +246,8 @@ mod tests {
         let strategy = "traversal=exhaustive intersector=common-origin vectors=private".to_owned();
         let mut record = Record { device: "gpu".into(), strategy, ..Record::default() };
         record.tests_per_s = Some(1.0e11);
-        // The number of operations is taken from the record, since the headers that this process has read may be those
-        // of another folder of kernels.
+        // The number of operations is taken from the record, since this process may have read the headers of
+        // another folder of kernels.
         record.operations_per_test = Some(7);
         Peak::apply(&[peak("cpu"), peak("gpu")], &mut record);
         assert_eq!((record.operations_per_test, record.fma_per_s), (Some(7), Some(3.0e12)));

@@ -19,9 +19,9 @@ pub struct PeakProgram {
 
 /// An open device whose peak rates are measured.
 pub struct Rig<'a> {
-    /// The device.
+    /// The device whose peak rates are measured.
     pub device: &'a Device,
-    /// The device's queue.
+    /// The command queue of the device.
     pub queue: Queue,
     sources: &'a Sources,
 }
@@ -51,7 +51,7 @@ pub fn failed_because(reason: &str) -> Error {
 }
 
 impl<'a> Rig<'a> {
-    /// Opens the device.
+    /// Opens a device, so that its peak rates can be measured.
     pub fn open(device: &'a Device, sources: &'a Sources) -> Result<Self> {
         Ok(Self { device, queue: Queue::open(device)?, sources })
     }
@@ -83,7 +83,7 @@ impl<'a> Rig<'a> {
         if own > 1 { own } else { otherwise }
     }
 
-    /// Builds a program from a file in `cl/`, with these defines.
+    /// Builds a program from a file in `cl/`, with the macros in `defines`.
     ///
     /// # Errors
     ///
@@ -226,7 +226,8 @@ mod tests {
 
     #[test]
     fn a_kernel_is_timed_with_loops_that_take_twenty_milliseconds() {
-        // Each loop takes a microsecond, and the first launch also compiles for a second.
+        // In this test, each loop takes a microsecond, and the first kernel launch also takes a second for
+        // compilation.
         let mut launches = Vec::new();
         let looped_run = looped(|loops| {
             launches.push(loops);
@@ -237,7 +238,7 @@ mod tests {
         // 20,000 loops take `LONG_ENOUGH_MS`. 2^15 is the first power of two that is larger than 20,000.
         assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
-        // If loops seem to take no time, the number of loops stops growing at `MOST_LOOPS`.
+        // If the clock shows no time for the loops, the number of loops stops growing at `MOST_LOOPS`.
         assert_eq!(looped(|_| Ok((0.0, 0.0))).expect("it is measured").1, 1 << 24);
     }
 
@@ -293,7 +294,7 @@ mod tests {
         for (from, to, said) in [
             ("void nothing(", "void something(", "defines no kernel `nothing`"),
             ("const int mark)", "const int mark, int more)", "has other parameters than raycl's kernel"),
-            // The driver refuses the argument, since it has another size than the parameter.
+            // The driver refuses the argument, since the argument has another size than the parameter.
             ("const int mark)", "const long mark)", "has other parameters than raycl's kernel"),
         ] {
             assert_eq!(text.matches(from).count(), 1, "{from}");

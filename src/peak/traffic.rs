@@ -15,12 +15,12 @@ const FLOAT_BYTES: f64 = 4.0;
 /// bytes that work-items request, not the bytes that come from a device's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traffic<'a> {
-    /// Bytes of the triangle, divided by the number of rays of a work-item, since a work-item reads a triangle once for
-    /// all its rays.
+    /// Bytes that a work-item reads of one triangle, divided by the number of rays of the work-item, since it
+    /// reads a triangle once for all its rays.
     pub triangle_bytes: f64,
     /// The memory that contains the triangle.
     pub triangle_in: &'a str,
-    /// Bytes of the ray; 0 if it is in registers.
+    /// Bytes that the test reads of the ray; 0 if the ray is in registers.
     pub ray_bytes: f64,
     /// The memory that contains the ray.
     pub ray_in: &'a str,
@@ -28,9 +28,9 @@ pub struct Traffic<'a> {
 
 impl<'a> Traffic<'a> {
     /// Returns the bytes that one ray-triangle test of a measured point reads. If the point's record states
-    /// the triangle's bytes, all values come from the record; the result is `None` if the record lacks one of
-    /// the other values. Records of earlier versions of raycl do not state the triangle's bytes; for these
-    /// records, the result is that of [`Self::by_headers`].
+    /// the triangle's bytes, all values come from the record; the result is `None` if the record lacks the
+    /// bytes of the ray, or the memory of the triangle or of the ray. Records of earlier versions of raycl do
+    /// not state the triangle's bytes; for these records, the result is that of [`Self::by_headers`].
     pub fn of(record: &'a Record) -> Option<Self> {
         let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
         Some(Self {
@@ -44,8 +44,8 @@ impl<'a> Traffic<'a> {
     /// Returns the bytes that each test of a record's strategy reads, by the headers of the kernel files that
     /// implement the strategy's values. Returns `None` for baselines, and if this version of raycl does not
     /// know one of the strategy's values. Also returns `None` for strategies that do not test every ray
-    /// against every triangle. The number of tests of these strategies is unknown, so the bytes per test do
-    /// not yield the bytes of a frame.
+    /// against every triangle. For strategies that do not test every ray against every triangle, the number
+    /// of tests is unknown, so the bytes per test would not yield the bytes of a frame.
     pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

@@ -166,8 +166,9 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
             ("unsure", "A point without a rank may be as fast as the winner.".to_owned())
         }
         1 => {
-            // Points without a rank or without a time may be faster than the winner. The result is therefore
-            // clear only if another point has a rank, or if the group has no other point.
+            // Points without a time, and points without a rank (with too few samples, or with a time of 0),
+            // may be faster than the winner. The result is therefore clear only if another point has a rank,
+            // or if the group has no other point.
             let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
                 (1, _) => ("There is no other point", true),
                 (_, 1) => ("No other point has a rank", false),
@@ -186,8 +187,8 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns true if a point without a rank may be faster than the winner, because the point's median is not
-/// above the upper end of the winner's 95% interval.
+/// Returns true if a point without a rank (with too few samples, or with a time of 0) may be faster than the
+/// winner, because this point's median is not above the upper end of the winner's 95% interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
@@ -406,8 +407,8 @@ mod tests {
         }
     }
 
-    /// With only two digits, the headline would say "1.0 times as fast", and contradict the line "1.03×, 1.02
-    /// to 1.05" below it.
+    /// If the headline rounded the speed-up to two digits, it would say "1.0 times as fast", and contradict
+    /// the line "1.03×, 1.02 to 1.05" below the headline.
     #[test]
     fn the_headline_does_not_round_a_small_speed_up_away() {
         let records = judged([measured("gpu", "naive", 8, 10.34), measured("gpu", "wide", 4, 10.0)]);

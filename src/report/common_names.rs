@@ -72,8 +72,8 @@ mod tests {
         let entry = |index: usize| &folders[0].environment["devices"][index];
         assert_eq!((entry(0)["device"].as_str(), name_of_driver(entry(0))), (Some(names[0]), Some(driver)));
         assert_eq!((name_of_driver(entry(1)), entry(1).get(DRIVER)), (Some("NVIDIA H200"), None));
-        // The second folder's environment names a second device with the same common name. Both devices
-        // therefore keep their drivers' names.
+        // The second folder's environment names a second device with the same common name. The two devices
+        // with the same common name therefore keep their drivers' names.
         let environment = json!({ "devices": [{ "device": "cpu-znver4-AMD EPYC 9B45" }] });
         let without_records = Folder { environment, ..Folder::default() };
         let (folders, _) = with_common_names(&[folder.clone(), without_records]);

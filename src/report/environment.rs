@@ -28,7 +28,7 @@ pub struct EnvironmentView {
 pub struct Program {
     /// The strategy's name.
     pub name: String,
-    /// The strategy's axes.
+    /// The value of every axis of the strategy.
     pub strategy: String,
     /// The hashes of the strategy's programs. A hash covers the source, the defines and the build options, so
     /// programs for different local sizes and scenes can have different hashes.

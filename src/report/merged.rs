@@ -116,10 +116,11 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
 }
 
 /// Gives the devices and strategies of a folder's records the names that they have in the records `later` of
-/// a later folder. Records with equal keys show which names belong together. A record keeps its names if,
-/// with the new names, it would seem to belong to the same point as another record of its folder. If no two
-/// devices get the same name, the function renames all devices before the strategies, so that a record gets
-/// the new name of its device even if it keeps the old name of its strategy.
+/// a later folder. Records with equal keys show which name of a device or strategy in the one folder
+/// corresponds to which name in the other folder. A record keeps its names if, with the new names, it would
+/// seem to belong to the same point as another record of its folder. If no two devices get the same name, the
+/// function renames all devices before the strategies, so that a record gets the new name of its device even
+/// if it keeps the old name of its strategy.
 fn rename(records: &mut [Record], later: &[Record]) {
     let devices = device_names(records, later);
     let stay_apart = stay_apart(records, &devices);
@@ -242,8 +243,8 @@ mod tests {
         merged(folders).into_iter().map(|record| (record.key, record.device, record.name)).collect()
     }
 
-    /// On the second folder's machine, two devices had the same name, so the device got a longer name. The
-    /// second folder's config gives another name to a strategy.
+    /// In this test, two devices of the second folder's machine had the same name, so the device got a longer
+    /// name than in the first folder. The second folder's config gives another name to a strategy.
     #[test]
     fn a_record_whose_key_a_later_folder_has_too_is_shown_once_under_the_later_names() {
         let [one, other] = [
@@ -266,7 +267,8 @@ mod tests {
         assert_eq!(labels, [false, true, true, false], "the first record is that of the later folder");
     }
 
-    /// The second folder's config gives a strategy the name that another strategy of the first folder has.
+    /// In this test, the second folder's config gives a strategy the name that another strategy has in the
+    /// first folder.
     #[test]
     fn no_record_is_lost_if_a_strategy_gets_the_name_of_another_one() {
         let [one, other] =
@@ -276,19 +278,21 @@ mod tests {
         assert_eq!(keys, ["1", "2", "1"]);
     }
 
-    /// In this test, the second folder also has another name for the device. The point of strategy `b` in the
-    /// first folder, which the second folder lacks, was measured on the same device.
+    /// In this test, the second folder has other names for both a strategy and the device. The point of
+    /// strategy `b` in the first folder, which the second folder lacks, was measured on the same device.
     #[test]
     fn every_record_gets_the_new_name_of_its_device_even_if_a_strategys_name_is_taken() {
         let mut one = vec![on("gpu", "a", "1"), on("gpu", "b", "2")];
         rename(&mut one, &[on("cuda-gpu", "b", "1")]);
         let names = one.iter().map(|record| (record.device.as_str(), record.name.as_str()));
         assert_eq!(names.collect::<Vec<_>>(), [("cuda-gpu", "a"), ("cuda-gpu", "b")]);
-        // The two folders number two devices of the same name in opposite orders.
+        // In this part of the test, two devices have the same name, and the two folders number these devices
+        // in opposite orders.
         let mut two = vec![on("gpu", "a", "1"), on("gpu-2", "a", "2")];
         rename(&mut two, &[on("gpu", "a", "2"), on("gpu-2", "a", "1")]);
         assert_eq!(two.iter().map(|record| record.device.as_str()).collect::<Vec<_>>(), ["gpu-2", "gpu"]);
-        // According to the second folder, the two names in the first folder belong to one device.
+        // The keys in the second folder show that the two devices' names in the first folder belong to one
+        // device.
         let mut both = vec![on("gpu", "a", "1"), on("old", "a", "2")];
         rename(&mut both, &[on("gpu", "b", "1"), on("gpu", "c", "2")]);
         let names = both.iter().map(|record| (record.device.as_str(), record.name.as_str()));
@@ -332,8 +336,8 @@ mod tests {
         assert_eq!(labels, ["x/a", "y/a", "b"]);
     }
 
-    /// The first and the last folder have no point in common. Only the second folder shows that their devices
-    /// are the same.
+    /// In this test, the first and the last of three folders have no point in common. Only the second folder
+    /// shows that the devices of these two folders are the same.
     #[test]
     fn the_names_of_the_last_folder_reach_the_first_one_through_the_second() {
         let folders = [

@@ -99,9 +99,9 @@ pub fn microscope_page(
 }
 
 /// Returns the command (`raycl compile`) that writes this page for a record's point on `device`. Returns
-/// `None` if the record has no local size, if the record does not name the scene's file, or if the run
-/// changed values of the scene or cast several samples per pixel. Also returns `None` if the run compared two
-/// folders of kernels, since records do not contain the paths of these folders.
+/// `None` if the record has no local size or does not name the scene's file, and if the run changed values of
+/// the scene or cast several samples per pixel. Also returns `None` if the run compared two folders of
+/// kernels, since records do not contain the paths of these folders.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain =
         record.scene_values.is_empty() && record.samples_per_pixel.is_none() && record.kernels_of.is_none();

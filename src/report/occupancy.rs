@@ -1,6 +1,7 @@
-//! Compares predicted occupancy with measured times. The paper chooses local sizes by predicted occupancy.
-//! The comparison shows whether local sizes with a higher predicted occupancy are faster. raycl does not
-//! measure the actual occupancy, since OpenCL has no counter of resident work-groups.
+//! Compares predicted occupancy with measured times. The student paper that raycl reproduces chooses local
+//! sizes by predicted occupancy. The comparison shows whether local sizes with a higher predicted occupancy
+//! are faster. raycl does not measure the actual occupancy, since OpenCL has no counter of resident
+//! work-groups.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -232,7 +233,8 @@ mod tests {
             let groups = groups(&records);
             plot(&groups[0], &Looks::of(&groups), None, "occupancy").map(|plot| (plot.svg, plot.caption))
         };
-        // The samples of another machine do not change the intervals of the other points.
+        // `fastest` was measured on another machine, so its samples do not change the intervals of the other
+        // points.
         let fastest = Record { host: Some("another".into()), ..few("gpu", "naive", 2, 1.0, 3) };
         assert!(plotted(&[]).is_some());
         assert_eq!(plotted(&[fastest]), plotted(&[]));

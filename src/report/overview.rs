@@ -14,7 +14,7 @@ use std::collections::HashMap;
 /// device that has the most times.
 const MOST_WITH_ALL_PAIRS: usize = 8;
 
-/// A device's name, and the device's records, sorted by rank within each group.
+/// A device's name, and the device's records, sorted by rank (the fastest first) within each group of points.
 type OfDevice<'a> = (&'a str, Vec<&'a Record>);
 
 /// Returns a plot for each device with several scenes or image sizes. The plot shows the best time of every

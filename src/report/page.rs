@@ -61,8 +61,8 @@ pub struct View {
     others: Vec<Plot>,
     rows: Vec<Row>,
     /// The command (`raycl compile`) that shows the instructions of the fastest point. The command is empty
-    /// if no point has a rank, if the report is on several folders, or if an argument of the command is
-    /// unknown.
+    /// if no point has a rank (enough samples, none of which is 0), if the report is on several folders, or
+    /// if an argument of the command is unknown.
     microscope: String,
 }
 
@@ -155,7 +155,7 @@ impl Page {
 }
 
 /// Returns a small version of the picture that a group's fastest point cast. Returns `None` if no point of
-/// the group has a rank, or if the picture is missing.
+/// the group has a rank (enough samples, none of which is 0), or if the picture is missing.
 fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) -> Option<String> {
     let best = group.ranking().winners.first().copied()?;
     pictures.thumbnail(origins.folder(best)?, best.image.as_deref()?)
@@ -298,8 +298,9 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // In a report on several folders, a device's name in a record may end with the name of a folder. Such
-        // a name would not select a device, so a report on several folders does not show the command.
+        // In a report on several folders, a device's name in a record may end with the name of a folder. A
+        // name with a folder's name at its end would not select a device, so a report on several folders does
+        // not show the command.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))

@@ -137,9 +137,9 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
 
 /// Returns the number of operations of a record's ray-triangle test, as the record states it. Records of
 /// earlier versions of raycl state no bytes, and state the operations only if the device's peak rate was
-/// known. For such records, the number comes from the headers of the kernel files that this process has read.
-/// A newer record lacks the number only if the header of its ray-triangle test has no `operations`; this
-/// function then returns `None`.
+/// known. For a record of an earlier version that does not state the number of operations, this number comes
+/// from the headers of the kernel files that this process has read. A newer record lacks the number only if
+/// the header of its ray-triangle test has no `operations`; this function then returns `None`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
@@ -277,11 +277,12 @@ mod tests {
         let groups = groups(&records);
         let plots = rooflines(&groups, &Looks::of(&groups), &folders, &drivers);
         assert!(plots[0].svg.contains("up to 4000 Gfma/s"), "{}", plots[0].svg);
-        // On a page of several folders, a folder's label may follow the name.
+        // On a page of several folders, a folder's label may follow the device's name.
         let are_of = |shown: &str| peaks.each_ref().map(|peak| is_of(peak, "mine", shown, &drivers));
         assert_eq!(are_of("Intel Xeon, PoCL (mine)"), [true, false]);
         assert_eq!(are_of("Intel Xeon, PoCL (another)"), [false, false]);
-        // If no driver's name is known for a common name, the common name alone decides.
+        // If the report knows no driver's name for the common name of a device, the common name alone decides
+        // whether the rates belong to the device.
         assert!(is_of(&peaks[0], "mine", "Intel Xeon, PoCL", &HashMap::new()));
     }
 

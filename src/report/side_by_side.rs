@@ -12,7 +12,8 @@ use crate::record::{Group, HOST, Record, ratio};
 /// Number of characters of a device's name that fit into a column of a heat map.
 const ROOM: usize = 12;
 
-/// A group, and those of its records that have a rank, the fastest first.
+/// A group, and those of its records that have a rank (enough samples, none of which is 0), the fastest
+/// first.
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
 
 /// Returns two heat maps. The first heat map shows how fast each strategy is on each device. The second heat
@@ -137,7 +138,7 @@ mod tests {
     use super::*;
     use crate::record::{fixtures::few, fixtures::judged, fixtures::measured, groups};
 
-    /// On each device, the point with the smallest median has too few samples.
+    /// In this test, the point with the smallest median on each device has too few samples.
     #[test]
     fn a_point_with_too_few_samples_has_no_ratio_and_is_no_devices_best() {
         let of = |device: &str| {
@@ -156,8 +157,8 @@ mod tests {
         assert!(side_by_side(&groups(&none)).iter().all(|plot| !plot.svg.contains("class=\"mark\"")));
     }
 
-    /// In half of its launches, one point is slow. The two points are compared by their times in each launch, not by
-    /// the medians of all their times.
+    /// In this test, one of two points is slow in half of its launches. The two points are compared by their
+    /// times in each launch, not by the medians of all their times.
     #[test]
     fn ratios_are_those_of_all_other_views() {
         let mut uneven = measured("gpu", "wide", 1, 2.0);
@@ -202,7 +203,7 @@ mod tests {
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
     }
 
-    /// The two devices are fastest with the same strategy, but at different local sizes.
+    /// In this test, the two devices are fastest with the same strategy, but at different local sizes.
     #[test]
     fn a_loss_is_that_of_the_best_local_size_of_the_other_device() {
         let records = judged([

@@ -12,8 +12,8 @@ use crate::measure::Ranking;
 use crate::numbers::{duration, ms};
 use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, word};
 
-/// The image size in the paper's figures, in pixels across and down. Only plots for this image size show the
-/// times that the paper published.
+/// The image size in the figures of the student paper that raycl reproduces, in pixels across and down. Only
+/// plots for this image size show the times that the paper published.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
 /// The largest number of characters of the word with which a heat map's cell shows the reason why a point is
 /// infeasible. For a longer word, the cell shows "unfit".
@@ -169,8 +169,8 @@ fn code(record: &Record) -> String {
         Outcome::Measured => "?".into(),
         Outcome::Infeasible => {
             let word = word(record);
-            // In "work-group" and "largest buffer", the last part says more than the first part, so the cell
-            // shows the last part.
+            // In "work-group" and "largest buffer", the last word ("group", "buffer") says more than the
+            // first word, so the cell shows the last word.
             let last = word.rsplit([' ', '-']).next().unwrap_or_default();
             if (1..=LONGEST_CODE).contains(&last.chars().count()) {
                 last.to_owned()
@@ -202,9 +202,9 @@ fn meaning(record: &Record) -> String {
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
 
-/// Plots the samples of a group's points, to show the noise of the times. Points with a rank come first, the
-/// fastest point at the top. The plot shows at most `STRIPS` points. Returns `None` if none of these points
-/// has a median above 0.
+/// Plots the samples of a group's points, to show the noise of the times. Points with a rank (enough samples,
+/// none of which is 0) come first, the fastest point at the top. The plot shows at most `STRIPS` points.
+/// Returns `None` if none of these points has a median above 0.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let all = group.ranking().all();
     let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();
@@ -256,8 +256,8 @@ mod tests {
             let is_dashed = plot.svg.contains("stroke-dasharray=\"5 4\"") && plot.svg.contains("dot hollow");
             assert_eq!(plot.caption.contains("the paper's published points"), is_dashed, "{}", plot.svg);
             // The paper has times at more local sizes than the two that were measured. The plot shows only
-            // the times at these two sizes, each with a hollow marker; the third hollow marker is in the
-            // legend.
+            // the paper's times at the two measured sizes, each with a hollow marker; the third hollow marker
+            // is in the legend.
             assert_eq!(plot.svg.matches("dot hollow").count(), if is_dashed { 3 } else { 0 });
             is_dashed
         };

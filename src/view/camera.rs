@@ -1,5 +1,5 @@
-//! The position of the eye, relative to the camera that the scene itself has. The results of all functions in
-//! this file depend only on their arguments.
+//! The position of the eye in `raycl view`, relative to the camera that the scene itself has. The results of
+//! all functions in this file depend only on their arguments.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};
@@ -193,7 +193,7 @@ mod tests {
         let turned = Pose { turn: FRAC_PI_2, ..Pose::START };
         assert!(eye(turned).length() < 2e-3);
         assert!(eye(Pose { distance: 0.5, ..Pose::START }).distance(Vec3::NEG_Z * 2.0) < 1e-5);
-        // After a quarter turn to the right, the eye looks along -x.
+        // After a quarter turn to the right, an eye in the centre of its orbit looks in the direction -x.
         assert!(eye(Pose { distance: 2.0, ..turned }).distance(Vec3::X * 4.0) < 2e-3);
         assert!(eye(Pose { aside: [0.5, 0.25], ..Pose::START }).distance(Vec3::new(2.0, 1.0, 0.0)) < 1e-5);
     }

@@ -28,11 +28,11 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns copies of this list in which other values are chosen. In the first copy, the value is chosen
-    /// that is `steps` steps further in the list, or back if `steps` is negative; after the last value
-    /// follows the first. Each further copy has the next value in the same direction; the value that is
-    /// chosen in this list is left out. If the list has several values, and `steps` lead back to the chosen
-    /// value, the first copy equals this list.
+    /// Returns copies of this list in which other values are chosen. The first copy chooses the value that is
+    /// `steps` steps further in the list, or back if `steps` is negative; the step after the list's last
+    /// value leads to its first value. Each further copy chooses the next value in the same direction; no
+    /// copy is made for the value that this list chooses. If the list has several values, and `steps` lead
+    /// back to the chosen value, the first copy equals this list.
     pub fn others(&self, steps: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         let leads_back = count > 1 && steps % count == 0;

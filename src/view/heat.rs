@@ -50,10 +50,10 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next heat map for this camera and these lights. This map is finer than the last one;
-    /// returns `None` if the last map was already the finest. If the strategy casts exhaustively, the map
-    /// counts the tests of an exhaustive search. For any other strategy, the map counts the tests in a tree.
-    /// Rays miss the faces that the strategy culls.
+    /// Returns the next heat map of the scene, seen with `camera` and lit by `lights`. The map is finer than
+    /// the map that the last call returned; returns `None` if the last call returned the finest map. If the
+    /// strategy casts exhaustively, the map counts the tests of an exhaustive search. For any other strategy,
+    /// the map counts the tests in a tree. Faces that the strategy culls count as not hit.
     pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;

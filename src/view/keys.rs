@@ -63,7 +63,7 @@ const ORBIT: f64 = 0.1;
 /// around which it orbits.
 const PAN: f64 = 0.05;
 
-/// All keys.
+/// All keys of `raycl view`, in the order of the list that the user sees.
 pub const KEYS: &[Row] = &[
     Row {
         names: "arrows",
@@ -128,8 +128,8 @@ pub fn action(key: Key) -> Option<Action> {
 /// Returns the actions of keys that arrived together, for example because a program was being compiled when
 /// they were pressed. If one of the keys ends the view, no other key counts. Several steps from strategy to
 /// strategy become one action, so that the user does not wait while strategies are compiled that are only
-/// passed on the way. Likewise, several steps from local size to local size become one action, and several
-/// changes of the device count as one change. Changes of one of the three (strategy, local size, device) stay
+/// passed on the way. Several steps from local size to local size become one action too, and several changes
+/// of the device count as one change. Changes of one of the three (strategy, local size, device) stay
 /// separate if a change of another of the three lies between them: a new strategy also sets another local
 /// size, and a new device also sets another strategy.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
@@ -146,7 +146,8 @@ pub fn actions(keys: &[Key]) -> Vec<Action> {
 }
 
 /// Adds the action `wanted` to the list `waiting`. If `wanted` changes the strategy, the local size or the
-/// device, and the last such change in the list is of the same kind, the two become one action.
+/// device, and the last such change in the list changes the same of the three (for example, both change the
+/// strategy), the two become one action.
 fn add(waiting: &mut Vec<Action>, wanted: Action) {
     let changes =
         |action: &&mut Action| matches!(action, Action::Strategy(_) | Action::LocalSize(_) | Action::Device);

@@ -90,8 +90,8 @@ impl Casting {
         (self.strategies.clone(), self.local_sizes.clone())
     }
 
-    /// Changes to this strategy and local size, and to the picture's size in `subject`. If the device cannot
-    /// cast with them, `self` stays unchanged.
+    /// Changes to the strategy and the local size in `selection`, and to the picture's size in `subject`. If
+    /// the device cannot cast with these three, `self` stays unchanged.
     fn change(&mut self, subject: &Subject, selection: Selection) -> std::result::Result<(), Refused> {
         (self.prepared, self.caster) = ready(subject, &mut self.session, &selection)?;
         (self.strategies, self.local_sizes) = selection;
@@ -308,9 +308,9 @@ impl Live {
         Ok(())
     }
 
-    /// Casts pictures of another size from now on. Each of these pictures shows at least the part of the
-    /// scene that a picture of the first size shows. If the device cannot cast pictures of this size, `self`
-    /// stays unchanged.
+    /// Casts pictures of another size from now on. Each picture of the new size shows at least the part of
+    /// the scene that a picture of the first size shows. If the device cannot cast pictures of this size,
+    /// `self` stays unchanged.
     pub fn resize(&mut self, [width, height]: [u32; 2]) -> Result<()> {
         let subject = Subject { width, height, ..self.subject.clone() };
         let changed = self.casting.change(&subject, self.casting.selection());
@@ -353,10 +353,10 @@ fn only(device: &DeviceInfo) -> Error {
     Error::input(format!("{} is the only usable device", device.common_name()))
 }
 
-/// Opens a session, that is, prepares a scene to be cast on a device. The new session is opened before the
-/// old session is closed. If the user changes from a device to its twin (a second device with the same
-/// properties), the sessions of both devices are therefore open for a moment, and each of the two devices
-/// needs a program of its own.
+/// Opens a session: a scene on an open device, for which programs and buffers can be prepared. The new
+/// session is opened before the old session is closed. If the user changes from a device to its twin (a
+/// second device with the same properties), the sessions of both devices are therefore open for a moment, and
+/// each of the two devices needs a program of its own.
 fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
     Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
         .among_twins(device.info.program_twin())
@@ -365,7 +365,7 @@ fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma
 /// and conversion to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses
-/// raycl's own program. In both cases, the host applies the transform.
+/// raycl's own program. If there is no such program, the host applies the transform.
 ///
 /// # Errors
 ///
@@ -398,8 +398,8 @@ fn ready(
 
 /// Returns a camera for pictures of `size`, made from `camera`, which was placed for pictures of the size
 /// `framed`. If the new pictures are wider in proportion to their height, the vertical field of view stays
-/// the same. If they are narrower, the horizontal field of view stays the same. Everything that was visible
-/// stays visible in both cases.
+/// the same. If the new pictures are narrower in proportion, the horizontal field of view stays the same.
+/// Everything that pictures of the size `framed` show therefore stays visible.
 fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
     if aspect == old_aspect {
@@ -536,7 +536,8 @@ mod tests {
             ["b", "d", "a"].map(|name| Some(name.to_owned()))
         );
         assert_eq!(next("unplugged", &devices).as_deref(), Some("a"));
-        // A twin is a second device with the same properties; only `twins_before` distinguishes the two.
+        // A twin is a second device with the same properties as another device; only `twins_before`
+        // distinguishes the two.
         let mut twin = named("a", None);
         twin.info.twins_before = 1;
         assert_eq!(
@@ -618,7 +619,7 @@ mod tests {
         };
         write(&own);
         let mut live = live(&["--cl-dir", folder.path().to_str().expect("UTF-8")], 2);
-        // Only a device with memory of its own uses this kernel.
+        // Only a device with memory of its own uses the kernel for the display transform.
         live.casting.queue = live.casting.queue.clone().with_separate_memory(1 << 20);
         let reds = |live: &mut Live| {
             let picture = live.cast(&Pose::START).expect("it casts").expect("a frame").picture;

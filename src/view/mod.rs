@@ -271,7 +271,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the list of keys, or hides it.
+    /// Shows the list of keys or, if the list is shown, hides it.
     fn turn_help(&mut self) {
         self.help = match self.help.take() {
             Some(_) => None,
@@ -283,7 +283,7 @@ impl<S: Screen> Viewer<S> {
     /// If the screen has become larger or smaller, casts pictures of the screen's new size from now on.
     fn fit(&mut self, room: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.room, room);
-        // A window system may clear a window that changes its size.
+        // A window system may clear a window when the window's size changes, so the picture is shown again.
         self.redraws |= known.is_some() && known != room;
         let changed = room.filter(|size| known != room && *size != self.live.size());
         if let Some(size) = changed {
@@ -295,7 +295,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Moves the eye.
+    /// Moves the eye as the action `wanted` says.
     fn go(&mut self, wanted: Action) {
         let level = elevation(&self.live.scene().camera, &self.live.loaded().orbit);
         match wanted {
@@ -307,7 +307,8 @@ impl<S: Screen> Viewer<S> {
         self.changed();
     }
 
-    /// Begins a new picture or heat map, because the eye, the scene or the way of casting has changed.
+    /// Begins a new picture or heat map, because the eye, the scene, the strategy, the local size, the device
+    /// or the picture's size has changed.
     fn changed(&mut self) {
         self.live.moved();
         self.picked = None;

@@ -82,11 +82,11 @@ impl Picker {
             let of = Arc::clone(scene);
             self.of = Some((Arc::clone(scene), culling));
             self.tree = None;
-            // If no thread can be started, there is no tree, and no triangle is found.
+            // If no thread can be started, there is no tree, and `pick` finds no triangle.
             self.building = Builder::new().spawn(move || Tree::new(&of.mesh, culling)).ok();
         }
         if let Some(done) = self.building.take_if(|building| building.is_finished()) {
-            // If the thread panicked, there is no tree, and no triangle is found.
+            // If the thread that builds the tree panicked, there is no tree, and `pick` finds no triangle.
             self.tree = done.join().ok();
         }
     }
@@ -143,7 +143,7 @@ mod tests {
         let mut live = live_of(&path, ["40", "20"], &["--set", "culling=back"], 1);
         let mut picker = Picker::default();
         assert_eq!(in_the_middle(&mut picker, &live), None);
-        // Presets show both sides of triangles.
+        // The strategies of all presets show both sides of triangles.
         live.next_strategy(1).expect("another strategy");
         assert_eq!(live.strategy().culling, Culling::None);
         let picked = in_the_middle(&mut picker, &live);

@@ -36,8 +36,8 @@ impl Recent {
 }
 
 /// The numbers that `raycl view` reports at its end. Device times and rays are counted only since the last
-/// switch: a change of the strategy, the local size, the device, the picture's size or the files. So the
-/// frames of one strategy do not count in the times of another strategy.
+/// switch: a change of the strategy, the local size, the device, the picture's size or the files. The frames
+/// of one strategy therefore do not count in the times of another strategy.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
     /// The number of frames that were shown from the start to the end of the view.
@@ -57,7 +57,7 @@ pub struct Total {
 }
 
 impl Rate {
-    /// Makes a counter before the first frame.
+    /// Makes a counter that has not counted any frame yet.
     pub fn new() -> Self {
         let recent = Recent::now();
         Self {
@@ -87,7 +87,8 @@ impl Rate {
         self.recent.ms += ms;
     }
 
-    /// Forgets the times and the rays so far, because the next frames are cast in another way.
+    /// Forgets the device times and the rays that were counted so far, because the next frames are cast with
+    /// another strategy, local size, device, picture size or scene.
     pub fn switched(&mut self) {
         self.times_ms.clear();
         self.rays = 0.0;
@@ -100,14 +101,15 @@ impl Rate {
         let is_over = elapsed >= PERIOD;
         if is_over {
             let Recent { frames, rays, ms, .. } = std::mem::replace(&mut self.recent, Recent::now());
-            // If no frame was cast in this period, rays per second keep their last value.
+            // If no frame was cast since the rates were last computed, the rate of rays per second keeps its
+            // last value.
             let rays_per_s = if ms > 0.0 { rays / ms * 1e3 } else { self.shown[1] };
             self.shown = [f64::from(frames) / elapsed.as_secs_f64(), rays_per_s];
         }
         (self.shown, is_over)
     }
 
-    /// Returns the number of frames so far.
+    /// Returns the number of frames that were shown so far.
     pub fn frames(&self) -> u32 {
         self.frames
     }

@@ -61,7 +61,7 @@ pub trait Screen {
         Ok(false)
     }
 
-    /// Returns the user's input since the last call.
+    /// Returns the user's input since the last call of this function.
     fn input(&mut self) -> Result<Input>;
 }
 
@@ -69,8 +69,8 @@ pub trait Screen {
 mod tests {
     use super::*;
 
-    /// A screen that implements only the functions that the trait `Screen` requires. It stores the lines that
-    /// it shows.
+    /// A screen that implements only the functions that the trait `Screen` requires, and stores the lines
+    /// that it shows.
     #[derive(Default)]
     struct Plain(Vec<String>);
 

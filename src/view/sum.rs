@@ -1,9 +1,10 @@
-//! The samples of every pixel, which add up while nothing moves. The device stores the mean of the samples that have
-//! been cast.
+//! The samples of every pixel, which `raycl view` adds up while nothing moves. The device stores the mean of
+//! the samples that have been cast.
 
 use crate::scene::{Sample, pixel_samples};
 
-/// The samples of one view, and how many have been cast.
+/// The samples that are cast of every pixel from one position of the eye, and how many of these samples have
+/// been cast.
 pub struct Sum {
     samples: Vec<Sample>,
     cast: usize,

@@ -14,7 +14,7 @@ struct Command {
     subject: Subject,
 }
 
-/// Returns the paper's triangle in a picture of 40 x 20 pixels, cast by PoCL.
+/// Returns the triangle of scenes/triangle.toml in a picture of 40 x 20 pixels, cast by PoCL.
 pub(super) fn live(options: &[&str], samples: u32) -> Live {
     live_in(["40", "20"], options, samples)
 }
@@ -97,8 +97,9 @@ fn the_users_input_moves_the_eye() {
     let mut after = |input: Input| (viewer.obey(&input), viewer.pose);
     let (ends, pose) = after(Input { wheel: 10.0, ..Input::default() });
     assert_eq!((ends, pose), (false, Pose { distance: 0.5, ..Pose::START }));
-    // The field of view is 90 degrees across, and the picture is half as high as wide. At the distance of the
-    // pivot, the picture's height therefore equals this distance, and the scene moves as far as the pointer.
+    // The field of view is 90 degrees across, and the picture is half as high as wide. At the pivot's
+    // distance from the eye, the visible part of the scene is therefore as high as this distance, and the
+    // scene moves as far as the pointer.
     let (_, pose) = after(Input { pan: [0.1, 0.2], ..Input::default() });
     let [right, up] = pose.aside;
     assert!((right + 0.1).abs() < 1e-6 && (up - 0.2).abs() < 1e-6, "{pose:?}");
@@ -211,7 +212,7 @@ fn the_keys_are_written_over_a_small_picture_if_the_screen_can_do_so() {
     assert_eq!(viewer.answer, None);
     viewer.act(Action::Help);
     viewer.redraw().expect("it draws");
-    // The keys are written over each picture, until they are hidden.
+    // The list of keys is written over each picture until the user hides the list.
     let lines: Vec<String> = keys::lines().collect();
     assert_eq!((screen.pictures.len(), screen.over), (4, [lines.clone(), lines].concat()));
 }
@@ -319,7 +320,7 @@ fn the_first_note_about_the_scene_is_shown_until_something_is_chosen_and_after_i
         viewer.note.as_ref().is_some_and(|note| note.contains(part))
     };
     assert!(tells(&viewer, "no.mtl"), "{:?}", viewer.note);
-    // Another note is that the material `red` is in no material file.
+    // The notes that are only counted include the note that the material `red` is in no material file.
     let others = viewer.live.loaded().notes.len() - 1;
     assert!(others > 0 && tells(&viewer, &format!(" (and {others} more note")), "{:?}", viewer.note);
     assert!(!tells(&viewer, "usemtl"), "{:?}", viewer.note);

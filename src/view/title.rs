@@ -1,4 +1,4 @@
-//! The line of text beside the picture.
+//! The line of text that `raycl view` shows beside the picture.
 
 use super::Live;
 use crate::printer;

@@ -30,9 +30,9 @@ fn one_device_index(
     }
 }
 
-/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. This is
-/// the first device that matches the user's settings or, if the settings name no device, the most capable
-/// device. Returns `None` if the settings name no device and no device is usable.
+/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. Commands
+/// cast on the first device that matches the user's settings or, if the settings name no device, on the most
+/// capable device. Returns `None` if the settings name no device and no device is usable.
 ///
 /// # Errors
 ///

@@ -7,7 +7,7 @@ use crate::strategy::AXES;
 use crate::words::quote;
 use clap::CommandFactory as _;
 
-/// Returns true if `key` is the name of an axis.
+/// Returns true if `key` is the name of a strategy's axis, such as `width`.
 pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
@@ -35,8 +35,8 @@ fn no_key(key: &str) -> Error {
     Error::input(format!("--set {key}: '{key}' is neither an axis of the strategy nor a key of the scene"))
 }
 
-/// Returns an error if `key`, a key of `--set`, resembles the name of an axis; the error suggests this axis.
-/// The valid keys of a scene do not resemble the names of axes.
+/// Returns an error if `key`, a key of `--set`, resembles the name of a strategy's axis; the error suggests
+/// this axis. No valid key of a scene resembles the name of an axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match meant(key, names.iter().copied()) {

@@ -53,12 +53,12 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// Returns the error for `part`, a part of a strategy's text that should be the value of an axis but has no
-/// `=`. `named` is the preset at the beginning of the text, if there is one, and `axes` are all parts of the
-/// text except this preset. The advice depends on `part`. If `part` is a second preset, the advice says that
-/// a strategy has only one preset. If `part` is a preset but the text begins with none, the advice is to
+/// Returns the error for `part`, a part of a strategy's text that should have the form `axis=value` but has
+/// no `=`. `named` is the preset at the beginning of the text, if there is one, and `axes` are all parts of
+/// the text except this preset. The advice depends on `part`. If `part` is a second preset, the advice says
+/// that a strategy has only one preset. If `part` is a preset but the text begins with none, the advice is to
 /// write `part` at the beginning. If `part` is the name of an axis, the advice lists the values of this axis.
-/// In all other cases, the advice shows the form of a strategy.
+/// If `part` is none of these, the advice shows the form of a strategy's text.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -66,8 +66,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // The suggested option `--strategy` leaves out all other parts without `=`, because these parts
-            // are further presets or mistakes.
+            // The suggested option `--strategy` leaves out all other parts without `=`, because parts without
+            // `=` are further presets or mistakes.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }
@@ -94,9 +94,9 @@ fn no_strategy(text: &str) -> Error {
 /// Returns a strategy and its local size. `text` names the strategy, and `set` has the keys and values of the
 /// options `--set`. Without `text`, the function [`fastest`] chooses the strategy for a device with these
 /// `limits` and for `task` (the properties of the scene and the picture that matter for the choice). If `set`
-/// requests the watertight test, the chosen strategy has this test. Finally, each axis that `set` names gets
-/// its value in `set`. If the chosen strategy does not allow these values, the error advises the user to name
-/// another strategy.
+/// requests the watertight ray-triangle test, the chosen strategy has this test. Finally, each axis that
+/// `set` names gets its value in `set`. If the chosen strategy does not allow the values in `set`, the error
+/// advises the user to name another strategy.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -121,8 +121,8 @@ pub fn chosen_strategy(
 /// Returns the advice in the error message if `chosen`, the strategy that raycl chose, does not allow the
 /// values in `set` (the values of `--set`). `chosen` may differ from every preset, for example in its width,
 /// so the advice calls `chosen` by the name of the most similar preset. The advice also names a preset that
-/// allows the values in `set`: `deferred`, if possible. If no preset allows these values, the advice is to
-/// change the values.
+/// allows the values in `set`: `deferred`, if possible. If no preset allows the values in `set`, the advice
+/// is to change these values.
 fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
     let own = chosen.axes();
     let differences =

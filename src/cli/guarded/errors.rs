@@ -52,11 +52,11 @@ pub fn not_together(cause: &str, drivers: &[Driver]) -> Error {
     )
 }
 
-/// Returns the error if every one of these drivers lists its devices when it is loaded alone. `cause` says
-/// how the process ended. If the process crashed and `opens_window` is true, the library that opens the
-/// window (the crate minifb) may have crashed: minifb frees memory twice on a display whose pixels do not
-/// have 32 bits. raycl opens no window on a display if it knows that the display's pixels do not have 32
-/// bits, but raycl cannot ask every display.
+/// Returns the error for a process that failed although each driver in `drivers` lists its devices when it is
+/// loaded alone. `cause` says how the process ended. If the process crashed and `opens_window` is true, the
+/// library that opens the window (the crate minifb) may have crashed: minifb frees memory twice on a display
+/// whose pixels do not have 32 bits. raycl opens no window on a display if it knows that the display's pixels
+/// do not have 32 bits, but raycl cannot ask every display.
 pub fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = advice_for(drivers, folder_advice());
     match crash(status).filter(|_| opens_window) {
@@ -69,9 +69,9 @@ pub fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, driv
     }
 }
 
-/// Returns the error for a process that failed again, although it used only these drivers. Each of these
-/// drivers lists its devices when it is loaded alone, so raycl does not know which driver failed. `cause`
-/// says how the process ended.
+/// Returns the error for a process that failed again, although it used only the drivers in `drivers`. Each
+/// driver in `drivers` lists its devices when it is loaded alone, so raycl does not know which driver failed.
+/// `cause` says how the process ended.
 pub fn still_failing(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = format!(
         "each of the other drivers lists its devices when it is loaded alone: {}",
@@ -97,7 +97,7 @@ fn window_or(advice: &str) -> String {
     format!("{WINDOW}; if the window opened, {advice}")
 }
 
-/// Returns the advice for the user if every one of these drivers lists its devices when it is loaded alone.
+/// Returns the advice for the user if each driver in `drivers` lists its devices when it is loaded alone.
 /// `full_disk` is the advice about a full disk, given if the disk with PoCL's folder for compiled kernels is
 /// full. A full disk disturbs no other driver than PoCL, so this advice is left out if PoCL is not among the
 /// drivers.
@@ -262,7 +262,8 @@ mod tests {
             kernels_doing(ExitStatus::from_raw(11), Some(folder.path()), true).expect("a message");
         assert_eq!(in_window.to_string(), error.to_string());
         assert_eq!(in_window.remedy(), format!("{WINDOW}; if the window opened, {OWN_KERNELS}"));
-        // If a driver does not answer, the process has not crashed.
+        // If the process ended because a driver did not answer, the process has not crashed, so there is no
+        // error about a crash.
         for opens_window in [false, true] {
             let hung = ExitStatus::from_raw(HUNG << 8);
             assert!(kernels_doing(hung, Some(folder.path()), opens_window).is_none());

@@ -24,16 +24,16 @@ pub struct Parent {
     /// process.
     terminal: Option<LentTerminal>,
     /// True while no child process runs the command. While `is_alone` is true, a signal in [`ENDING`] ends
-    /// this process at once. `None` if this process has no handlers of these signals: a signal then ends this
-    /// process at any time, and its child process ends with it.
+    /// this process at once. `None` if this process has no handlers of the signals in [`ENDING`]: such a
+    /// signal then ends this process at any time, and its child process ends with it.
     is_alone: Option<Arc<AtomicBool>>,
 }
 
 impl Parent {
     /// Prepares this process for child processes that show pictures on this screen. This process gets
-    /// handlers of the signals in [`ENDING`] in two cases. First, if it lends its terminal to the child
-    /// processes, since it must restore the terminal before it ends. Second, if it is the first process of a
-    /// container, to which the system delivers only signals that have a handler.
+    /// handlers of the signals in [`ENDING`] in two cases. In the first case, it lends its terminal to the
+    /// child processes, and must restore the terminal before it ends. In the second case, it is the first
+    /// process of a container, to which the system delivers only signals that have a handler.
     pub fn new(screen: Screen) -> Result<Self> {
         let terminal = if screen == Screen::Terminal { LentTerminal::new() } else { None };
         let has_handlers = terminal.is_some() || std::process::id() == FIRST_PROCESS;
@@ -53,14 +53,14 @@ impl Parent {
     ///
     /// # Errors
     ///
-    /// Fails if the system refuses the handlers, the child process, or the thread that waits for the signals. In all
-    /// these cases, no child process is left.
+    /// Fails if the system refuses to install the signal handlers, to start the child process, or to start
+    /// the thread that waits for signals. After such a failure, no child process is left.
     pub fn run(&self, command: &mut Command) -> Result<ExitStatus> {
         let Some(is_alone) = &self.is_alone else {
             let mut child = command.spawn().map_err(|error| not_started(&error))?;
             return child.wait().map_err(not_awaited);
         };
-        // The signals are received from here on, before `is_alone` becomes false. In the reverse order, a
+        // The handlers are installed before `is_alone` becomes false. If `is_alone` became false first, a
         // signal between the two statements would be lost.
         let signals = Signals::new(ENDING).map_err(not_handled)?;
         is_alone.store(false, Ordering::SeqCst);
@@ -80,10 +80,10 @@ impl Parent {
     }
 }
 
-/// Sets handlers of the signals in [`ENDING`]. While the returned flag is true, as it is at first, each of
-/// these signals ends this process. The first process of a container then exits with the code 128 plus the
-/// signal's number, since signals cannot end this first process as they end other processes. The system ends
-/// all other processes of the container.
+/// Sets handlers of the signals in [`ENDING`]. While the returned flag is true, as it is at first, each
+/// signal in [`ENDING`] ends this process. The first process of a container then exits with the code 128 plus
+/// the signal's number, since signals cannot end this first process as they end other processes. The system
+/// ends all other processes of the container.
 fn handled() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(true));
     for signal in ENDING {
@@ -142,11 +142,11 @@ mod tests {
 
     #[test]
     fn if_no_thread_can_wait_for_signals_the_child_process_is_killed() {
-        // No address space can hold a stack of this size, so the system refuses the thread.
+        // No address space can hold such a large stack, so the system refuses to start the thread.
         let refused = Builder::new().stack_size(1 << (usize::BITS - 1));
         let mut child = Command::new("sleep").arg("1000").spawn().expect("it starts");
-        // Once a signal has a handler, it no longer ends the process of the tests. Therefore this handler is
-        // for SIGURG, which ends no process anyway.
+        // Once a signal has a handler, it no longer ends the process of the tests. Therefore the test
+        // installs a handler for SIGURG, a signal that ends no process anyway.
         let signals = Signals::new([SIGURG]).expect("a handler");
         let error = wait_with(signals, &mut child, refused, || ()).expect_err("there is no thread");
         assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");

@@ -7,7 +7,7 @@ use rustix::stdio::stdin;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 use std::io::{IsTerminal as _, Write as _};
 
-/// The codes that end an incomplete picture and select the usual colours.
+/// The escape codes that end an incomplete picture and select the terminal's default colours.
 const END_OF_PICTURE: &[u8] = b"\x1b\\\x1b[0m";
 
 /// A terminal that child processes use, one after another.

@@ -1,4 +1,4 @@
-//! Writes the comments that `raycl kernel` prints before and after a program. These comments describe the program.
+//! Writes the comments that `raycl kernel` prints before and after a program, and that describe the program.
 
 use super::Args;
 use crate::device::{Builtins, Device};
@@ -12,7 +12,8 @@ pub(super) struct Title<'a> {
     pub strategy: Strategy,
     pub workload: Workload,
     pub builtins: Builtins,
-    /// `None` if the program is not for a particular device.
+    /// The device for whose compiler the program is printed; `None` if the program is not for a particular
+    /// device.
     pub device: Option<Device>,
     pub options: &'a str,
 }

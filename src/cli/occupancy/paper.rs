@@ -1,5 +1,6 @@
-//! Prints the paper's Figure 5 as a table, computed from the only two limits that the paper uses: resident work-groups
-//! and resident threads. Beside these predictions, the table shows the occupancy that compute capability 2.0 allows.
+//! Prints Figure 5 of the student paper that raycl reproduces as a table, computed from the only two limits
+//! that the paper uses: the largest numbers of work-groups and of threads that a multiprocessor holds at the
+//! same time. Beside these predictions, the table shows the occupancy that compute capability 2.0 allows.
 
 use serde_json::{Value, json};
 
@@ -7,8 +8,8 @@ use super::{Question, items, named};
 use crate::device::occupancy::{Limiter, Occupancy, PAPER_CAPABILITY, PAPER_REGISTERS, multiprocessor};
 use crate::error::Result;
 
-/// The largest number of resident work-groups per multiprocessor. [`THREADS`] is the largest number of
-/// resident threads. The paper's Figure 5 uses only these two limits.
+/// The largest number of work-groups that a multiprocessor holds at the same time. [`THREADS`] is the largest
+/// number of threads that it holds. The paper's Figure 5 uses only these two limits.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
 /// The size in bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
@@ -25,7 +26,8 @@ struct Row {
     predicted: u32,
     /// The occupancy with the paper's 63 registers per work-item.
     held: Occupancy,
-    /// The occupancy with the paper's 63 registers, and with optimisation 1's vectors in `__local` memory.
+    /// The occupancy with the paper's 63 registers per work-item, and with a work-item's nine vectors in
+    /// `__local` memory (the paper's optimisation 1).
     held_with_vectors: Occupancy,
 }
 

@@ -1,5 +1,5 @@
-//! Prints predicted occupancy next to measured times, for those points of a run whose kernels have a known number of
-//! registers.
+//! Prints predicted occupancy next to measured times, for the points of a run whose kernels have a known
+//! number of registers.
 
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
@@ -51,7 +51,7 @@ fn print_notes(notes: &[String], apart: bool) -> Result<()> {
     })
 }
 
-/// Returns the error for a folder without a point whose occupancy is known.
+/// Returns the error for a folder of results in which no point has a known occupancy.
 fn nothing_known(folder: &Folder, path: &Path, compute_capability: Option<&str>) -> Error {
     let path = path.display();
     if folder.records.is_empty() {

@@ -34,7 +34,7 @@ pub struct Shows<'a> {
 pub struct Cast {
     pub hits: usize,
     pub times: FrameTimes,
-    /// True if a first frame was cast before the timed frames, and is not one of them.
+    /// True if a first frame was cast before the timed frames and its time was discarded.
     pub has_untimed_frame: bool,
     pub records_ms: f64,
     pub read_ms: f64,
@@ -42,8 +42,8 @@ pub struct Cast {
     pub sampling: Sampling,
     /// How many samples the pixels of each block got; `None` if sampling was not adaptive.
     pub counts: Option<SampleCounts>,
-    /// The pictures from which the filter of soft light makes the final picture. They are read only if the picture is
-    /// verified and its soft light is cast at half resolution.
+    /// The pictures from which the filter of soft light makes the final picture. These pictures are read from
+    /// the device only if the final picture is verified and its soft light is cast at half resolution.
     pub parts: Option<LightParts>,
 }
 
@@ -61,8 +61,8 @@ impl Cast {
 
     /// Returns the number of primary rays and the number of shadow rays of a picture of `size`. Each hit has
     /// `per_hit` shadow rays. Soft light at half resolution needs two half pictures in addition to the
-    /// picture of full size, each with a quarter of the pixels. Of these three pictures, only the half
-    /// picture with shadows has shadow rays.
+    /// picture of full size, each with a quarter of the pixels. Of the picture of full size and the two half
+    /// pictures, only the half picture with shadows has shadow rays.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -77,8 +77,9 @@ impl Cast {
     }
 }
 
-/// The time of the first frame includes the first use of memory, and often compilation. If several frames are cast, the
-/// first frame counts only if it takes longer than this limit: the time for memory and compilation is then negligible.
+/// The time of the first frame includes the first use of memory, and often compilation. If several frames are
+/// cast, the first frame's time counts only if it is above `LONG_FRAME_MS`: the share of memory and
+/// compilation in this time is then negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
 /// Returns true if the first frame counts as one of the requested frames: if only one frame is requested, or
@@ -87,7 +88,7 @@ fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }
 
-/// Casts the frame as often as requested, and reads the image.
+/// Casts the frame as often as `--repeat` says, and reads the image from the device.
 pub fn cast(
     args: &Args,
     device: &Device,
@@ -99,7 +100,8 @@ pub fn cast(
     let caster = prepared.caster().map_err(refused)?;
     let records_ms = caster.records_ms().unwrap_or(0.0);
     timeline.ends_with("buffers", &[("records", records_ms)]);
-    // With a single frame, nothing is measured, so this process need not lock the device against others.
+    // A single frame is not a measurement, so this process need not lock the device against other measuring
+    // processes.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
     timeline.ends("wait");
     let sampling = prepared.sampling;
@@ -137,7 +139,8 @@ pub fn cast(
 }
 
 /// Reads the last frame's image, and counts the pixels whose rays hit a triangle. The image has 8 bits per
-/// channel if `shows` is given and all pixels are finite. Otherwise, the image is radiance.
+/// channel if `shows` is given and all pixels are finite. Without `shows`, or if a pixel is not finite, the
+/// image is radiance.
 fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Picture, usize), LaunchError> {
     if let Some(shows) = shows
         && let Some(shown) = read_shown(caster, shows)?
@@ -163,7 +166,7 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// Returns the median of each kind of time, such as the time of the primary pass, over `frames`. The
+/// Returns the median over `frames` of each time in [`FrameTimes`], such as the time of the primary pass. The
 /// processor time is left out, because it is measured only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
     FrameTimes {
@@ -189,12 +192,12 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// The number of bytes that are transferred at a time (a piece). A frame, its triangles and its tree are each
-    /// larger than a piece, so each of them is transferred in several pieces.
+    /// The number of bytes that the test transfers at a time (a piece). A frame, its triangles and its tree
+    /// are each larger than a piece, so each of them is transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
-    /// Calls a function with a caster for a scene. With `is_apart`, the device is treated as a device with separate
-    /// memory, even if the device is a CPU.
+    /// Calls a function with a caster for a scene. With `is_apart`, the device is treated as if its memory
+    /// were separate from the host's, even if the device is a CPU.
     fn with_caster<T>(
         strategy: &str,
         is_apart: bool,
@@ -303,8 +306,8 @@ mod tests {
             counts: None,
             parts: None,
         };
-        // Each of the 2 x 2 half-resolution pixels adds three primary rays to the 9 of the whole picture, and has four
-        // shadow rays: two lights with two samples each.
+        // Each of the 2 x 2 pixels of the half pictures adds three primary rays to the nine primary rays of
+        // the whole picture, and has four shadow rays: two lights with two samples each.
         assert_eq!(cast.rays([3, 3], 2), [21.0, 16.0]);
         // If the whole picture has four samples per pixel, its nine pixels have 36 primary rays and 72 shadow rays.
         let whole = Cast { sampling: Sampling::all(4), ..cast };

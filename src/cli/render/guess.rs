@@ -16,19 +16,21 @@ use std::time::SystemTime;
 
 /// The kind of cache entries that store guesses.
 const KIND: &str = "guess";
-/// Bytes per triangle of an OBJ file with positions only: the file of the Stanford bunny has 35 bytes per triangle,
-/// that of the dragon 36.
+/// Bytes per triangle of an OBJ file with positions only: the file of the Stanford bunny has 35 bytes per
+/// triangle, and the file of the dragon has 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
-/// The share of a picture that a bare mesh usually covers, as `Scene::covered_share` estimates it. In pictures of 640 x
-/// 400 pixels, the share is 0.38 for the bunny and 0.37 for the dragon.
+/// The share of a picture's pixels that a bare mesh usually covers, as `Scene::covered_share` estimates it.
+/// In pictures of 640 x 400 pixels, the Stanford bunny covers a share of 0.38, and the dragon 0.37.
 const USUAL_COVERED_SHARE: f64 = 0.375;
 /// Most bare meshes with fewer triangles than this number are coarse. In the default light, a coarse mesh
 /// gets smooth shadows.
 const USUAL_FINE_TRIANGLES: u64 = 20_000;
-/// Number of entries that most trees need for the traversal's stack, if this stack is in `__local` memory.
+/// The number of stack entries that are enough to traverse most trees, if the traversal's stack is in
+/// `__local` memory.
 const USUAL_LOCAL_STACK: usize = 64;
 
-/// The facts that determine a program and cannot be derived from the command's arguments alone.
+/// What determines a program and cannot be derived from the command's arguments alone: the strategy and the
+/// workload.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
     /// The name of each axis, and the name of the strategy's value on this axis.
@@ -67,8 +69,8 @@ fn spec(
     strategy: &Strategy,
     known: Workload,
 ) -> Option<ProgramSpec> {
-    // The program contains the number of triangles that are copied to `__local` memory. This number is not known before
-    // the scene is read.
+    // The program contains the number of triangles that are copied to `__local` memory, which is not known
+    // before the scene is read.
     if strategy.triangles.are_staged() {
         return None;
     }
@@ -121,7 +123,8 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let many_samples = sampling.most > 1;
     let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
     let known = Workload {
-        // A bare mesh always gets lights. The program does not depend on their number if it is not 0.
+        // A bare mesh always gets lights. The program does not depend on the number of lights as long as
+        // there is at least one light.
         lights: 1,
         local_size,
         stack_size,
@@ -135,7 +138,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of entries that most trees need for the traversal's stack; 0 if the strategy has no tree.
+/// Returns the number of stack entries that are enough to traverse most trees; 0 if the strategy has no tree.
 fn usual_stack(strategy: &Strategy) -> usize {
     match (strategy.needs_tree(), strategy.shares_tiles()) {
         (false, _) => 0,
@@ -144,9 +147,9 @@ fn usual_stack(strategy: &Strategy) -> usize {
     }
 }
 
-/// Returns the number of samples per pixel. The default number for a bare mesh differs from that for a scene
-/// file. The file's name decides whether the file counts as a bare mesh, since the file has not been read
-/// yet.
+/// Returns the number of samples per pixel. The default number for a bare mesh differs from the default
+/// number for a scene file. The file's name decides whether the file counts as a bare mesh, since the file
+/// has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, !is_scene)
@@ -218,8 +221,8 @@ mod tests {
             assert_eq!(likely(more, &device), None, "{more:?}");
         }
         assert_eq!(likely(&[], &other), None);
-        // `quick` guesses a program for the same scene. This program differs from the program `known` in its strategy,
-        // local size and stack size.
+        // `quick` guesses a program for the same scene. The program of `quick` differs from the program
+        // `known` in its strategy, local size and stack size.
         let quick = quick(&cache, &args(&scene, &[]), &Sources::Embedded, &device).unwrap();
         let (strategy, local_size) = hurry::quick(&device).unwrap();
         let of_quick = Workload { local_size, stack_size: ROUNDED_STACK, ..workload };
@@ -274,8 +277,8 @@ mod tests {
         assert_eq!(["32x1", "5x5"].map(is_guessed), [true, false]);
     }
 
-    /// A program that copies all triangles to `__local` memory contains their number, which is not known
-    /// before the scene is read.
+    /// A program that copies all triangles to `__local` memory contains the number of triangles, which is not
+    /// known before the scene is read.
     #[test]
     fn no_program_is_guessed_that_copies_all_triangles_to_local_memory() {
         let folder = tempfile::tempdir().unwrap();

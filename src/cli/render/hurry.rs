@@ -1,8 +1,9 @@
 //! Chooses the strategy for a picture on a GPU, if the fastest strategy's program is not compiled yet.
 //!
 //! Compiling the fastest strategy's program takes seconds. The program of the preset [`QUICK`] compiles in a
-//! fraction of this time, and both programs cast a picture in milliseconds. So raycl casts the picture with
-//! [`QUICK`], while a background process compiles the fastest strategy's program for the next start of raycl.
+//! fraction of this time, and both programs cast a picture in milliseconds. Therefore raycl casts the picture
+//! with [`QUICK`], while a background process compiles the fastest strategy's program for the next start of
+//! raycl.
 
 use super::Args;
 use crate::device::DeviceInfo;
@@ -11,7 +12,7 @@ use crate::program::ProgramSpec;
 use crate::scene::{Sampling, Scene};
 use crate::strategy::{Strategy, Workload, preset};
 
-/// The preset whose program compiles in the shortest time, among those that cast every scene fast.
+/// The preset whose program compiles in the shortest time, among the presets that cast every scene fast.
 pub const QUICK: &str = "bvh";
 /// Work-items per work-group with [`QUICK`], across and down.
 const QUICK_LOCAL: [u32; 2] = [8, 8];
@@ -39,8 +40,8 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
 /// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy. Three conditions
 /// must hold: the user has chosen no strategy, no axis and no local size; the command casts a single frame
 /// once; and the picture is small enough. Returns false with `--cl-dir` and `--watch`: the user is probably
-/// editing kernels, perhaps those of the fastest strategy. Also returns false for a CPU, where the usual
-/// strategy, `tile`, compiles in a short time.
+/// editing kernels, perhaps the kernels of the fastest strategy. Also returns false for a CPU, where the
+/// usual strategy, `tile`, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
@@ -62,9 +63,9 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
 }
 
 /// Returns the strategy and the local size with which to cast a picture. If [`may_cast`] returns true and the
-/// fastest strategy's program must still be compiled, returns the strategy and the local size of [`QUICK`]
-/// and, as the second value, the fastest strategy's program. In all other cases, returns `fastest` and
-/// `None`.
+/// fastest strategy's program is not compiled yet, returns the strategy and the local size of [`QUICK`] and,
+/// as the second value, the fastest strategy's program. If [`may_cast`] returns false, or if the fastest
+/// strategy's program is compiled already, returns `fastest` and `None`.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,
@@ -114,7 +115,7 @@ mod tests {
         Command::parse_from([&["render", "a.obj"], more].concat()).args
     }
 
-    /// Returns this machine's first device as if it were a GPU.
+    /// Returns this machine's first device, changed so that it counts as a GPU.
     fn gpu() -> Device {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let limits = DeviceLimits { is_cpu: false, ..device.info.limits };
@@ -140,7 +141,7 @@ mod tests {
         }
         let cpu = DeviceInfo { limits: DeviceLimits { is_cpu: true, ..gpu.limits }, ..gpu.clone() };
         assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
-        // The limits are 200 million primary rays and one million triangles.
+        // The limits `MOST_RAYS` and `MOST_TRIANGLES` are 200 million primary rays and one million triangles.
         let large = args(&["--width", "8192", "--height", "8192"]);
         assert!(super::may(&large, &gpu, Sampling::all(2)) && !super::may(&large, &gpu, Sampling::all(4)));
         let of = |count: usize| {

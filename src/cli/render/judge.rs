@@ -31,8 +31,8 @@ fn saved_at(path: &Path) -> String {
     format!("the picture was saved for inspection: {}", path.display())
 }
 
-/// Returns the words that tell the user how to see where a saved picture is wrong; empty if it was written to standard
-/// output.
+/// Returns the words that tell the user how to see where a saved picture is wrong; an empty text if the
+/// picture was written to standard output.
 fn where_wrong(saved: &Target) -> String {
     if saved.is_standard_output() {
         return String::new();
@@ -64,10 +64,11 @@ pub(super) fn verified(
     }
 }
 
-/// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels whose rays
-/// hit a triangle. If the picture's soft light was cast in half pictures (of half the width and height), `parts`
-/// contains the pictures from which the filter made the final picture. The pictures in `parts` are then compared with
-/// the reference, and the final picture is compared with the result of the same filter on the host.
+/// Compares a picture, or only `some` of its pixels, with the reference. The check includes the number of
+/// pixels whose rays hit a triangle. If the picture's soft light was cast in half pictures (of half the width
+/// and height), `parts` contains the pictures from which the filter made the final picture. The pictures in
+/// `parts` are then compared with the reference, and the final picture is compared with the result of the
+/// same filter on the host.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -200,8 +201,8 @@ mod tests {
         let verified =
             check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
         let usual = verified.expect("a correct picture");
-        // One pixel of the filtered picture is changed. The check returns the difference if it is within the tolerance,
-        // and otherwise names the pixel.
+        // The test changes one pixel of the filtered picture. The check returns the relative difference if
+        // this difference is within the tolerance, and otherwise names the pixel.
         let judged = |factor: f32, hits: usize| {
             let mut image = image.clone();
             image.pixels[10] = image.pixels[10].map(|channel| factor * channel);

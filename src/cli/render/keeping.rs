@@ -1,7 +1,7 @@
 //! Prepares the next start of raycl in background processes with low priority. The command that casts the
-//! picture does not wait for these processes. Every background process lists the devices. A background
-//! process may also store a program: one whose binary the driver takes long to return, or one that was not
-//! compiled in time for this picture.
+//! picture does not wait for the background processes. Every background process lists the devices. A
+//! background process may also store a program: one whose binary the driver takes long to return, or one that
+//! was not compiled in time for this picture.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry};
@@ -23,23 +23,24 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a background process began to store a program or to list the devices.
 const KIND: &str = "order";
-/// A background process that began longer ago than this counts as dead.
+/// A background process that began longer ago than `LONGEST` counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
-/// A background process looks at this interval whether the cache's folder still exists.
+/// The interval at which a background process checks whether the cache's folder still exists.
 const LOOK_UP: Duration = Duration::from_millis(50);
 /// The environment variables with paths that a driver, its loader or the system's linker read.
 #[cfg(unix)]
 const PATHS: [&str; 5] =
     ["LD_LIBRARY_PATH", "OCL_ICD_FILENAMES", "OCL_ICD_VENDORS", "POCL_CACHE_DIR", "TMPDIR"];
 
-/// A task for the background process: to list the devices, and to compile and store a program.
+/// A task for a background process: to list the devices and, if the task names a program, to compile and
+/// store this program.
 #[derive(Serialize, Deserialize)]
 struct Order {
     /// The text that identifies the device.
     device: String,
-    /// The lane operations (such as ballots among work-items that execute together) for which the program was made.
-    /// If raycl has not tested yet which lane operations work on the device, these are the fastest ones that the
-    /// device's extensions suggest.
+    /// The lane operations (such as ballots among work-items that execute together) for which the program was
+    /// made. If raycl has not tested yet which lane operations work on the device, `lanes` contains the
+    /// fastest lane operations that the device's extensions suggest.
     lanes: LaneOperations,
     /// The program to compile and store; `None` if the process only lists the devices.
     program: Option<Source>,
@@ -55,9 +56,9 @@ struct Source {
     options: String,
 }
 
-/// Prepares the next start: lets background processes store the program that cast the picture, or compile the fastest
-/// strategy's program (`later`) and the program for the display transform (`show_later`). Also stores in the cache
-/// which program the scene needs. Returns notes for the user about these processes.
+/// Prepares the next start: lets background processes store the program that cast the picture, or compile the
+/// fastest strategy's program (`later`) and the program for the display transform (`show_later`). Also stores
+/// in the cache which program the scene needs. Returns notes for the user about the background processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,
@@ -115,9 +116,9 @@ fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> boo
 }
 
 /// Starts a background process that compiles and stores a program, unless another process is already doing
-/// this work. Returns false if raycl cannot use the cache, and true otherwise, even if the process could not
-/// start. If it could not start, the next start of raycl also finds the program uncompiled, and casts its
-/// picture without this program.
+/// this work. Returns false if raycl cannot use the cache, and true otherwise, even if the background process
+/// could not start. If the background process could not start, the next start of raycl also finds the program
+/// uncompiled, and casts its picture without this program.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.is_usable() {
         in_background(cache, spec, device);
@@ -148,21 +149,22 @@ fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
 fn begin(cache: &Cache, name: &str) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, name).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
-    // If the clock was ahead when `since` was stored, `since` may lie in the future. So the sign of the
-    // difference between `now` and `since` is ignored.
+    // If the clock was ahead when `since` was stored, `since` may lie in the future. Therefore the code
+    // ignores the sign of the difference between `now` and `since`.
     let free = since.is_none_or(|since| now.as_secs().abs_diff(since) > LONGEST.as_secs());
     free && cache.put(KIND, name, &now.as_secs().to_le_bytes())
 }
 
 /// Starts the background process, and waits until the background process has closed the files that it
-/// inherited from raycl. If these files stayed open, locks and pipes of the program that started raycl would
-/// stay in use after raycl has ended.
+/// inherited from raycl. If the inherited files stayed open, locks and pipes of the program that started
+/// raycl would stay in use after raycl has ended.
 fn start(order: &Order) -> std::io::Result<()> {
     let text = serde_json::to_vec(order)?;
     let mut child = background(order).map_err(std::io::Error::other)?.spawn()?;
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))?;
     if let Some(mut output) = child.stdout.take() {
-        // The background process prints nothing: the output ends when the files are closed, or when the process ends.
+        // The background process prints nothing. Reading its output ends when the background process closes
+        // the files that it inherited, or when it ends.
         let _ = std::io::copy(&mut output, &mut std::io::sink());
     }
     Ok(())
@@ -192,7 +194,8 @@ fn detach(command: &mut Command) {
     }
 }
 
-/// Discards the output: on systems other than Unix, the background process never says that it has closed files.
+/// Discards the background process's output. On systems other than Unix, the background process closes no
+/// inherited files, so nobody waits for the end of its output.
 #[cfg(not(unix))]
 fn detach(command: &mut Command) {
     command.stdout(Stdio::null());
@@ -226,7 +229,8 @@ pub fn serve() -> Result<()> {
         Error::run("no driver lists the task's device: the device has disappeared, or its driver has changed")
     })?;
     // The test of the device may have found other lane operations than those for which the program was made.
-    // In this case, the next start needs another program, so the task's program is not stored.
+    // If other lane operations were found, the next start needs another program, so the task's program is not
+    // stored.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };
@@ -381,10 +385,11 @@ mod tests {
             cache.put(KIND, "a", &(now - ago).to_le_bytes());
             begin(&cache, "a")
         };
-        // The limit LONGEST is two minutes. The test itself takes less than half a minute, so the process that began
-        // one minute ago does not count as dead.
+        // The limit LONGEST is two minutes. The test itself takes less than half a minute, so a background
+        // process that began one minute ago does not count as dead.
         assert!(began_s_ago(LONGEST.as_secs() + 1) && !began_s_ago(LONGEST.as_secs() - 60));
-        // The stored time lies an hour in the future, as if the clock had been ahead when the time was stored.
+        // The stored begin of the background process lies an hour in the future, as if the clock had been
+        // ahead when the time was stored.
         cache.put(KIND, "a", &(now + 3600).to_le_bytes());
         assert!(begin(&cache, "a"));
     }

@@ -19,9 +19,9 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 /// casting the frame 14 ms more.
 ///
 /// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10
-/// million triangles, the buffers for packets need 2.3 GB, and those for tiles need 1.3 GB. On 2 cores of an
-/// AMD EPYC (docs/log.md, 2026-11-28), making the buffers for packets takes 3 s longer, and casting a frame
-/// with packets takes at most 1.3 s less.
+/// million triangles, the buffers for packets need 2.3 GB, and the buffers for tiles need 1.3 GB. On 2 cores
+/// of an AMD EPYC (docs/log.md, 2026-11-28), making the buffers for packets takes 3 s longer, and casting a
+/// frame with packets takes at most 1.3 s less.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those
@@ -43,8 +43,8 @@ pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strateg
     Ok((strategy, local_size))
 }
 
-/// Returns true if the layout may be changed to indexed normals: the user has chosen neither a strategy nor a
-/// layout, and raycl casts a single frame.
+/// Returns true if raycl may choose the layout with indexed normals: the user has chosen neither a strategy
+/// nor a layout, and raycl casts a single frame.
 fn may_be_indexed(args: &Args) -> bool {
     let subject = &args.subject;
     let are_open = subject.strategy.is_none() && subject.set.iter().all(|(key, _)| key != "layout");
@@ -61,16 +61,17 @@ fn casts_one_frame(args: &Args) -> bool {
 /// ns longer.
 const MOST_RAYS_PER_TRIANGLE: usize = 8;
 
-/// Returns for how many frames the tree of a picture with `samples` samples per pixel is built. The tree of a moving
-/// picture is for many frames, since the mesh seldom changes from frame to frame.
+/// Returns whether the tree of a picture with `samples` samples per pixel is built for a single frame or for
+/// many frames. The tree of a moving picture is for many frames, since the mesh seldom changes from frame to
+/// frame.
 pub fn tree_use(args: &Args, scene: &Scene, samples: u32) -> TreeUse {
     let [width, height] = args.subject.size().map(|side| side as usize);
     let is_small = width * height * samples as usize <= MOST_RAYS_PER_TRIANGLE * scene.mesh.triangles.len();
     if casts_one_frame(args) && is_small { TreeUse::OneFrame } else { TreeUse::ManyFrames }
 }
 
-/// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels of these tiles can
-/// read the mesh's own list of normals.
+/// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels that cast tiles with
+/// rays in vectors can read the mesh's own list of normals.
 fn is_tiled(strategy: &Strategy) -> bool {
     strategy.traversal.casts_tiles() && !strategy.shares_tiles()
 }

@@ -89,13 +89,13 @@ impl Motion {
     }
 
     /// Returns the frames of `--frames` or, without this option, all `count` frames. With `--shard`, all
-    /// processes together render these frames. Returns an error if `--frames` names frames after the last
-    /// one.
+    /// processes together render the returned frames. Returns an error if `--frames` names frames after the
+    /// last one.
     fn asked(&self, count: u32) -> Result<Frames> {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
 
-    /// Returns those of the frames `all` that this process renders. Returns `None` if this process has no
+    /// Returns the part of the frames `all` that this process renders. Returns `None` if this process has no
     /// frame, because there are fewer frames than processes. Returns an error with `--shard auto`, if the
     /// launcher's environment variables state no valid shard.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
@@ -116,7 +116,8 @@ pub fn may_replace(args: &Args, frames: u32) -> bool {
     wanted.is_ok_and(|wanted| wanted.is_some_and(|wanted| Sink::may_replace(args, wanted, count)))
 }
 
-/// Tells the user that this process has no frame to render, because there are fewer frames than processes.
+/// Tells the user that this process of `--shard` has no frame to render, because there are fewer frames than
+/// processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     let text = format!(
         "this shard renders nothing: there are fewer frames to render (frames {} to {}) than shards",
@@ -207,16 +208,16 @@ pub fn run(args: &Args) -> Result<()> {
     tell(args, &report)
 }
 
-/// Returns all frames of a turntable if only other processes have frames to render. For an animation, returns `None`:
-/// its number of frames is known only after the scene is loaded.
+/// Returns all frames of a turntable if `--shard` gives this process no frame to render, and `None`
+/// otherwise. For an animation, returns `None`: its number of frames is known only after the scene is loaded.
 fn frames_of_others(args: &Args) -> Result<Option<Frames>> {
     let Some(count) = args.motion.turntable else { return Ok(None) };
     let all = args.motion.asked(count)?;
     Ok(args.motion.share(all)?.is_none().then_some(all))
 }
 
-/// Returns the sink into which the frames `wanted` of a film are written. Refuses a sink without alpha for a scene with
-/// a transparent background.
+/// Returns the output (`Sink`) into which the frames `wanted` of a film are written. Fails if the background
+/// is transparent and the output has no alpha channel.
 fn sink(args: &Args, film: &Film, wanted: Frames, transparent: bool) -> Result<Sink> {
     let sink = Sink::of(args, wanted, film.count(), args.motion.frames_per_s(film.rate()))?;
     if transparent {
@@ -235,8 +236,8 @@ fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) ->
     }
 }
 
-/// Returns a note if the reader of a stream closed it before all frames were cast. The reader is usually an encoder
-/// that needs no more frames, so this is no error.
+/// Returns a note if the reader of a stream closed the stream before all frames were cast. The reader is
+/// usually an encoder that needs no more frames, so this is no error.
 fn closed_early(cast: u32, wanted: usize) -> Option<String> {
     let cast = cast as usize;
     let message =
@@ -274,7 +275,8 @@ fn cast_into(
                 refuse_not_finite(&image, &format!("frame {number} was not written"))?;
                 times.push(ms);
                 let key = if has_keys { keys.key(&scene, number) } else { String::new() };
-                // If the thread that writes frames has ended, its error is returned below.
+                // If the thread that writes frames has failed and ended, sending fails too; the error of this
+                // thread is returned below.
                 if sender.send(((number, key, image), scene.display)).is_err() {
                     break;
                 }

@@ -23,8 +23,8 @@ pub struct Opened {
     /// Time for starting the driver and opening the device, while the scene is read.
     pub start_ms: f64,
     /// The program that the scene will probably need, built while the scene is being loaded. `None` if no
-    /// program could be guessed, or if its build failed. In both cases, raycl builds the scene's program
-    /// later.
+    /// program could be guessed, or if its build failed. If there is no such program, raycl builds the
+    /// scene's program later.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree, and the strategy for which it was built. The thread that loads the scene builds the tree, while
     /// another thread opens the queue and builds the program. `None` if no tree was built in this way; raycl then
@@ -49,9 +49,9 @@ impl Opened {
     }
 }
 
-/// Returns the parts of the timeline, from the durations of loading the scene, of starting the driver, and of
-/// building the program after the driver has started. If a part ended earlier than the previous part of the
-/// list, its duration is negative and counts as 0.
+/// Computes the parts of the timeline from three durations: of loading the scene, of starting the driver, and
+/// of building the program after the driver has started. If a part ended earlier than the previous part of
+/// the list, its duration is negative and counts as 0.
 fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3] {
     let waited_ms = start_ms + build_ms - load_ms.max(start_ms);
     [("load", load_ms), ("discover", start_ms - load_ms), ("build", waited_ms)]
@@ -75,7 +75,8 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             let hurries = hurry::may_on_a_gpu(args, guess::sampling(args));
             let lane_test = if hurries { LaneTest::Later } else { LaneTest::Now };
             let device = one_device_with(args.subject.device.as_deref(), sources, lane_test)?;
-            // If the loading thread has failed already, its error is returned below.
+            // Sending fails if the thread that loads the scene has failed already; the error of this thread
+            // is returned below.
             let _ = send_device.send(device.info.clone());
             let queue = Queue::open(&device)?;
             Ok((device, queue))
@@ -95,8 +96,8 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     })
 }
 
-/// Builds the tree of the requested strategy or, without a request, of the fastest strategy. Returns `None` if the tree
-/// is not needed, cannot be built, or must be built later.
+/// Builds the tree of the requested strategy or, without a request, of the fastest strategy. Returns `None`
+/// if the strategy needs no tree, or if the tree cannot be built or must be built later.
 fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Strategy, HostTree)> {
     // Verification and layers need more memory, so the tree is built later, after a check that there is enough memory.
     if args.verify.is_some() || args.layers.is_some() {
@@ -119,8 +120,8 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
     ))
 }
 
-/// Builds the guessed program. If the build fails, nothing is reported here: raycl later builds the program that the
-/// scene needs, and reports errors of that build.
+/// Builds the guessed program. If the build fails, this function reports no error: raycl later builds the
+/// program that the scene needs, and reports the errors of that later build.
 fn early(
     args: &Args,
     sources: &Sources,
@@ -198,7 +199,7 @@ mod tests {
         assert_eq!(error.exit_code(), 2, "{message}");
         assert!(message.starts_with("a kernel file does not compile: "), "{message}");
         assert!(message.contains(&format!("{}:", file.display())), "{message}");
-        // The mistake may also be in a file that the kernel file includes.
+        // The mistake that prevents compilation may also be in a file that the user's kernel file includes.
         let included = folder.path().join("display/mine.cl");
         std::fs::write(&included, "uchar mine(;\n").expect("a file");
         let included_first = format!("#include \"display/mine.cl\"\n{right}");

@@ -1,4 +1,4 @@
-//! The report of `raycl render`: as JSON, and as text.
+//! The report that `raycl render` prints at its end, as JSON or as text.
 
 use super::casting::Cast;
 use super::timeline::{Part, Timeline};
@@ -11,7 +11,7 @@ use crate::verify::hardly_verified;
 use crate::words::{counted, rate};
 use serde::Serialize;
 
-/// The report. With `--json`, raycl prints an object with these fields.
+/// The report of `raycl render`. With `--json`, raycl prints an object with these fields.
 #[derive(Debug, Default, Serialize)]
 pub struct Report {
     /// The scene's name.
@@ -30,7 +30,7 @@ pub struct Report {
     pub strategy: String,
     /// Work-items per work-group, across and down.
     pub local_size: [u32; 2],
-    /// Pixels across and down.
+    /// Pixels of the picture, across and down.
     pub image_size: [u32; 2],
     /// The largest number of samples per pixel; device times include all samples.
     pub samples: u32,
@@ -65,9 +65,10 @@ pub struct Report {
     pub read_ms: f64,
     /// Time for writing the picture.
     pub save_ms: f64,
-    /// Consecutive parts of the command's time, from the start of the process to this report.
+    /// The parts of the command's work with their durations, one after the other, from the start of the
+    /// process to this report.
     pub parts: Vec<Part>,
-    /// The sum of the parts: the time of the whole command.
+    /// The time of the whole command: the sum of the durations in `parts`.
     pub total_ms: f64,
     /// The number of primary and shadow rays of a frame, divided by the frame's device time in seconds.
     pub frame_rays_per_s: f64,
@@ -81,7 +82,7 @@ pub struct Report {
     pub tests_per_s: Option<f64>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     pub frames: u32,
-    /// True if a first frame was cast before the timed frames, and is not one of them.
+    /// True if a first frame was cast before the timed frames and its time was discarded.
     #[serde(skip)]
     pub has_untimed_frame: bool,
     /// Largest use of the host's memory, predicted.
@@ -107,7 +108,7 @@ pub enum Verification {
     Right(Verified),
     /// The picture is wrong. The command ends with an error after its report.
     Wrong {
-        /// What is wrong.
+        /// The message that says what is wrong with the picture.
         wrong: String,
     },
 }
@@ -130,15 +131,15 @@ impl Verification {
     }
 }
 
-/// The result of `--verify` if the picture agrees with the reference.
+/// The numbers that `--verify` reports if the picture agrees with the reference.
 #[derive(Debug, Default, Serialize)]
 pub struct Verified {
     /// The largest relative difference. Without half pictures, it is the difference from the reference, over
-    /// all certain pixels; null if no pixel is certain. With half pictures, raycl makes two comparisons. This
-    /// field then has the larger difference, and is never null. First, the pictures from which the filter
-    /// made the final picture are compared with the reference, in their certain pixels. Second, the host
-    /// applies the same filter to the pictures that the device cast, and all pixels of the final picture are
-    /// compared with the result of the host's filter.
+    /// all certain pixels; null if no pixel is certain. With half pictures, raycl makes two comparisons. With
+    /// half pictures, this field has the larger of the two differences, and is never null. First, the
+    /// pictures from which the filter made the final picture are compared with the reference, in their
+    /// certain pixels. Second, the host applies the same filter to the pictures that the device cast, and all
+    /// pixels of the final picture are compared with the result of the host's filter.
     pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.
@@ -288,8 +289,8 @@ impl Report {
         }
     }
 
-    /// Returns the remark on the kernel's time: the times of its passes, and the number of frames of which the time is
-    /// the median.
+    /// Returns the remark on a frame's device time: the times of the frame's passes, and the number of frames
+    /// over which the printed time is the median.
     fn kernel_remark(&self) -> String {
         let parts = [("primary", self.primary_ms), ("shadow", self.shadow_ms), ("shading", self.shade_ms)]
             .into_iter();
@@ -360,7 +361,7 @@ mod tests {
             ["build", "casting", "load"].map(|part| cached.remark(part)),
             [" (from the cache)", casting, ""]
         );
-        // A first frame of more than 1 s is one of the timed frames.
+        // A first frame that takes more than 1 s counts as one of the timed frames.
         let long = Report { frames: 5, ..Report::default() };
         assert_eq!(long.remark("casting"), " (5 timed frames)");
     }

@@ -18,7 +18,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The report. With `--json`, raycl prints an object with these fields.
+/// The report of `raycl render --devices`. With `--json`, raycl prints an object with these fields.
 #[derive(Serialize)]
 struct Report {
     scene: String,
@@ -30,8 +30,8 @@ struct Report {
     image_size: [u32; 2],
     /// Samples per pixel.
     samples: u32,
-    /// The longest of the devices' times for the frame. It is the time of the whole frame, since all devices cast at
-    /// the same time.
+    /// The longest device time among the devices. The longest device time is the time of the whole frame,
+    /// since all devices cast their parts of the frame at the same time.
     frame_ms: f64,
     /// The longest upload time of a device.
     upload_ms: f64,
@@ -99,8 +99,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target, args.subject.size())?;
-    // The strategy may have values that are files of `--cl-dir`. These files must be known before `load`
-    // checks the strategy.
+    // The strategy may have values that are files of `--cl-dir`. The files of `--cl-dir` must be known before
+    // `load` checks the strategy.
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     let Loaded { scene, notes, .. } = load(args)?;
     if scene.transparent {
@@ -143,7 +143,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     wrong.map_or(Ok(()), Err)
 }
 
-/// Casts the frame. If several frames are timed, no other process measures on the devices meanwhile.
+/// Casts the frame. If several frames are timed, this process locks the devices, so that no other process
+/// measures on them meanwhile.
 fn cast(
     args: &Args,
     scene: &Arc<Scene>,
@@ -170,7 +171,8 @@ fn tell(args: &Args, report: &Report, streams: bool) -> Result<()> {
     super::super::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
 
-/// Returns each device's strategy and local size: those with which the device would cast the frame alone.
+/// Returns each device's strategy and local size: the strategy and local size with which the device would
+/// cast the whole frame alone.
 fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>> {
     let casting = |device: &Device| -> Result<Casting> {
         let (strategy, local_size) = args.subject.strategy(&device.info, task)?;
@@ -277,7 +279,7 @@ mod tests {
     fn each_sample_has_its_primary_and_shadow_rays() {
         let mut scene = fixtures::single_triangle();
         assert_eq!(rays(&scene, [4, 3], 10, 2), 44.0);
-        // Each hit has a shadow ray to each of three lights.
+        // With three lights in the scene, each hit has three shadow rays.
         scene.lights = vec![scene.lights[0]; 3];
         assert_eq!(rays(&scene, [4, 3], 10, 2), 84.0);
     }

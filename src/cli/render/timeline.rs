@@ -9,7 +9,7 @@ use std::time::Instant;
 /// A part of a command's time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
-    /// The part's name.
+    /// The name of the part of the command's work, such as `load`.
     pub part: &'static str,
     /// The part's duration by the wall clock. Only the part `start` has its processor time instead (see
     /// [`Timeline::of_process`]).
@@ -61,7 +61,7 @@ impl Timeline {
         entry(&mut self.parts, |known| known.part == part, || Part { part, ms: 0.0 }).ms += ms;
     }
 
-    /// Returns the duration of a part in milliseconds; 0 if there is no such part.
+    /// Returns the duration in milliseconds of the part of this name; 0 if the timeline has no such part.
     pub fn ms(&self, part: &str) -> f64 {
         self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
     }

@@ -33,8 +33,8 @@ fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
 }
 
-/// Returns the entry for the kernel files (the built-in files, or those of a folder) in the list of the run's
-/// files.
+/// Returns the description of the kernel files (the built-in files, or the files of a folder) for the list of
+/// the run's input files.
 fn of_kernels(kernels: &Sources) -> Source {
     let (path, git) = match kernels {
         Sources::Embedded => ("built in".to_owned(), None),

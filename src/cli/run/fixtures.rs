@@ -16,8 +16,8 @@ pub fn args(words: &[&str]) -> Args {
     Command::parse_from([&["run"], words].concat()).args
 }
 
-/// Returns an experiment with `naive` on pictures of a triangle in two sizes. `lines` are further lines of the
-/// experiment's config.
+/// Returns an experiment that casts pictures of a triangle in two sizes with the preset `naive`. `lines` are
+/// further lines of the experiment's config.
 pub fn experiment(lines: &str) -> Experiment {
     let text = format!(
         "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\

@@ -7,19 +7,21 @@ use serde_json::Value;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The largest number of a folder. If a name ends with a larger number, such as a year or a date, the user has probably
-/// chosen the name: `quick-2026`.
+/// The largest number that raycl appends to the name of a folder of results. If a folder's name ends with a
+/// larger number, such as a year or a date (`quick-2026`), the user has probably chosen this name.
 const MAX_NUMBER: u32 = 999;
 
-/// If `resume` is true and there is a folder of results for the config `name`, returns the latest such folder: the one
-/// with the highest number. Otherwise returns the path of a new folder.
+/// If `resume` is true and there is a folder of results for the config `name`, returns the latest such
+/// folder: the one with the highest number. If `resume` is false, or if there is no such folder, returns the
+/// path of a new folder.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let latest = if resume { latest_number(name) } else { None };
     latest.map_or_else(|| free_folder(name), |number| numbered_folder(name, number))
 }
 
-/// Returns the highest number of a folder; `None` if there is no folder for the config `name`. The user may have
-/// deleted folders with lower numbers, and folders with higher numbers may be those of other configs.
+/// Returns the highest number in the name of a folder of results for the config `name`; `None` if there is no
+/// such folder. The user may have deleted folders with lower numbers, and folders with higher numbers may
+/// belong to other configs.
 fn latest_number(name: &str) -> Option<u32> {
     let first = numbered_folder(name, 1);
     let stem = first.file_name()?.to_str()?;
@@ -67,8 +69,8 @@ fn free_folder(name: &str) -> PathBuf {
     numbered_folders(name).find(|folder| !folder.exists()).unwrap_or_else(|| numbered_folder(name, 1))
 }
 
-/// Returns the paths of possible new folders for the config `name`, in ascending order. Their numbers are
-/// higher than the number of every folder that exists.
+/// Returns the paths of possible new folders for the config `name`, in ascending order. The numbers of the
+/// new folders are higher than the number of every existing folder.
 fn numbered_folders(name: &str) -> impl Iterator<Item = PathBuf> {
     let first = latest_number(name).map_or(1, |number| number + 1);
     (first..).map(move |number| numbered_folder(name, number))
@@ -98,10 +100,11 @@ mod tests {
         }
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
         // The number of a deleted folder is not used again if there is a folder with a higher number. The
-        // highest number is therefore that of the latest folder.
+        // highest number therefore belongs to the latest folder.
         std::fs::remove_dir(numbered("-2")).unwrap();
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
-        // No run of this config makes folders with these names, and no run makes a file in place of a folder.
+        // No run of the config `quick` makes a folder whose name has one of these endings, and no run makes a
+        // file in place of a folder.
         for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-2026", "-20261128"] {
             std::fs::create_dir(numbered(other)).unwrap();
         }
@@ -110,7 +113,8 @@ mod tests {
         std::fs::create_dir(numbered("-12")).unwrap();
         std::fs::remove_dir(numbered("")).unwrap();
         assert_eq!(default_folders(), [numbered("-12"), numbered("-13")]);
-        // The folder of another config, which is called quick-20, and a later folder of this config.
+        // The folder quick-20 belongs to another config, which is called quick-20. The folder quick-30
+        // belongs to the config quick.
         let other = ("-20", "quick-20", ["-12", "-13"]);
         for (ending, config, latest) in [other, ("-30", "quick", ["-30", "-31"])] {
             std::fs::create_dir(numbered(ending)).unwrap();

@@ -6,7 +6,7 @@ use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// The exit code after a second SIGINT (Ctrl-C) or SIGTERM.
+/// The exit code of raycl if a second SIGINT (Ctrl-C) or SIGTERM ends it.
 const INTERRUPTED: i32 = 130;
 
 /// The flag that a signal sets, and that all runs of this process share. With a flag for each run, a signal

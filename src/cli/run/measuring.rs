@@ -29,7 +29,7 @@ pub fn execute(
 ) -> Result<Vec<Record>> {
     let programs = of_workers(&run, |device| ProgramCache::of(Cache::of_user(), device));
     let ahead = Ahead::new(programs, of_workers(&run, |device| LockName::of(Some(device))));
-    // Workers that only wait (for tests) need no programs.
+    // With the option `--asleep` (for tests), workers only wait instead of casting, so they need no programs.
     let has_cache = args.asleep.is_none() && Cache::of_user().is_usable();
     let run = Run { ahead: Some(&ahead).filter(|_| has_cache), ..run };
     let builders = if has_cache { builders(&run, folder) } else { Vec::new() };

@@ -6,7 +6,7 @@ use crate::peak;
 use crate::words::{option, path_word, quote};
 use std::path::Path;
 
-/// Returns the error, with the command that continues the run in its help.
+/// Returns `error`, with help that contains the command that continues the run.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     error.to_be_continued(format!("to continue from here: {}", resuming(args, out)))
 }

@@ -108,7 +108,7 @@ pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     Ok(ShardPlan { header, points, cases, blocks, expected_ms })
 }
 
-/// The shard that this process measures.
+/// The shard that this process measures, with all that measuring the shard needs.
 struct Part<'a> {
     args: &'a Args,
     out: PathBuf,
@@ -175,9 +175,10 @@ impl Part<'_> {
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
     }
 
-    /// Writes one file for each kind of device on which this shard measures; the file contains the keys of the points.
-    /// Writes nothing if all these files exist already. `own` contains this shard's points, as indices into the plan.
-    /// The host counts as a kind of device if casters on the host are among these points.
+    /// Writes one file for each kind of device on which this shard measures; the file contains the keys of
+    /// the points. Writes nothing if all files of kinds exist already. `own` contains this shard's points, as
+    /// indices into the plan. The host counts as a kind of device if casters on the host are among these
+    /// points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let plan = self.run.plan_of_one_device();
         let mut own_points = own.iter().filter_map(|index| plan.points.get(*index));
@@ -228,7 +229,8 @@ fn begun(shard: Shard, earlier: usize, folder: &Path) -> String {
     format!("shard {shard}{again}: {}", folder.display())
 }
 
-/// Returns the line that says how many points a shard has, and how its results are merged.
+/// Returns the line that says how many points a shard has, and with which command the user merges the results
+/// of all shards.
 fn done(shard: Shard, points: usize, out: &str) -> String {
     format!("shard {shard}: {}. When all shards have ended: raycl merge {out}", counted(points, "point"))
 }
@@ -285,8 +287,9 @@ mod tests {
         assert!(error.to_string().starts_with(expected), "{error}");
     }
 
-    /// The plan has three shards for two groups of points, so a group is divided among shards. One of these shards also
-    /// measures (borrows) the control point of a group, although this point belongs to another shard.
+    /// The plan has three shards for two groups of points, so a group is divided among shards. One of the
+    /// shards that share this group also measures (borrows) the group's control point, although the control
+    /// point belongs to another shard.
     #[test]
     fn a_plan_names_its_points_and_cases_and_expects_each_shards_time() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -308,7 +311,8 @@ mod tests {
         );
     }
 
-    /// Checks that the expected time of each shard is that of its points and of its borrowed control points.
+    /// Checks that the expected time of each shard is the sum of the expected times of the shard's points and
+    /// borrowed control points.
     fn check_times(run: &Run<'_>, plan: &ShardPlan) {
         let costs: Vec<_> = run.costs(&[]).expect("costs").concat();
         let ms = |point: usize| costs.iter().find(|cost| cost.point == point).expect("a cost").ms;

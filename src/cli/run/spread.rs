@@ -21,9 +21,10 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Cuts the plan of a run into blocks for its devices. A run that is resumed with the same points and the
-    /// same number of devices uses the blocks of its first session, even if the expected times of points have
-    /// changed. With new blocks, the control point of a group could change between the sessions.
+    /// Cuts the plan of a run into blocks of points for the run's devices. A run that is resumed with the
+    /// same points and the same number of devices uses the blocks of its first session, even if the expected
+    /// times of points have changed. With new blocks, the control point of a group could change between the
+    /// sessions.
     pub fn of(run: &Run<'_>, out: &Path) -> Result<Self> {
         let devices = run.devices.len();
         let plan = run.plan_of_one_device();
@@ -100,7 +101,7 @@ mod tests {
         shards.sort_unstable();
         shards.dedup();
         assert_eq!(shards, [1, 2], "each device has a part");
-        // The points are cut again only if the number of devices or the points have changed.
+        // The points are cut into new blocks only if the number of devices or the points have changed.
         let path = folder.path().join(FILE);
         let text = std::fs::read_to_string(&path).unwrap();
         let marked = text.replacen("\"number\":1,", "\"number\":77,", 1);

@@ -69,8 +69,8 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
 }
 
 /// Returns the kernels of two folders. A folder may add values to axes, and each folder's workers know only
-/// the values of their own folder. So this function returns an error if the experiment has a value that only
-/// one folder has.
+/// the values of their own folder. Therefore this function returns an error if the experiment names a value
+/// of an axis that only one folder has.
 fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     let (mut sources, mut refused) = (Vec::new(), Vec::new());
     for folder in folders {
@@ -80,7 +80,8 @@ fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     match refused.pop() {
         None => Ok(sources),
         Some((error, folder)) if refused.is_empty() => Err(refused_by(error, folder)),
-        // The experiment is refused with both folders, so the mistake is in the experiment itself.
+        // The experiment is refused with the kernels of both folders, so the mistake is in the experiment
+        // itself.
         Some((error, _)) => Err(error),
     }
 }

@@ -1,4 +1,5 @@
-//! Options for the view of a mesh or a scene. Each option except `--plain` sets a value of the scene.
+//! Options for the view of a mesh or a scene. Each of these options except `--plain` sets a value of the
+//! scene.
 
 use crate::scene::{Setting, Tone};
 use toml::Value;
@@ -26,8 +27,8 @@ pub struct Look {
     /// instead
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
-    /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed [default:
-    /// 15, as in the paper; a scene file may set another]
+    /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed
+    /// [default: 15, as in the student paper that raycl repeats; a scene file may set another]
     #[arg(long, help_heading = HEADING, value_name = "FACTOR")]
     exposure: Option<f64>,
     /// The tone curve: clip cuts what is brighter than white; filmic has more contrast in dark parts, and keeps shades
@@ -38,9 +39,9 @@ pub struct Look {
     /// [default for a bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,
-    /// Turn normals to the viewer, so that back faces are lit like front faces. `raycl view` and --turntable turn
-    /// either all normals of a mesh or none. For a bare mesh, the option is on by default; `--set two_sided=false`
-    /// turns it off
+    /// Reverse the normals of faces that show their back to the viewer, so that back faces are lit like front
+    /// faces. `raycl view` and --turntable reverse either all normals of a mesh or none. For a bare mesh, the
+    /// option is on by default; `--set two_sided=false` turns it off
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
     /// Show a bare mesh without ground, soft light or sky, but with two point lights if its file has no

@@ -1,5 +1,5 @@
-//! The records of one device in one run. The tests of a claim of the paper look up the claim's points in
-//! these records.
+//! The records of one device in one run. The tests of a claim of the student paper that raycl reproduces look
+//! up the claim's points in these records.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
@@ -48,8 +48,9 @@ impl<'a> Run<'a> {
 
     /// Returns the command that measures the points that are still missing on the page of `raycl reproduce`.
     /// The page is in the folder that contains the run's folder. The command has the run's options `--device`
-    /// and `--set`. Without these options, the command would make another plan, and the page would hide those
-    /// records of the run that are not in the new plan. `more` is appended to the command.
+    /// and `--set`. Without the run's `--device` and `--set`, the command would make another plan, and the
+    /// page would hide those records of the run that are not in the new plan. `more` is appended to the
+    /// command.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
@@ -99,8 +100,8 @@ pub(super) struct ClaimData<'a> {
 }
 
 /// Returns true if the measurement of a record's point was not completed: the process crashed or took too
-/// long, the image was wrong, or too little memory was free at that moment. The record of an incomplete
-/// measurement does not show whether the point runs, or how fast the point is.
+/// long, the image was wrong, or too little memory was free when the point was to be measured. The record of
+/// an incomplete measurement does not show whether the point runs, or how fast the point is.
 pub(super) fn is_incomplete(record: &Record) -> bool {
     let lacked_for_a_moment = record.outcome == Outcome::Infeasible && !record.is_final();
     lacked_for_a_moment
@@ -108,7 +109,7 @@ pub(super) fn is_incomplete(record: &Record) -> bool {
 }
 
 impl<'a> ClaimData<'a> {
-    /// Returns the run's records that match a point.
+    /// Returns the run's records that match a point of a claim.
     pub(super) fn records(&self, point: &Point) -> Vec<&'a Record> {
         let all = self.run.groups.iter().flat_map(|group| group.records.iter().copied());
         all.filter(|record| point.is(record, self.device)).collect()
@@ -146,8 +147,8 @@ impl<'a> ClaimData<'a> {
         Line { data: Data::Incomplete, ..Line::unclear(text, self.complete("a complete run of this point")) }
     }
 
-    /// Adds to the text `what` the command that repeats those measurements of the run that were not
-    /// completed.
+    /// Returns the text `what`, followed by the command that repeats the measurements that the run did not
+    /// complete.
     pub(super) fn complete(&self, what: &str) -> String {
         format!("{what}: `{}`", self.run.completion(" --retry-failed"))
     }

@@ -1,4 +1,5 @@
-//! Evaluates the tests of the paper's claims, kind by kind, with the records of one device.
+//! Evaluates the tests of the claims of the student paper that raycl reproduces, with the records of one
+//! device.
 
 use super::claim_data::{ClaimData, is_incomplete, side};
 use super::point::Point;
@@ -130,7 +131,7 @@ fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least:
 /// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the
 /// record leaves out, such as samples of an incomplete launch and samples that another program delayed. A
 /// record of an earlier version of raycl may not state the launches of its samples, or when the samples were
-/// measured. What the record does not state is not compared.
+/// measured. Properties that the record does not state are not compared.
 fn has(record: &Record, sample: &Sample) -> bool {
     let is_same = |(index, ms): (usize, &f64)| {
         let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));

@@ -1,4 +1,5 @@
-//! Quotes the paper's claims, and tests each claim on the records of one device.
+//! Quotes the claims of the student paper that raycl reproduces, and tests each claim on the records of one
+//! device.
 //!
 //! The claims are in `claims.toml`, each with its sentence in the paper, the figure to which it refers, and
 //! the tests that must hold. Absolute times are not tested, since the paper does not name the device on which
@@ -126,7 +127,8 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // In one launch, the ratio is below the bound of 5; in the other launch, the ratio is above 5.
+        // In one of the two launches, the ratio of the points' times is below the claim's bound of 5; in the
+        // other launch, it is above 5.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
         let at_most = FALLS.replace("at_least", "at_most");
@@ -245,8 +247,8 @@ mod tests {
         assert_eq!(verdict(serial, &[baseline, records[2].clone()]), Verdict::Unclear);
     }
 
-    /// Returns a test that `naive` is faster at the local size `size` than at all other square sizes. `more`
-    /// contains further keys of the test.
+    /// Returns a test (as TOML) of the claim that `naive` is faster at the local size `size` than at all
+    /// other square local sizes. `more` contains further keys of the test.
     fn fastest(size: &str, more: &str) -> String {
         format!("kind = 'fastest', is = 'naive {size} on teapot', of = ['naive square on teapot'], {more}")
     }
@@ -521,7 +523,8 @@ mod tests {
                     ..Default::default()
                 };
                 journal.append(&sample).unwrap();
-                // The samples of another point, whose shadow pass takes as long as its primary pass, must not count.
+                // The file also contains samples of another point, whose shadow pass takes as long as its
+                // primary pass. The samples of the other point must not count.
                 let other = crate::record::Sample { key: "other".into(), shadow_ms: Some(2.0), ..sample };
                 (0..3).for_each(|_| journal.append(&other).unwrap());
             }
@@ -533,8 +536,8 @@ mod tests {
         assert_eq!(verdict_of(0.0, 0), Verdict::Unclear, "below the timer's resolution");
     }
 
-    /// Each launch has samples that the record leaves out. The shadow passes of the left-out samples took
-    /// much longer than the shadow passes of the record's own samples.
+    /// In this test, each launch has samples in samples.jsonl that the point's record leaves out. The shadow
+    /// passes of the left-out samples took much longer than the shadow passes of the record's own samples.
     #[test]
     fn samples_that_the_record_leaves_out_decide_nothing() {
         let point =

@@ -1,4 +1,5 @@
-//! Defines the points to which the paper's claims refer, such as "naive 8x8 on teapot".
+//! Defines the points to which the claims of the student paper that raycl reproduces refer, such as "naive
+//! 8x8 on teapot".
 
 use crate::error::meant;
 use crate::numbers::by;

@@ -125,7 +125,7 @@ fn is_timed(both: &[f64; 2]) -> bool {
 }
 
 /// Returns why the ratio of two passes is unknown. The reason may state n, which is the number of samples in
-/// the launch with the fewest samples, without samples with a time of 0.
+/// the launch with the fewest samples; samples with a time of 0 are not counted.
 fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     let fewest = |counts: &dyn Fn(&[f64; 2]) -> bool| {
         let of =
@@ -160,9 +160,9 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{few, judged, measured, sampled};
 
-    /// Returns the ratio of two records with three launches of `n` samples each. `slow` and `fast` contain
-    /// the least and the greatest time of each record, whose time changes in equal steps from launch to
-    /// launch.
+    /// Returns the ratio of the times of two records with three launches of `n` samples each. `slow` contains
+    /// the least and the greatest time of the slower record, and `fast` those of the faster record. A
+    /// record's time changes in equal steps from launch to launch.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
@@ -227,8 +227,8 @@ mod tests {
         assert!(of(&[]).is_none());
     }
 
-    /// The record has four launches. Either each launch has too few samples, or one of the passes has some
-    /// times of 0.
+    /// In each case of this test, the record has four launches, and either each launch has too few samples,
+    /// or one of the two passes has some times of 0.
     #[test]
     fn a_ratio_of_passes_that_is_not_known_has_a_reason() {
         let record = measured("gpu", "deferred", 8, 10.0);
@@ -247,7 +247,8 @@ mod tests {
         assert!(of(9, 9).0.starts_with("2.00 times"));
     }
 
-    /// raycl assumes that the times of the two passes change independently of each other from run to run.
+    /// The test relies on raycl's assumption that the times of a frame's two passes change independently of
+    /// each other from run to run.
     #[test]
     fn the_ratio_of_two_passes_includes_the_differences_between_runs() {
         let steady: Vec<(u32, [f64; 2])> = (0..10).map(|index| (index / 5, [2.0, 1.0])).collect();

@@ -1,5 +1,5 @@
-//! Reads the table of the paper's claims in TOML: the paper's sentences, and the tests that must hold for
-//! each sentence.
+//! Reads the table of claims in TOML: the sentences of the student paper that raycl reproduces, and the tests
+//! that must hold for each sentence.
 
 use super::point::{Point, known, local_size};
 use crate::device::occupancy::multiprocessor;
@@ -20,14 +20,14 @@ pub struct Row {
     pub place: String,
     /// The values that the paper published on the claim, or a note that the paper published no values.
     pub published: String,
-    /// The sentence as the authors of raycl interpret it.
+    /// The meaning of the sentence, as the authors of raycl interpret it.
     pub reading: String,
     /// A contradiction within the paper, or between the paper and arithmetic.
     #[serde(default)]
     pub contradiction: String,
     /// The names of the configs that measure the claim's points.
     pub configs: Vec<String>,
-    /// The tests, all of which must hold.
+    /// The tests of the claim. The claim holds only if all of its tests hold.
     pub test: Vec<Test>,
 }
 

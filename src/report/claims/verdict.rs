@@ -1,4 +1,5 @@
-//! Defines the verdict on a claim of the paper, and the comparisons that lead to the verdict.
+//! Defines the verdict on a claim of the student paper that raycl reproduces, and the comparisons that lead
+//! to the verdict.
 
 /// The verdict on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +46,7 @@ impl Verdict {
 
     /// Returns the verdict of a claim from the verdicts of its comparisons (`parts`). The claim holds if all
     /// comparisons hold. The claim does not hold if one comparison does not hold. The claim cannot be tested
-    /// if no comparison can be tested. In all other cases, the claim is unclear.
+    /// if no comparison can be tested. If none of these conditions is met, the claim is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {
@@ -103,7 +104,7 @@ impl Line {
 mod tests {
     use super::Verdict;
 
-    /// The expected CSS classes are the classes in templates/page.css.
+    /// The CSS classes that this test expects are the classes in templates/page.css.
     #[test]
     fn each_verdict_has_its_own_words_class_and_sign() {
         let all = [Verdict::Held, Verdict::NotHeld, Verdict::Unclear, Verdict::Cannot];

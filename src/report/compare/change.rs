@@ -84,8 +84,9 @@ fn against_anchor(pair: Both<'_>) -> Option<Interval> {
     Some(change.over_up_to(unshared_delay(pair.0, pair.1)))
 }
 
-/// Returns the half of the points whose changes are closest to the median change. `beside` must not be empty.
-/// If a change of code made a minority of points slower, these points are in the half that is left out.
+/// Returns the half of the points in `beside` whose changes are closest to the median change. `beside` must
+/// not be empty. If a change of code made a minority of points slower, these points are in the half that is
+/// left out.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
@@ -195,7 +196,7 @@ mod tests {
         };
         let [naive, wide, bvh] = ["naive", "wide", "bvh"].map(|name| ("gpu", name, 1.0));
         let slow = ("gpu", "naive", 1.5);
-        // With only two points, raycl cannot know which of the two points changed.
+        // With only two points, raycl cannot know which of the two points became slower or faster.
         assert_eq!(changes(&[naive, wide], &[slow, wide]), [None, None]);
         let in_common = |factor| Some((factor, Against::PointsInCommon));
         let of_three = changes(&[naive, wide, bvh], &[slow, wide, bvh]);
@@ -209,7 +210,8 @@ mod tests {
         assert_eq!(both[1..], [against(2.0), against(0.5)]);
     }
 
-    /// The runs have a control point in common, whose time changed by the factor 10.
+    /// In this test, the two runs have a control point in common, whose time changed by the factor 10 from
+    /// run to run.
     #[test]
     fn plain_times_are_not_relative_to_a_control_point() {
         let run = |control: f64, naive: f64| {

@@ -1,5 +1,6 @@
-//! Notes on a comparison: how the devices and the processors of the two folders differ, what changes are relative to,
-//! which points have the verdict "cannot tell", and which points `--fail-on-regression` does not test.
+//! Notes on a comparison: how the devices and the processors of the two folders differ, relative to which
+//! measurements the changes were computed, which points have the verdict "cannot tell", and which points
+//! `--fail-on-regression` does not test.
 
 use super::Comparison;
 use super::pair::{Against, Pair};
@@ -161,8 +162,8 @@ impl Comparison {
     }
 
     /// Returns a note on the points whose changes are relative to points that changed by similar factors, if
-    /// the comparison has such points. The note names these points, unless all points with a known change are
-    /// of this kind.
+    /// the comparison has such points. The note names these points, unless the changes of all points with a
+    /// known change are relative to such points.
     fn without_baseline(&self) -> Option<String> {
         let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
         let names: Vec<String> =

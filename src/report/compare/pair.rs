@@ -38,8 +38,8 @@ pub enum Against {
     /// The times are relative to no other measurement. The two times are compared directly, although they are
     /// from different runs or sessions.
     BareTimes,
-    /// The times are relative to no other measurement. Both times were measured in the same rounds of one
-    /// run, so they can be compared directly.
+    /// The times are relative to no other measurement. Both times of the point were measured in the same
+    /// rounds of one run, so they can be compared directly.
     SameRounds,
 }
 

@@ -61,9 +61,9 @@ impl<'a> Correspondence<'a> {
         before.device != after.device && self.device_names.get(&before.device) == Some(&after.device)
     }
 
-    /// Returns a record of the second folder, with the name that the first folder gives to the record's
-    /// device. The name stays unchanged unless exactly one device of the first folder corresponds to the
-    /// device.
+    /// Returns a copy of `record`, a record of the second folder, in which the device has the name that the
+    /// first folder gives to it. The copy has the unchanged name unless exactly one device of the first
+    /// folder corresponds to the record's device.
     pub fn with_device_of_first(&self, record: &Record) -> Record {
         let of_device = |(_, second): &(&String, &String)| **second == record.device;
         let mut known = self.device_names.iter().filter(of_device).map(|(first, _)| first);

@@ -89,13 +89,13 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     let regressions = in_common.regressions(25.0);
     assert!(regressions[0].starts_with("wide at its 2 points is 50.0% slower"), "{regressions:?}");
     assert_eq!(regressions.len(), 3, "{regressions:?}");
-    // Without a baseline, nothing shows whether all points became slower. The mean of the points of `wide`
-    // must not be compared with the same points.
+    // Without a baseline, nothing shows whether all points became slower. The change of the mean over the
+    // points of `wide` must not be computed relative to these same points.
     let note = in_common.left_out_of_means().unwrap();
     assert!(note.contains("their points: all points together (without 6 of 6 points). A point"), "{note}");
 }
 
-/// In the first run, one of two groups of points has no anchor.
+/// In this test, one of the two groups of points in the first run has no anchor.
 #[test]
 fn a_group_without_an_anchor_does_not_hide_the_others() {
     let run = |label: &str, slower: f64, launches: u32| {
@@ -316,8 +316,8 @@ fn devices_whose_states_differ_are_named_with_what_differs() {
     assert_eq!([note(&two, &two), note(&two, &plain)], [None, None]);
 }
 
-/// On the second machine, two devices have the same name, so the device has a longer name. The second config
-/// gives another name to a strategy, and the program of `wide` has changed.
+/// In this test, the second machine has two devices of the same name, so the compared device has a longer
+/// name there. The second config gives another name to a strategy, and the program of `wide` has changed.
 #[test]
 fn records_of_one_key_correspond_whatever_their_names_are() {
     let before = ["naive", "wide", "bvh"].map(|name| timed("cpu", name, 10.0));
@@ -349,7 +349,8 @@ fn points_that_the_second_folder_lacks_are_noted() {
     let note = of(&all, &few).lost_points().unwrap();
     let first = "`--fail-on-regression` does not test these points: teapot 800 x 500, bvh 8x8; teapot";
     assert!(note.starts_with(first) && note.ends_with("in all, and few has no records of them."), "{note}");
-    // In the first folder, the point that the second folder lacks has no time, so it does not count as lost.
+    // The second folder lacks a point that has no time in the first folder either, so this point does not
+    // count as lost.
     assert_eq!(of(&few, &all).lost_points(), None);
     let many = of(&all, &folder("none", vec![infeasible("a", "naive", 8, "no")])).lost_points().unwrap();
     assert!(
@@ -366,8 +367,8 @@ fn kernels_about_which_nothing_can_be_told_are_noted_with_the_reason() {
     let is_said = |notes: &[String]| notes.iter().any(|note| note.starts_with(expected));
     assert!(is_said(&notes), "{notes:?}");
     assert!(!is_said(&Comparison::of(&two, &two, 0.02, true).notes));
-    // The verdict on the baseline is "cannot tell", because there is no other baseline. The note on this
-    // verdict is only about kernels.
+    // The verdict on the baseline is "cannot tell", because there is no other baseline. The note on the
+    // verdict "cannot tell" is only about kernels.
     let with_host =
         |label: &str| folder(label, vec![timed("a", "naive", 10.0), timed("host", "serial", 10.0)]);
     let notes = of(&with_host("old"), &with_host("new")).notes;
@@ -489,7 +490,7 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
 }
 
 /// The drift that is subtracted from the logarithms of a point's times is computed from all samples of the
-/// same rounds. This drift affects the point's ratio to the anchor.
+/// same rounds. A point's drift affects the point's ratio to the anchor.
 #[test]
 fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
     let run = |label: &str, unsteady: f64| {
@@ -542,8 +543,9 @@ fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
         let slow_machine = of(&usual, &run("new", 2.0, 1.0));
         assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{device}");
         assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
-        // Relative to their anchors, the points of the second group take 1.2 times as long as before, and the points of
-        // the first group take as long as before. So the geometric mean of all changes is the square root of 1.2.
+        // Relative to their anchors, the points of the second group take 1.2 times as long as before, and the
+        // points of the first group take as long as before. The geometric mean of all changes is therefore
+        // the square root of 1.2.
         let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
         assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
         let regressions = slow_kernels.regressions(5.0);
@@ -641,7 +643,7 @@ fn another_anchor_tells_nothing() {
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
 
-/// From launch to launch, the anchor's time varies far more than the points' times.
+/// In this test, the anchor's time varies far more from launch to launch than the points' times.
 #[test]
 fn intervals_of_times_are_those_of_all_other_views() {
     let run = |label: &str| {
@@ -778,8 +780,8 @@ fn points_are_named_with_their_device_if_one_of_the_folders_has_several() {
     }
 }
 
-/// A point may fail, or be absent, on one of several devices, on each device, or on a device that has no
-/// other point.
+/// The test covers points that fail or are absent on one of several devices, on each device, or on a device
+/// that has no other point.
 #[test]
 fn points_that_are_not_compared_are_named_with_their_device_too() {
     let fails = |device: &str| infeasible(device, "naive", 8, "no");

@@ -277,7 +277,8 @@ mod tests {
     fn marks_stand_above_their_names_and_longer_times_are_further_up() {
         let chart = chart("naive");
         let [one, other] = positions(&chart.svg())[..] else { panic!("two marks") };
-        // The x axis is 640 pixels long and begins at pixel 66. Each of the two names has half of the axis.
+        // The x axis is 640 pixels long and begins at pixel 66. Each of the two names takes half of the x
+        // axis.
         assert_eq!([one[0], other[0]], [66.0 + 160.0, 66.0 + 480.0]);
         assert!(one[1] < other[1], "10 ms at {one:?}, 1 ms at {other:?}");
         let frame = chart.frame(WIDE);

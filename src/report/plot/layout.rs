@@ -38,8 +38,8 @@ impl Layout {
     }
 
     /// Splits a title or an axis's label into lines that fit into the chart's width. On a screen, a line must
-    /// end before the end of the x axis, since not every plot has a legend on the right. Even so, one line is
-    /// usually enough.
+    /// end before the end of the x axis, since not every plot has a legend on the right. A single line is
+    /// usually enough for a title nevertheless.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
         let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;

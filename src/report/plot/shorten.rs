@@ -127,7 +127,7 @@ mod tests {
         assert!(short[1] == short[3] && short[1] != short[2], "{short:?}");
     }
 
-    /// The third name is too long to keep its keys (`axis=`).
+    /// In this test, the third name is too long to keep the keys (`axis=`) of its words.
     #[test]
     fn words_keep_their_keys_where_there_is_room() {
         let names = [

@@ -13,8 +13,8 @@ use crate::report::view;
 use crate::report::words::{Looks, at_size};
 use crate::strategy::PRESETS;
 
-/// The presets that run the paper's kernel. The presets differ in the memories that hold the kernel's working
-/// vectors and triangles.
+/// The presets that run the kernel of the student paper that raycl reproduces. The presets differ in the
+/// memories that hold the kernel's working vectors and triangles.
 const MEMORY: [&str; 7] = [
     "naive",
     "naive-scratch",
@@ -29,7 +29,8 @@ const RAY_BYTES: f64 = 24.0;
 /// If a point's median is below this fraction of the median of a point with a better rank, the medians seem
 /// to contradict the ranking. Smaller differences count as ties.
 const CLEARLY_SMALLER: f64 = 0.99;
-/// The sentence that follows the local sizes if medians seem to contradict the ranking of points.
+/// The sentence that the page shows after the best local sizes if medians seem to contradict the ranking of
+/// points.
 const NOT_BY_MEDIANS: &str = "The fastest point is found by ratios of samples taken close together, not by medians, so a slower point can have a smaller median";
 
 /// The four lines of the answer, and plots of the times from which the answer follows.
@@ -188,8 +189,8 @@ fn homes(name: &str) -> String {
     format!("vectors {vectors}, triangles {}", axis("triangles"))
 }
 
-/// Returns the best local sizes of all scenes. If medians on the page seem to contradict these sizes, a
-/// sentence says why.
+/// Returns the best local sizes of all scenes. If medians on the page seem to contradict the best local
+/// sizes, a sentence says why.
 fn all_sizes(contests: &[Contest<'_>]) -> String {
     let sizes = each(contests, size);
     let seems_wrong = |contest: &Contest<'_>| {
@@ -267,9 +268,9 @@ fn reason(best: &Record, naive: &Record) -> String {
     )
 }
 
-/// Returns a text that says that no reason can be given, because in each of these scenes naive is the fastest
-/// or ties with the fastest. If naive ties, the text also states the smallest difference that the samples can
-/// show. `all` is the number of scenes in the answer.
+/// Returns a text that says that no reason can be given, because in each scene of `contests`, the preset
+/// `naive` is the fastest or ties with the fastest. If naive ties, the text also states the smallest
+/// difference that the samples can show. `all` is the number of scenes in the answer.
 fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
     let is_alone = |contest: &&Contest<'_>| names(&contest.ranking.winners).len() == 1;
     let (alone, ties): (Vec<&Contest<'_>>, Vec<&Contest<'_>>) = contests.iter().copied().partition(is_alone);
@@ -374,7 +375,8 @@ mod tests {
 
     #[test]
     fn a_reason_is_given_only_for_a_scene_in_which_naive_does_not_tie() {
-        // In one launch, `naive` is faster than `private`; in the other launch, `naive` is slower.
+        // In one of the two launches, the preset `naive` is faster than the preset `private`; in the other
+        // launch, `naive` is slower.
         let mut tie = [measured("gpu", "naive", 8, 2.0), measured("gpu", "private", 8, 1.995)];
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
         let answer = of(&tie);
@@ -443,8 +445,9 @@ mod tests {
         }
     }
 
-    /// In most launches, `naive` takes less time than `private`, so the median of `naive` is smaller. In the
-    /// last launch, `naive` takes so much longer that `private` is the best.
+    /// In most launches of this test, the preset `naive` takes less time than the preset `private`, so the
+    /// median of `naive` is smaller. In the last launch, `naive` takes so much longer that `private` is the
+    /// best.
     #[test]
     fn medians_that_seem_to_contradict_the_best_size_are_explained() {
         let in_launches = |name: &str, ms: [f64; 3]| {

@@ -1,4 +1,5 @@
-//! Plots the paper's curves over block sizes (Figures 6 to 8) together with raycl's measurements.
+//! Plots the curves over block sizes from Figures 6 to 8 of the student paper that raycl reproduces, together
+//! with raycl's measurements.
 
 use super::with_most;
 use crate::numbers::{by, duration};

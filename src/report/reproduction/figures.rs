@@ -1,5 +1,5 @@
-//! Describes the paper's figures, each with raycl's version of the figure and the known differences between
-//! the two versions.
+//! Describes the figures of the student paper that raycl reproduces, each with raycl's version of the figure
+//! and the known differences between the two versions.
 
 use super::curves::curves_of;
 use super::predicted::predicted;

@@ -1,6 +1,6 @@
-//! Collects the data for the page of `raycl reproduce`: the answer to the paper's question, the paper's
-//! figures with raycl's measurements, the paper's claims with verdicts, and the contradictions within the
-//! paper.
+//! Collects the data for the page of `raycl reproduce`, which repeats the experiments of a student paper: the
+//! answer to the paper's question, the paper's figures with raycl's measurements, the paper's claims with
+//! verdicts, and the contradictions within the paper.
 
 mod answer;
 mod curves;
@@ -281,8 +281,8 @@ mod tests {
     fn all_parts_of_the_page_are_of_the_papers_image_size_if_it_was_measured() {
         let small = [("naive", 4, 0.2), ("naive", 8, 0.3), ("private", 8, 0.1)];
         let small = small.map(|(name, side, ms)| at([200, 125], name, side, ms));
-        // One point was measured only with the smaller images. With the larger images, the point may have
-        // exceeded a time limit.
+        // In this test, one point was measured only with the smaller images, for example because it exceeded
+        // a time limit with the larger images.
         let large = [("naive", 4, 2.0), ("private", 8, 1.0)];
         let large = large.map(|(name, side, ms)| at(PAPER_SIZE, name, side, ms));
         for records in [[&small[..], &large].concat(), [&large[..], &small].concat()] {

@@ -1,5 +1,5 @@
-//! Plots the paper's Figure 5: the predicted number of threads on a multiprocessor for each block
-//! size.
+//! Plots Figure 5 of the student paper that raycl reproduces: the predicted number of threads on a
+//! multiprocessor for each block size.
 
 use crate::device::occupancy::{
     Multiprocessor, PAPER_CAPABILITY, PAPER_REGISTERS, multiprocessor, occupancy,

@@ -98,9 +98,10 @@ impl Graphics {
     }
 }
 
-/// Returns the commands of kitty's protocol that show `picture` in place of the last picture: both have the
-/// number 1. The commands contain the picture's red, green and blue bytes, compressed by deflate and encoded
-/// in base64. The commands leave the cursor where it is, and ask the terminal for no answer.
+/// Returns the commands of kitty's protocol that show `picture` in place of the last picture. The new picture
+/// replaces the last one because both have the number 1. The commands contain the picture's red, green and
+/// blue bytes, compressed by deflate and encoded in base64. The commands leave the cursor where it is, and
+/// ask the terminal for no answer.
 fn kitty(picture: &RgbImage) -> std::io::Result<String> {
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::fast());
     deflated.write_all(picture)?;
@@ -109,7 +110,7 @@ fn kitty(picture: &RgbImage) -> std::io::Result<String> {
     let mut text = String::with_capacity(encoded.len() + encoded.len() / 64);
     let mut left = encoded.as_str();
     while !left.is_empty() {
-        // Base64 is ASCII, so every byte begins a character.
+        // Base64 is ASCII, so each byte is a character, and the text can be split after any byte.
         let (chunk, rest) = left.split_at(left.len().min(CHUNK_BYTES));
         // Writing to a String cannot fail.
         let _ = write!(text, "\x1b_G{keys}q=2,m={};{chunk}\x1b\\", u8::from(!rest.is_empty()));
@@ -207,8 +208,9 @@ mod tests {
             .pixels()
             .zip(shown.pixels.chunks_exact(4))
             .flat_map(|(pixel, rgba)| [0, 1, 2].map(|channel| pixel[channel].abs_diff(rgba[channel])));
-        // Sixels have colours in per cent, and the error of a pixel's colour is distributed over the neighbouring
-        // pixels. So the shown colours may differ a little from the picture's colours.
+        // Sixels have colours in per cent, and the error of a pixel's colour is distributed over the
+        // neighbouring pixels. The colours that the terminal shows may therefore differ a little from the
+        // picture's colours.
         assert!(off.clone().all(|off| off <= 24), "{:?}", off.max());
     }
 

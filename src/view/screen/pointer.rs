@@ -2,8 +2,9 @@
 //! library that opens windows, says only which buttons are down and where the pointer is whenever it is asked, so a drag
 //! that begins and ends between two frames would be lost.
 //!
-//! On an X server, only one program receives the presses of buttons in a window. An invisible window of raycl's own
-//! therefore lies over the one that minifb opens, and receives the events in its place.
+//! On an X server, only one program receives the presses of buttons in a window. Therefore raycl lays an
+//! invisible window of its own over the window that minifb opens; the invisible window receives the events
+//! instead of minifb's window.
 
 use super::x_server::MOST_PIXELS;
 use x11rb::connection::Connection as _;
@@ -27,7 +28,7 @@ pub struct Moves {
     pub wheel: f64,
 }
 
-/// The invisible window.
+/// The invisible window over minifb's window, which receives the events of the pointer.
 pub struct Pointer {
     connection: RustConnection,
     /// The pointer's position at the last event.
@@ -35,14 +36,15 @@ pub struct Pointer {
 }
 
 impl Pointer {
-    /// Lays the invisible window over a window of the display that the environment names. Returns `None` if the server
-    /// does not answer, or does not let this program do so.
+    /// Lays the invisible window over a window of the display that the environment names. Returns `None` if
+    /// the server does not answer, or refuses the invisible window.
     pub fn over(window: u32) -> Option<Self> {
         let (connection, _) = RustConnection::connect(None).ok()?;
         let cover = connection.generate_id().ok()?;
         let events = EventMask::BUTTON_PRESS | EventMask::BUTTON_RELEASE | EventMask::BUTTON_MOTION;
         let values = CreateWindowAux::new().event_mask(events);
-        // The part outside the window has no effect, so the cover need not follow the window's size.
+        // The invisible window has the largest possible size. Its part outside the visible window has no
+        // effect, so it need not follow the visible window's size.
         let (side, class) = (MOST_PIXELS as u16, WindowClass::INPUT_ONLY);
         connection
             .create_window(0, cover, window, 0, 0, side, side, 0, class, 0, &values)
@@ -76,7 +78,8 @@ impl Pointer {
 }
 
 impl Moves {
-    /// Adds the way of the pointer from its last position `at` to `to`. `down` has the buttons that were down.
+    /// Adds the pointer's movement from its last position `at` to the position `to`. `down` contains the
+    /// buttons that were down during the movement.
     fn follow(&mut self, at: &mut [i16; 2], to: [i16; 2], down: KeyButMask) {
         let from = std::mem::replace(at, to);
         let is_down = |button: KeyButMask| down.contains(button);
@@ -107,7 +110,8 @@ mod tests {
         let [none, left] = [KeyButMask::default(), KeyButMask::BUTTON1];
         let [middle, right] = [KeyButMask::BUTTON2, KeyButMask::BUTTON3];
         let (mut moves, mut at) = (Moves::default(), [3, 4]);
-        // The state of an event has the buttons that were down before the event.
+        // The state that an X server sends with an event contains the buttons that were down before the
+        // event.
         for (to, down) in [
             ([10, 20], none),
             ([13, 18], left),

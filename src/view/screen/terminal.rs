@@ -21,7 +21,7 @@ const USUAL_CELL_PIXELS: [u32; 2] = [8, 16];
 /// Longest wait for the rest of the terminal's answer, after the part that says which graphics it can show. The
 /// terminal sends both parts at once.
 const REST_OF_ANSWER: Duration = Duration::from_millis(20);
-/// The codes that select the usual colours and clear the screen.
+/// The escape codes that select the terminal's default colours and clear the screen.
 const CLEAR: &str = "\x1b[0m\x1b[2J";
 
 /// The terminal at standard output, or a file that will be shown on a terminal.
@@ -92,8 +92,9 @@ impl Terminal {
         room(self.graphics, self.cells, self.cell_pixels)
     }
 
-    /// Returns the part of the picture, from its upper left corner, for which the terminal has room. This is the whole
-    /// picture, unless the terminal has become smaller since the picture was cast.
+    /// Returns the part of the picture, from its upper left corner, for which the terminal has room. The
+    /// terminal has room for the whole picture, unless the terminal has become smaller since the picture was
+    /// cast.
     fn visible(&self) -> [u32; 2] {
         let room = self.room();
         [0, 1].map(|axis| self.size[axis].min(room[axis]))
@@ -108,8 +109,8 @@ impl Terminal {
         // The terminal's size may have changed while the scene was loaded.
         let (cells, cell_pixels) = sizes();
         self.resized(cells, cell_pixels);
-        // `is_entered` is set before the following steps: even if one of these steps fails, all of them are
-        // undone when the terminal is dropped.
+        // `is_entered` is set before the steps that follow, so that all of these steps are undone when the
+        // terminal is dropped, even if one of them fails.
         self.is_entered = true;
         tell_panics(restore);
         terminal::enable_raw_mode().map_err(failed)?;
@@ -192,8 +193,8 @@ impl Screen for Terminal {
     }
 
     fn write_over(&mut self, lines: &[String]) -> Result<bool> {
-        // Half blocks are characters, so the next picture replaces the text. The next picture in pixels may
-        // leave the text on the screen.
+        // The next picture in half blocks, which are characters, replaces the text. The next picture in
+        // pixels may leave the text on the screen.
         if !self.is_interactive || self.graphics != Graphics::Blocks {
             return Ok(false);
         }
@@ -256,8 +257,8 @@ fn restore(_reason: &str) {
 fn asked() -> Result<Graphics> {
     terminal::enable_raw_mode().map_err(failed)?;
     let graphics = Graphics::of_terminal();
-    // The rest of the terminal's answer is read before raw mode ends. After the end of raw mode, the terminal
-    // would show an unread rest as text.
+    // The rest of the terminal's answer is read before raw mode ends, since the terminal would show an unread
+    // rest as text after the end of raw mode.
     while event::poll(REST_OF_ANSWER).is_ok_and(|is_there| is_there) {
         let _ = event::read();
     }
@@ -384,8 +385,8 @@ mod tests {
         };
         assert_eq!((pointed([59, 9]), pointed([59, 10])), (Some([594, 189]), None));
         assert_eq!(terminal.input().expect("no input").room, Some([600, 200]));
-        // A terminal that has become larger has room for a larger picture, but shows the last picture until a
-        // larger picture is cast.
+        // A terminal that has become larger has room for a larger picture, but shows the last (smaller)
+        // picture until a larger picture is cast.
         terminal.pointer = Some([594, 189]);
         terminal.resized([100, 40], Some([20, 40]));
         assert_eq!(
@@ -409,7 +410,7 @@ mod tests {
     #[test]
     fn drags_are_counted_in_heights_of_the_picture() {
         let mut terminal = terminal(Graphics::Kitty);
-        // The last line is left for text.
+        // The terminal's last line is left for text, so a picture has 23 of the 24 lines.
         assert_eq!(terminal.room(), [800, 460]);
         let mut input = Input::default();
         let mut mouse = |kind, at| {

@@ -15,7 +15,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 const REMEDY: &str = "--terminal shows the scene in this terminal instead; `raycl render` writes a picture to a \
     file; if you have logged in to this machine with ssh, `ssh -X` shows the window on your own screen";
 
-/// The number of bits that a display's pixels must have: minifb opens no window on other displays.
+/// The number of bits that a display's pixels must have: minifb (the library that opens windows) opens no
+/// window on other displays.
 #[cfg(unix)]
 const PIXEL_BITS: u8 = 32;
 
@@ -31,9 +32,10 @@ pub struct Window {
     keys: Receiver<Key>,
     /// The pixels that are shown. The bytes of each pixel, from the highest, are 0, red, green and blue.
     pixels: Vec<u32>,
-    /// The position of the pointer when the drag was last read; `None` if no button was down at that time.
+    /// The position of the pointer when `drag` was last called; `None` if no button was down at that time.
     dragged: Option<[f64; 2]>,
-    /// The events of the pointer; `None` if only its position can be asked for, as on other systems than X11.
+    /// The events of the pointer; `None` without an X server: raycl can then only ask for the pointer's
+    /// position.
     #[cfg(unix)]
     events: Option<Pointer>,
     /// True if the call that showed the last picture has also read the user's input.
@@ -59,7 +61,8 @@ impl Window {
         drop(display);
         let (sender, keys) = channel();
         window.set_input_callback(Box::new(Typed::new(sender)));
-        // minifb asks the server for the pointer's position, so the server knows the window afterwards.
+        // `update` asks the X server for the pointer's position. When the server has answered, it has also
+        // carried out the earlier request to create the window.
         window.update();
         Ok(Self {
             #[cfg(unix)]
@@ -92,21 +95,23 @@ impl Window {
         moved(std::mem::replace(&mut self.dragged, at), at, self.size)
     }
 
-    /// Returns the movements of the pointer that are known from events: the drags that orbit and pan, in heights of the
-    /// picture, and the steps of the wheel. minifb does not know of the buttons in these events.
+    /// Returns the movements of the pointer that are known from events: the drags that orbit and pan, in
+    /// heights of the picture, and the steps of the wheel. minifb does not receive these events.
     #[cfg(unix)]
     fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
         let Moves { orbit, pan, wheel } = self.events.as_mut().map(Pointer::moves).unwrap_or_default();
         ([orbit, pan].map(|by| in_heights(by, self.size)), wheel)
     }
 
-    /// Returns zeros: without X11, minifb knows all movements.
+    /// Returns zeros: on systems other than Unix there is no X server, and `drag` returns all movements that
+    /// minifb reports.
     #[cfg(not(unix))]
     fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
         ([[0.0; 2]; 2], 0.0)
     }
 
-    /// Shows the pixels. Also reads the user's input, and sends the window's title to the display.
+    /// Shows the pixels. The call of minifb that shows the pixels also reads the user's input, and sends the
+    /// window's title to the display.
     fn present(&mut self) -> Result<()> {
         let [width, height] = self.size.map(|side| side as usize);
         self.looked = true;
@@ -186,7 +191,7 @@ fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 
     in_heights(by, size)
 }
 
-/// Returns a movement in pixels in heights of the picture.
+/// Converts a movement from pixels to the unit of the picture's height.
 fn in_heights(by: [f64; 2], size: [u32; 2]) -> [f64; 2] {
     by.map(|pixels| pixels / f64::from(size[1]))
 }

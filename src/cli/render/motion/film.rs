@@ -1,4 +1,5 @@
-//! The scene of each frame, and the key by which a frame's file is recognised.
+//! The scene of each frame of a moving picture, and the key by which raycl recognises the file of a frame
+//! that it has rendered already.
 
 use super::super::Args;
 use crate::error::{Error, Result};
@@ -13,7 +14,8 @@ use std::sync::Arc;
 pub enum Film {
     /// The eye moves once around the scene.
     Turntable { scene: Arc<Scene>, orbit: Orbit, count: u32 },
-    /// Values of the scene change from frame to frame, as its file describes.
+    /// Values of the scene change from frame to frame, as the table `[animation]` of the scene's file
+    /// describes.
     Animation { animation: Box<Animation>, last: Arc<Scene> },
 }
 
@@ -50,7 +52,8 @@ impl Film {
         }
     }
 
-    /// Returns an error if the animation's values in one of these frames do not make a valid scene.
+    /// Returns an error if the animation's values in one of the frames from `first` to `last` do not make a
+    /// valid scene.
     pub fn check(&self, first: u32, last: u32) -> Result<()> {
         match self {
             Self::Turntable { .. } => Ok(()),
@@ -93,8 +96,9 @@ pub struct Keys {
     texels: LastHash<[[f32; 3]]>,
 }
 
-/// A large part of a scene, such as its mesh, and the part's hash. The stored part is that of the frame whose key was
-/// made last. So the hash is computed only once for consecutive frames that share the part.
+/// A large part of a scene, such as its mesh, with the hash of this part. The stored part belongs to the
+/// frame whose key was made last. For consecutive frames that share the part, the hash is therefore computed
+/// only once.
 struct LastHash<T: ?Sized>(Option<(Arc<T>, String)>);
 
 impl<T: ?Sized> LastHash<T> {
@@ -230,7 +234,8 @@ mod tests {
         assert_eq!(keys_of_film.key(&scene, 1), keys[0]);
     }
 
-    /// Returns a scene under a sky. The sky's picture has these texels, and its middle lies in the direction `ahead`.
+    /// Returns a scene under a sky. The sky's picture consists of `texels`, and the picture's middle lies in
+    /// the direction `ahead`.
     fn under_sky(texels: &Arc<[[f32; 3]]>, ahead: Vec3) -> Scene {
         let picture = SkyPicture { size: [2, 1], texels: Arc::clone(texels), ahead, is_seen: true };
         let [zenith, horizon, up] = [Vec3::ZERO, Vec3::ZERO, Vec3::Y];

@@ -106,10 +106,11 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the numbers of the frames that are still to be rendered. `key` returns the key of a frame,
-    /// which identifies its picture. `key` is called only for frames whose file has a valid key: raycl made
-    /// the file as a frame, and nobody changed it. Without `--force`, a file with another key or without a
-    /// valid one is an error; with `--force`, its frame is rendered again.
+    /// Returns the numbers of the frames that are still to be rendered. The function `key` returns the key of
+    /// a frame, a hash that identifies the frame's picture. `key` is called only for frames whose file has a
+    /// valid key: raycl made the file as a frame, and nobody changed it. Without `--force`, a file with
+    /// another key, or without a valid key, is an error; with `--force`, the frame of this file is rendered
+    /// again.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {
@@ -123,8 +124,9 @@ impl Numbered {
                 Some(_) if !self.force => return Err(other(&file, number)),
                 _ => self.target(number).check()?,
             }
-            // The check above permits the replacement of every file that raycl made. However, a still picture is
-            // replaced only with `--force`, since it may have taken an hour to cast.
+            // `Target::check` above permits the replacement of every file that raycl made. However, raycl
+            // replaces a still picture by a frame only with `--force`, since the still picture may have taken
+            // an hour to cast.
             if exists && !self.force {
                 return Err(still(&file));
             }
@@ -133,7 +135,7 @@ impl Numbered {
         Ok(missing)
     }
 
-    /// Writes a frame with its key.
+    /// Writes the picture file of a frame, with the frame's key in it.
     pub fn save(&self, number: u32, key: &str, image: &Radiance, display: Display) -> Result<()> {
         save_frame(image, display, key, &self.target(number))
     }
@@ -233,7 +235,7 @@ mod tests {
         assert_eq!(missing("frames", true), Ok(vec![1, 3]));
         let may_replace = [("frames", true), ("frames", false), ("still", true)];
         assert_eq!(may_replace.map(|(folder, force)| of(folder, force).may_replace()), [true, false, false]);
-        // A still picture of raycl has the name of a frame.
+        // In this test, a still picture that raycl has saved has the name of a frame's file.
         save(&image, display, &of("still", false).target(2)).unwrap();
         let error = missing("still", false).unwrap_err();
         assert!(error.contains("a-0002.png' exists and is not a frame"), "{error}");

@@ -1,4 +1,5 @@
-//! Where frames go: numbered pictures, one animated picture, or a stream for an encoder.
+//! Writes the frames of a moving picture to their output: numbered pictures, one animated picture, or a
+//! stream for an encoder.
 
 use super::super::{Args, refuse_scene_file, target};
 use super::frames::{Frames, Numbered};
@@ -12,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::thread::Builder;
 
-/// The help in the error message about a file name that moving pictures cannot have.
+/// The help of the error about a file name to which moving pictures cannot be written.
 const NAMES: &str =
     "`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture, `-o -` a y4m stream";
 
@@ -145,7 +146,8 @@ fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
 /// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 12 bytes.
 const MOST_PIXELS: u64 = 1 << 26;
 
-/// If this value is dropped because its thread panics, it tells the other threads to stop.
+/// A guard that each writing thread owns: if the guard is dropped because its thread panics, the guard tells
+/// the other threads to stop.
 struct StopsOthers<'a>(&'a AtomicBool);
 
 impl Drop for StopsOthers<'_> {
@@ -156,9 +158,9 @@ impl Drop for StopsOthers<'_> {
     }
 }
 
-/// Calls `work` for every item that is received, until one call fails. Returns one of the errors. The calls are made on
-/// this thread and on the threads that `others` start. If the system refuses one of these threads, fewer calls are made
-/// at the same time.
+/// Calls `work` for every received item, until a call fails. If calls failed, returns the error of one of
+/// them. The calls are made on this thread and on the threads that `others` start. If the system refuses to
+/// start one of these threads, fewer calls run at the same time.
 fn each_of<T: Send>(
     received: Receiver<T>,
     others: impl Iterator<Item = Builder>,
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn frames_are_written_even_if_the_system_refuses_further_threads() {
-        // No address space can hold a stack of this size, so the threads cannot start.
+        // No address space can hold such a large stack, so the threads cannot start.
         let refused = (0..3).map(|_| Builder::new().stack_size(1 << (usize::BITS - 1)));
         let (sender, receiver) = sync_channel(10);
         (0..10_usize).for_each(|number| sender.send(number).unwrap());

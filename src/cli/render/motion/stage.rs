@@ -50,9 +50,10 @@ impl Stage<'_> {
         Ok((image, times.frame_ms))
     }
 
-    /// Uploads this scene's lights and sky, and returns the program and buffers of the previous frame. Returns `None`
-    /// before the first frame. If the program or the buffers do not suit the scene, returns `None` and frees everything
-    /// except the program, so that there is room for new buffers.
+    /// Uploads the lights and the sky of `scene`, and returns the previous frame's program and buffers, which
+    /// `scene` uses again. Returns `None` before the first frame. If the program or the buffers do not suit
+    /// the scene, returns `None` and frees everything except the program, so that there is room for new
+    /// buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
         if prepared.show(scene, &caster).map_err(Refused::at("the next frame"))? {
@@ -62,7 +63,8 @@ impl Stage<'_> {
         Ok(None)
     }
 
-    /// Uploads a scene with its tree. A program is compiled only if the last program does not suit the scene.
+    /// Uploads a scene with its tree. A program is compiled only if the previous frame's program does not
+    /// suit the scene.
     fn prepare(&mut self, scene: &Arc<Scene>) -> Result<Ready, Refused> {
         let session = Session::new(self.queue.clone(), &self.device.info, self.sources, Arc::clone(scene));
         let session = session.with_sampling(self.sampling).with_program(self.program.take());
