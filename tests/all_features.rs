@@ -75,7 +75,12 @@ fn folder() -> WorkFolder {
     let folder = WorkFolder::with(&[("room.obj", ROOM), ("room.mtl", MTL), ("scene.toml", SCENE)]);
     let leaf = RgbaImage::from_fn(8, 8, |x, y| {
         let [dx, dy] = [x, y].map(|at| at as f32 - 3.5);
-        Rgba([250 - 10 * x as u8, 220, 150 + 10 * y as u8, (255.0 * (1.9 - dx.hypot(dy) / 2.5).clamp(0.0, 1.0)) as u8])
+        Rgba([
+            250 - 10 * x as u8,
+            220,
+            150 + 10 * y as u8,
+            (255.0 * (1.9 - dx.hypot(dy) / 2.5).clamp(0.0, 1.0)) as u8,
+        ])
     });
     leaf.save(folder.path("leaf.png")).expect("a picture");
     let glow = RgbImage::from_fn(16, 16, |x, y| match (x / 4 + y / 4) % 2 {
@@ -123,7 +128,9 @@ fn every_family_casts_all_features_together_like_the_reference() {
 #[test]
 fn every_family_casts_several_samples_of_all_features_like_the_reference() {
     let folder = folder();
-    for strategy in ["deferred", "wide-common-origin", "bvh", "bvh-packet,passes=separate", "tile", "tile-group"] {
+    for strategy in
+        ["deferred", "wide-common-origin", "bvh", "bvh-packet,passes=separate", "tile", "tile-group"]
+    {
         folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
     }
 }

@@ -134,7 +134,8 @@ fn every_family_with_textures_multiplies_emitted_light_by_a_texture() {
 #[test]
 fn a_bare_mesh_glows_in_soft_light_and_a_note_says_that_it_lights_nothing() {
     // A sample without `make test-long` tries the first and the fifth.
-    let all = [(TEXTURED, "tile"), (TEXTURED, "bvh"), (TEXTURED, "tile-group"), (LAMP, "tile"), (LAMP, "bvh")];
+    let all =
+        [(TEXTURED, "tile"), (TEXTURED, "bvh"), (TEXTURED, "tile-group"), (LAMP, "tile"), (LAMP, "bvh")];
     for (mtl, strategy) in due(all.into_iter().chain([(LAMP, "tile-group")])) {
         let folder = room(mtl);
         let usual = ["render", "room.obj", "--width", "72", "--height", "45", "--force", "-o", "a.png"];

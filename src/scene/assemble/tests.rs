@@ -388,12 +388,13 @@ fn the_shadow_bias_exceeds_the_rounding_of_coordinates_unless_the_scene_moves_to
     };
     let usual = 1e-4 * 5.0_f32;
     let far = |coordinate: f32| 8.0 * f32::EPSILON * coordinate;
+    // The scene's own origin is the centre of the triangle, rounded.
     for (surface, eye, expected) in [
         (0.0, 0.0, usual),
         (-30.0, -30.0, usual),
         (-50_000.0, -50_000.0, usual),
         (0.0, 100_000.0, far(100_000.0)),
-        (-50_000.0, 100_000.0, far(149_998.0)),
+        (-50_000.0, 100_000.0, far(149_999.0)),
     ] {
         assert_eq!(bias(surface, eye), expected, "{surface}, {eye}");
     }
