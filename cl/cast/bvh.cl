@@ -1,5 +1,5 @@
-// Each work-item traverses the tree with one ray, or with a packet of WIDTH rays that walk the tree together. This file
-// is included twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
+// Each work-item traverses the tree with one ray, or with a packet of WIDTH rays that walk the tree together. A program
+// includes this file twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. The rays run in
@@ -30,7 +30,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // The triangles of a leaf are contiguous in leaf order.
+            // In leaf order, the triangles of a leaf follow each other without gaps.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int index = first; index < end; index++) {
 #if RECORDS_ONCE

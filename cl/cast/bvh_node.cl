@@ -19,7 +19,7 @@ BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
     return probe;
 }
 
-// An entry of the stack: a child of a node, which is still to be visited.
+// An entry of the traversal's stack: a child of a node, which the rays have still to visit.
 typedef struct {
     uint word;   // the child's word in the node: see common/tree.cl
     float entry; // the smallest t at which a ray enters the child's box
@@ -38,8 +38,8 @@ int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
 }
 
 #if WIDTH == 1
-// One ray is tested against up to 16 children at the same time, one lane per child. One load of a vector reads one side
-// (for example the side with the least x) of the boxes of all these children.
+// One ray is tested against up to 16 children at the same time, one lane per child. One load of a vector reads the same
+// side (for example the side with the least x) of the boxes of up to 16 children.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2
@@ -111,7 +111,7 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes those children of a node onto the stack whose boxes at least one ray enters before the ray's `reach`. The
+// Pushes those children of a node onto the stack whose boxes at least one ray enters before t = `reach` of the ray. The
 // nearest child is on top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;

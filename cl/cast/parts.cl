@@ -1,5 +1,5 @@
-// This file includes the parts of kernels that cast rays: common files, and a file for the strategy's value on each of
-// several axes. Macros assign the kernels' arguments to structures. In an include, the name of an axis in {braces} is
+// This file includes the parts of kernels that cast rays: common files, and one file for each of several axes of the
+// strategy. Macros assign the kernels' arguments to structures. In an include, the name of an axis in {braces} is
 // replaced by the strategy's value. The host leaves out an include under `#if NAME` if it defines NAME as 0.
 
 #ifndef CULL_BACK
@@ -184,7 +184,7 @@ varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
     working_set(working, RAY_DIRECTION, ray.direction);
-    // Later, all lanes read WEIGHTS and RADIANCE, even lanes that hit nothing, so both vectors need a first value.
+    // Later, all lanes read the vectors WEIGHTS and RADIANCE, even lanes that hit nothing, so both need a first value.
     working_set(working, WEIGHTS, vec3(zero, zero, zero));
     working_set(working, RADIANCE, vec3(zero, zero, zero));
     return ray.t_min;
@@ -196,8 +196,8 @@ varying begin_rays(Working *working, Ray ray) {
 #include "common/half_light.cl"
 #endif
 
-// Stores one number per pixel for the next pass: the number of the pixel's nearest triangle, or NO_HIT. Even with a
-// tree, the stored number is the triangle's number in the mesh, not its index in leaf order.
+// Stores one number per pixel for the pass that shades: the number of the pixel's nearest triangle, or NO_HIT. Even
+// with a tree, the stored number is the triangle's number in the mesh, not its index in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

@@ -9,9 +9,9 @@
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. If vectors are
-// implemented as separate scalars, as on a GPU, most tests end at a check. On a GPU, the checks make casting 43%
-// faster, or 28% faster if the planes are linear in the pixel. If a vector is a register, as on a CPU, a check costs
+// ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. If a vector of rays
+// consists of separate scalars, as on a GPU, most tests end at a check. On a GPU, the checks make casting 43% faster,
+// or 28% faster if the planes are linear in the pixel. If a vector of rays is a register, as on a CPU, a check costs
 // more than the dot product of an edge. On a CPU, the checks make casting 10% slower.
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
@@ -68,7 +68,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 
-    // For the few hits: 1 / t is linear in the direction, and the weights are the edge functions divided by their sum.
+    // For hits only: 1 / t is linear in the direction, and the weights are the edge functions divided by their sum.
     const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
     const varying per_sum = 1.0f / (w0 + w1 + w2);
     hit->t = 1.0f / per_t;

@@ -16,7 +16,7 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     // away from its light, so the sign is positive.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
-    // Only rays from the eye belong to pixels, so only the eye's planes become functions of the pixel.
+    // Only rays from the eye belong to pixels, so only the planes through the eye become functions of the pixel.
     if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
 #endif
     STORE_ROW(row, prepared + 3 * ((size_t)origin * triangle_count + triangle))

@@ -55,8 +55,8 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 #define BIND_TILE(scene) scene.tile = tile_store;
 #define TILE_STEP(scene) TILE_TRIANGLES
 
-// Copies a tile to __local memory: the rows of TILE_TRIANGLES triangles from `first` on, or of fewer at the mesh's end.
-// All work-items of the work-group must call this function, for the same tile.
+// Copies a tile of triangles to __local memory: the rows of TILE_TRIANGLES triangles from `first` on, or of fewer at
+// the mesh's end. All work-items of the work-group must call stage_tile, for the same tile.
 void stage_tile(const Scene *scene, int origin, int first) {
     barrier(CLK_LOCAL_MEM_FENCE); // all have finished the previous tile
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);

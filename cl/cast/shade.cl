@@ -49,7 +49,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
-        // If a light is behind the surface, or nearer to the hit than the bias, it contributes nothing and needs no
+        // A light that is behind the surface, or nearer to the hit than the bias, contributes nothing and needs no
         // shadow ray. If tiles of triangles are streamed through __local memory, the work-item continues anyway, since
         // all work-items must reach the barriers in any_hit.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
@@ -67,7 +67,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
         // from the hit. The number of the light's origin is 1 + light, since the eye is origin 0.
         const varying length = distance - scene->bias;
 #if PLANES_OF_ORIGIN
-        // The ray is cast from the light, and ends a small distance before the hit.
+        // The shadow ray is cast from the light, and ends a small distance before the hit.
         const varying end = distance * (1.0f - gap_before_hit(scene->bias / distance, 1.0f / cosine));
 #else
         const varying end = length;
@@ -82,7 +82,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
             lit &= !any_hit(working, scene, 1 + light, end, lit);
 #endif
         // TO_EYE is set inside the loop, although its value is always the same. If TO_EYE is set before the loop, one
-        // compiler moves this line behind the barriers in any_hit, where it reads another work-item's register.
+        // compiler moves the store behind the barriers in any_hit, where it reads another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = share / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

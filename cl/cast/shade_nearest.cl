@@ -2,7 +2,7 @@
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
-    // The earlier kernel stored only the triangle's number. Therefore, the ray is computed again here, and
+    // The earlier kernel stored only the triangle's number. Therefore, shade_nearest computes the ray again, and
     // after_closest_hit computes the hit from the ray and the triangle.
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;

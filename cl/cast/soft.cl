@@ -6,8 +6,8 @@
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
-        // The vectors are read again for every triangle, as in any_hit: the strategies differ in the memory of these
-        // vectors, and the reads are part of what is measured.
+        // The working vectors are read again for every triangle, as in any_hit: strategies differ in the memory of
+        // these vectors, and the measured times include the reads.
         const Vec3 direction = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), direction);
         open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, direction,

@@ -1,4 +1,4 @@
-// The address space of each part of the triangles' data, and a macro that copies (stages) a part into __local memory.
+// The address spaces of the triangles' corners, normals and materials, and a macro that copies them to __local memory.
 
 #if STAGE_VERTICES
 #define VERTEX_SPACE __local
@@ -19,7 +19,7 @@
 #define LOCAL_INDEX ((int)(get_local_id(1) * LOCAL_X + get_local_id(0)))
 
 // Copies `rows` rows of `row` elements each. In the source, rows begin `stride` elements apart; in the target, the rows
-// are contiguous. All work-items of the work-group must execute this macro, since they share the work.
+// are contiguous. All work-items of the work-group must execute this macro, since they share the copying.
 #define STAGE(target, source, rows, row, stride)                                    \
     for (int at = LOCAL_INDEX; at < (rows) * (row); at += LOCAL_X * LOCAL_Y)          \
         (target)[at] = (source)[at / (row) * (stride) + at % (row)];

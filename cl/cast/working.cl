@@ -1,4 +1,4 @@
-// The numbers of a ray's nine working vectors (the paper's "arrays"). A vector has 12 bytes per ray.
+// The numbers of a ray's nine working vectors, each of 12 bytes (in the student paper that raycl reproduces: arrays).
 
 #ifndef WORKING_VECTORS
 #error "WORKING_VECTORS: number of working vectors of a ray"

@@ -1,13 +1,13 @@
 // The working vectors are an array [9][work-items][3] of varyings in the address space WORKING_SPACE. The array is
-// volatile, so that compilers load a stored vector again. If compilers kept it in registers, measurements would not
-// include the accesses to this memory.
+// volatile, so that compilers load a stored vector again. If compilers kept vectors in registers, measured times would
+// not include the accesses to this memory.
 
 // With n work-items:   vector 0                          vector 1
 //                      | item 0: x y z | ... | item n-1 | item 0: x y z | ...
 //                        ^ first                          ^ first + stride, for item 0
 typedef struct {
     volatile WORKING_SPACE varying *first; // points to x of this work-item's vector 0
-    size_t stride; // number of varyings from one vector to the next; with many work-items, it does not fit into an int
+    size_t stride; // varyings from one vector to the next; with many work-items, too many for an int
 } Working;
 
 Vec3 working_get(const Working *working, int which) {

@@ -8,8 +8,8 @@
 
 typedef struct {
     varying_int x, y;
-    // The lanes whose pixel is in the image and gets a sample. (A work-item's pixels form a block, which may extend
-    // beyond the image's right or lower border.)
+    // `inside` is set in the lanes whose pixel is in the image and gets a sample. (A work-item's pixels form a block,
+    // which may extend beyond the image's right or lower border.)
     Mask inside;
 #ifdef SUBPIXELS
     // The position at which the ray passes through its pixel, across and down: 0.5 at the centre. The pixel filter is
@@ -28,10 +28,10 @@ typedef struct {
 #define RAY_Y(pixels) (TO_FLOAT((pixels).y) + 0.5f)
 #endif
 
-// Returns the pixels of this work-item's lanes. The pixels form a block. With WIDTH 4 and BLOCK_X 2:
+// Returns the pixels of this work-item's lanes. The pixels form a block. An example with four lanes in two columns:
 //     lane  0 1  at  (x, y)      (x + 1, y)
 //           2 3      (x, y + 1)  (x + 1, y + 1)
-// Rays of a block stay close to each other, so that they mostly meet the same triangles and boxes.
+// The rays through a block of pixels stay close to each other, so they mostly meet the same triangles and boxes.
 Pixels own_pixels(int2 image_size) {
     Pixels pixels;
     pixels.x = (int)get_global_id(0) * BLOCK_X + LANE_X;

@@ -1,11 +1,11 @@
-// Interpolates the colours of triangles' corners. This file's counterpart in f64 is src/reference/texture.rs.
+// Interpolates the colours of triangles' corners. src/reference/texture.rs interpolates them in f64.
 
 #ifndef COLOUR_STEPS
 #error "COLOUR_STEPS: steps of a channel of 10 bits"
 #endif
 
-// A triangle has three words, the colours of its corners. A word has three channels, each of 10 bits. A channel is the
-// square root of linear light, times COLOUR_STEPS, so that dark colours have finer steps than bright ones:
+// A triangle has three words, the colours of its corners. A word has three channels, each of 10 bits. A channel stores
+// the square root of linear light, times COLOUR_STEPS, so that dark colours have finer steps than bright ones:
 //
 //     31 30  | 29 .. 20 | 19 .. 10 | 9 .... 0
 //     unused | red      | green    | blue
@@ -16,8 +16,8 @@ Uniform3 corner_colour(uint word) {
     return uniform3(red * red, green * green, blue * blue);
 }
 
-// Returns `surface`, with its k_L multiplied by the colour of each lane's triangle at the point with the weights w1 and
-// w2. Lanes whose triangle is NO_HIT keep their k_L.
+// Returns `surface`, with its diffuse reflectance multiplied by the colour of each lane's triangle at the point with
+// the weights w1 and w2. Lanes whose triangle is NO_HIT keep their diffuse reflectance.
 Surface coloured(Surface surface, const __global uint *colours, varying_int triangle, varying w1, varying w2) {
     IntLanes id;
     Lanes second, third, red, green, blue;

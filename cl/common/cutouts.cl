@@ -1,5 +1,5 @@
 // Cut-outs are triangles with a mask: a texture whose alpha channel defines where the surface is and where it has
-// holes. Rays pass through the holes. This file's counterpart in f64 is src/reference/cutouts.rs.
+// holes. Rays pass through the holes. src/reference/cutouts.rs finds the holes in the same way, but in f64.
 
 #ifndef LEAST_ALPHA_UNIT
 #error "LEAST_ALPHA_UNIT: units of a mask's least alpha per step of an 8-bit channel"
@@ -11,12 +11,12 @@
 //     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v  | wrap u
 //
-// One step of an 8-bit channel equals LEAST_ALPHA_UNIT units of the least alpha, so that 65535 means an alpha of 1.
+// One step of a texel's 8-bit alpha equals LEAST_ALPHA_UNIT units of the least alpha, so a least alpha of 1 is 65535.
 //
-// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. For whole regions, this mean
-// would be above (or below) the least alpha, and the foliage of distant plants would grow (or vanish).
+// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. In whole regions of a mip
+// level, the mean alpha would be above (or below) the least alpha, so distant foliage would grow (or vanish).
 
-// Returns 1 if a point of a triangle is on its surface, and 0 if the point is in a hole. w1 and w2 are the point's
+// Returns 1 if a triangle is solid at one of its points, and 0 if it has a hole there. w1 and w2 are the point's
 // barycentric weights of the second and third corner.
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
@@ -50,8 +50,8 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
     return solid.all;
 }
 
-// Returns the lanes of `hits` whose ray meets the triangle's surface, not a hole. The rays start at `from`. The
-// function computes the weights of the hits, for callers that do not have these weights.
+// Returns the lanes of `hits` whose ray meets the triangle's surface, not a hole. The rays start at `from`. For callers
+// that lack the hits' barycentric weights, the function computes them.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 direction, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));

@@ -1,17 +1,17 @@
-// A sky that is an environment map: an equirectangular picture of the light from all directions. This file's
-// counterpart in f64 is src/reference/environment.rs.
+// A sky that is an environment map: an equirectangular picture of the light from all directions.
+// src/reference/environment.rs computes the same in f64.
 
 // The array `numbers` (a field of Soft, see soft.cl) begins with the sky. Six floats replace the radiance at the zenith
 // and at the horizon, which other skies have: the index of the picture's first texel in `numbers`, the picture's width
-// and height in texels, and the direction in which the middle of the picture is seen. The texels come after the lights'
-// radii:
+// and height in texels, and the direction in which the middle of the picture is seen. The picture's texels come after
+// the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
 // A texel's column is proportional to the angle around the zenith, and its row to the angle from the zenith. Row 0 is
 // at the zenith.
 
-// Returns, for each lane, the radiance of the texel in the lane's column and row of the picture.
+// Returns, for each lane, the radiance of the texel in the lane's column and row of the sky's picture.
 Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     const __global float *texels = soft->numbers + (int)soft->numbers[0];
     const int width = (int)soft->numbers[1];
@@ -31,8 +31,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
     const varying ahead = dot3(direction, splat(middle)), right = dot3(direction, splat(uniform_cross(middle, up)));
-    // The angle around the zenith, as a part of a full turn, and the angle from the zenith, as a part of a half turn.
-    // Both angles are computed by atan2pi, since an arc cosine would lose digits near the zenith.
+    // `around` is the angle around the zenith, as a part of a full turn; `below` is the angle from the zenith, as a
+    // part of a half turn. Both are computed by atan2pi, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(direction, splat(up)));
     // Centres of texels lie at half-integers. The picture shows all directions around the zenith, so its right edge
@@ -43,7 +43,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const varying_int x0 = TO_INT(left), y0 = TO_INT(top);
     const varying_int first = SELECT(x0 < 0, (varying_int)(width - 1), min(x0, width - 1));
     const varying_int second = SELECT(first + 1 < width, first + 1, (varying_int)(0));
-    // The picture ends at the zenith and at the nadir, so rows do not wrap.
+    // The sky's picture ends at the zenith and at the nadir, so rows do not wrap around as columns do.
     const varying_int upper = clamp(y0, 0, height - 1), lower = clamp(y0 + 1, 0, height - 1);
     const Vec3 a = texel_of_sky(soft, first, upper), b = texel_of_sky(soft, second, upper);
     const Vec3 c = texel_of_sky(soft, first, lower), d = texel_of_sky(soft, second, lower);
@@ -54,8 +54,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
 
 // `vector` is given in coordinates whose third axis is the scene's direction (0.36, 0.48, 0.8). Returns `vector` in the
 // scene's coordinates, after the shortest rotation that turns this axis to the normal. If the normal is opposite to the
-// axis, the shortest rotation is undefined. Few surfaces have such a normal, because the axis is parallel to no usual
-// direction.
+// axis, the shortest rotation is undefined. Few surfaces have a normal opposite to this axis, which is oblique to all
+// three coordinate axes.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
@@ -65,11 +65,11 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
     return along(along(own, -part, both), 2.0f * vector.z, normal);
 }
 
-// Returns an estimate of the radiance that a surface's highlight reflects from the picture of the sky to the eye.
-// Surfaces that block the sky are ignored. One half vector h is chosen, with a probability proportional to (n . h)^s,
-// where n is the normal and s the shininess. Let w_o be the direction to the eye, and w_i the direction w_o mirrored at
-// h. The estimate is the product of k_G (surface->glossy), the radiance from the direction w_i, the cosines w_o . h and
-// w_i . n, and (s + 8) / (s + 1).
+// Returns an estimate of the radiance that a surface's highlight reflects from the picture of the sky to the eye. The
+// estimate ignores surfaces that block the sky. One half vector h is chosen, with a probability proportional to
+// (n . h)^s, where n is the normal and s the shininess. Let w_o be the direction to the eye, and w_i the direction w_o
+// mirrored at h. The estimate is the product of k_G (surface->glossy), the radiance from the direction w_i, the cosines
+// w_o . h and w_i . n, and (s + 8) / (s + 1).
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);

@@ -1,5 +1,5 @@
 // This file is included before ray-triangle tests that need exact signs of the numbers that they compute. The pragma
-// forbids the compiler to contract any later expression to fma.
+// forbids the compiler to contract products and sums in later code to fma, which rounds only once.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

@@ -1,10 +1,10 @@
-// Soft light at half resolution. One half picture has the light that arrives, with few samples per pixel and therefore
-// with noise. A second half picture has the unoccluded light, which would arrive if nothing blocked it. The kernel
-// filter_half_light divides the first half picture by the second, and filters the ratio. The kernel apply_half_light
-// then multiplies the unoccluded light of the picture of full size, which has no noise, by the filtered ratio (Heitz,
-// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). All three pictures
-// contain the light that surfaces emit. Where there is only emitted light, the ratio is 1, so emitted light stays as it
-// is. This file's counterpart in f64 is src/reference/half_light.rs.
+// Soft light at half resolution. A half picture has half the width and height. One half picture has the light that
+// arrives, with few samples per pixel and so with noise. A second half picture has the unoccluded light, which would
+// arrive if nothing blocked it. The kernel filter_half_light divides the first half picture by the second, and filters
+// the ratio. The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no
+// noise, by the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D
+// 2018). All three pictures contain the light that surfaces emit. Where a surface only emits light, the ratio is 1, so
+// multiplying by it changes no emitted light. src/reference/half_light.rs computes the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -15,7 +15,7 @@
 #error "HALF_LIGHT_SHARPNESS: how fast the weight of a pixel for another falls as their unoccluded light differs"
 #endif
 
-// In both kernels of this file, a work-item processes WIDTH pixels of a row.
+// In the kernels filter_half_light and apply_half_light, a work-item processes WIDTH neighbouring pixels of a row.
 
 // Returns the weight of a pixel in the filtered value of another pixel, from the unoccluded light of both pixels (a and
 // b). The weight is large if a and b are nearly equal, and 0 if they differ much. Pixels on different surfaces, or on
@@ -35,9 +35,9 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
 // part of the unoccluded light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
-// (soft.cl). Along each axis, the filter covers five pixels with four different samples. The filter's weights give each
-// sample the same share, so that no noise is left where all pixels are alike (Keller and Heidrich, "Interleaved
-// Sampling", EGWR 2001):
+// (soft.cl). Across and down, the filter covers five pixels with four different samples. The filter's weights give each
+// of the four samples the same total weight, so that no noise is left where all pixels are alike (Keller and Heidrich,
+// "Interleaved Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     sample    2   3   0   1   2
@@ -60,8 +60,8 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // If a channel has no unoccluded light, its ratio cannot be computed. The channel then gets the ratio of the sums
-    // over all three channels. If no channel has unoccluded light, all ratios are 1.
+    // A colour channel without unoccluded light has no ratio of its own: it gets the ratio of the sums over all three
+    // channels. If no channel has unoccluded light, the ratios of all channels are 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));
@@ -75,7 +75,7 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
         // Each pixel of the half picture covers exactly two columns of the whole picture. Neighbouring pixels of the
-        // half picture are therefore loaded together, and a shuffle distributes them to the lanes.
+        // half picture are therefore loaded together, and a shuffle distributes these pixels to the lanes.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;
@@ -89,9 +89,9 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
     return gather_pixels(image + (size_t)clamp(y, 0, half_size.y - 1) * half_size.x, columns);
 }
 
-// Multiplies the unoccluded light of the whole picture (`image`) by the ratio. The ratio is interpolated between the
-// four nearest pixels of the half picture. A pixel of the half picture has a large weight if it is near, and if its
-// unoccluded light is similar to that of the whole picture's pixel.
+// Multiplies the unoccluded light of the whole picture (`image`) by the filtered ratio of the half pictures. This ratio
+// is interpolated between the four nearest pixels of the half picture. A pixel of the half picture has a large weight
+// if it is near, and if its unoccluded light is similar to that of the whole picture's pixel.
 __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= image_size.x || y >= image_size.y) return;
@@ -117,7 +117,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
         sum = along(sum, weight, ratio.colour);
         weights += weight;
     }
-    // Only light from surfaces is multiplied by the ratio. The background's share of a pixel stays as it is.
+    // Only light from surfaces is multiplied by the ratio; the light that a pixel has from the background is not.
     const Vec3 behind = scale(splat(uniform3(background.x, background.y, background.z)), 1.0f - pixels.hit);
     const Vec3 lit = multiply(subtract(own, behind), scale(sum, 1.0f / weights));
     store_pixels(image, image_size, x, y, add(behind, lit), pixels.hit);

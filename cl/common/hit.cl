@@ -3,7 +3,7 @@
 #ifndef NO_HIT
 #error "NO_HIT: the number that is stored in place of a triangle's number if a ray hits nothing"
 #endif
-#define FAR MAXFLOAT // not infinity, since fast math may assume that no value is infinite
+#define FAR MAXFLOAT // FAR is not infinity, since fast math may assume that no value is infinite
 
 // The rounding error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
@@ -11,8 +11,8 @@
 // three vectors' sizes. There are nine roundings: one for each of the two edges (a subtraction), three for a component
 // of a cross product, three for a dot product, and one for the direction. Each rounding adds half a unit in the last
 // place (ROUNDING is one unit), and the sum, 4.5 units, is rounded up to five. A triangle whose determinant is smaller
-// than this error counts as seen edge-on, and is not hit. With a larger bound, rays would miss long, thin triangles
-// that are seen at a grazing angle, like a road from a driver's seat.
+// than this error counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING, rays would miss long, thin
+// triangles that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
 // Tests that use one plane for the edge that two triangles share let these triangles overlap a little, so that no ray
 // slips through at a vertex. SHARED_EDGE_SLACK is the largest overlap, relative to the product of a triangle's distance
@@ -41,6 +41,6 @@ typedef struct {
 
 // The nearest hit that a traversal has found so far.
 typedef struct {
-    varying t;            // distance of the hit, as in Hit
+    varying t;            // the distance of the nearest hit, as in Hit
     varying_int triangle; // the triangle's number in the mesh, or NO_HIT
 } Nearest;

@@ -5,7 +5,7 @@
 #error "GROUP_LANES: work-items of a group"
 #endif
 
-// The implementations of the operations across lanes; src/device/lanes.rs finds out which of them work on a device.
+// Four implementations of the operations across lanes; src/device/lanes.rs finds out which ones work on a device.
 #define LANES_BY_BARRIERS 0     // __local memory and barriers; one group per work-group
 #define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
 #define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
@@ -31,7 +31,7 @@ typedef struct {
     int turn;            // which of the two words the next operation uses: 0 or 1
 #endif
 #if SAMPLED
-    const __global uint *wanted;     // for each block of pixels: the number of samples that each of its pixels gets
+    const __global uint *wanted;     // for each block of pixels: the number of samples of each pixel of the block
     uint earlier;                    // number of samples of each pixel that are already in the image
     int bits;                        // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
     int samples;                     // rays that the frame casts for each pixel; the other sub-pixels stay empty
@@ -191,7 +191,7 @@ INLINED int lane_rank(Group *group, uint key, uint among) {
 }
 #endif
 
-// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. The compiler then
+// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. The compiler therefore
 // computes numbers that depend on the result again at each use, and does not keep these numbers in registers between
 // the uses.
 INLINED int forgotten(int value) {

@@ -3,7 +3,7 @@
 // Without inlining, some compilers copy a PixelRow, which consists of several vectors, at every call.
 #define INLINED_ROWS static __attribute__((always_inline))
 
-// WIDTH pixels of an image: one vector per channel. `hit` is the fourth channel.
+// WIDTH pixels of an image, one vector per channel. `hit`, the fourth channel, is the part of a pixel's rays that hit.
 typedef struct {
     Vec3 colour;
     varying hit;

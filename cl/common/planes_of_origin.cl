@@ -1,7 +1,7 @@
-// Edge planes of triangles for rays from one origin.
+// Computes the planes through the edges of triangles and the common origin of rays (the eye, or a light).
 
 // Returns the normal of the plane through the origin and an edge. The edge's ends p and q are relative to the origin;
-// `edge` is p - q. Swapping p and q changes the signs of all components, and nothing else.
+// `edge` is p - q. Swapping p and q changes the signs of the normal's components, and nothing else.
 Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
@@ -17,7 +17,7 @@ float per_overlap(float slack, float size, float longer) {
 }
 
 // Returns the row (the planes) of a triangle that no ray hits. Every ray is outside one of the first two edges, unless
-// the x of its direction is 0 or nearly 0. A ray whose x is nearly 0 misses because its 1 / t is 0.
+// the x of its direction is 0 or nearly 0. A ray whose direction's x is nearly 0 misses because its 1 / t is 0.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);

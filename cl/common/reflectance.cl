@@ -1,6 +1,6 @@
 // The reflectance (BRDF) of a surface: the ratio of the radiance that it reflects to the eye to the irradiance that it
-// receives from a light. The formulas are from Hughes et al., Computer Graphics, 3rd ed., chapter 15. This file's
-// counterpart in f64 is in src/reference/.
+// receives from a light. The formulas are from Hughes et al., Computer Graphics, 3rd ed., chapter 15. src/reference/
+// has the same formulas in f64.
 
 // Returns `base` to the power of `exponent`; neither may be negative. The function computes x^y as 2^(y log2 x). A base
 // of zero is a special case, because the logarithm of zero is infinite: 0^0 is 1, other powers of 0 are 0. The built-in
@@ -12,7 +12,7 @@ varying power_of(varying base, varying exponent) {
 
 // Returns f(w_i, w_o, n): without a highlight k_L / pi, with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
 // w_i is the direction to the light, and w_o the direction to the eye. w_h is the unit vector halfway between w_i and
-// w_o, and n is the normal. rows.cl explains k_L, k_G and s. Lanes that are not in `lit` get no highlight.
+// w_o, and n is the normal. k_L, k_G and s are explained in rows.cl. Lanes that are not in `lit` get no highlight.
 Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
     Vec3 sum = surface->lambertian;
     // A highlight costs a division, a logarithm and an exponential, which are skipped if no lane of `lit` has a

@@ -1,13 +1,13 @@
 // The types of a triangle's data: its corners, the row that a ray-triangle test reads, and the surface that shading
-// reads. Every layout returns the data in these types.
+// reads. The functions of every layout of triangles return these types.
 
 typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
 // A row consists of the floats that a ray-triangle test reads of one triangle. The floats of a row are computed from
-// the triangle's corners, or are planes prepared for a common origin. The header of the test's file states the number
-// of floats (RECORD_FLOATS). In memory, a row consists of ROW_UNITS values of type ROW_UNIT.
+// the triangle's corners, or are planes prepared for rays with a common origin. The header of the test's file states
+// the number of floats (RECORD_FLOATS). In memory, a row consists of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: number of floats in a row, as record_floats in the header of the test's file says"
 #endif

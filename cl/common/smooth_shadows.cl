@@ -9,7 +9,7 @@
 //            v1 ------ P ------- v2          above a corner's plane, where the mesh is concave, this corner does not
 //                                            move P.
 //
-// This file's counterpart in f64 is smooth_point in src/reference/shade.rs.
+// In f64, the function smooth_point in src/reference/shade.rs computes the same point.
 
 // Moves `point`, a hit on a triangle, onto the smooth surface. `corner` and `normal` are the triangle's three corners
 // and their normals, which may have any length. `weight` has the hit's weights of the corners.

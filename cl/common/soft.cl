@@ -36,8 +36,8 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
-// If soft light is cast at half resolution (half_light.cl), some pictures contain the unoccluded light. For these
-// pictures, the host sets sample.y to 0. In unoccluded pictures, lights are points, and the sky has its mean radiance.
+// If soft light is cast at half resolution (half_light.cl), some pictures contain the light that arrives if nothing
+// blocks it. In pictures of unoccluded light, sample.y is 0, lights are points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -95,16 +95,16 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
 // Returns three numbers between 0 and 1 for the current sample of the pixel (x, y). `source` is the index of a light;
-// larger indices than that of the last light belong to the sky. The first two numbers are the coordinates of a point.
-// The points of a pixel's samples are evenly distributed over the unit square.
+// larger indices than that of the last light belong to the sky. The first two numbers are the coordinates of a point in
+// the unit square, over which the points of a pixel's samples are evenly distributed.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the Z-order curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-#if HALF_LIGHT // with HALF_LIGHT, only half pictures use these numbers, since all other frames are unoccluded
+#if HALF_LIGHT // only the half picture with shadows uses these numbers, since all other frames are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
-    // Each source has its own order of samples, so that the samples of two sources are not correlated.
+    // Each source (a light or the sky) has its own order of samples, so that two sources' samples are not correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
     const varying_uint second = reversed_bits(hashed_bits(reversed, seed_of(source, 1)));
     return vec3(unit_of(reversed_bits(hashed_bits(first, seed_of(source, 2)))),
@@ -113,8 +113,8 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
 }
 
 // Returns the radius of a light (1 for an area light), or 0 if the light is treated as a point: in pictures with a
-// single sample per pixel, and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round may
-// have a single sample per pixel even if the picture has several.
+// single sample per pixel, and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round of
+// samples may have only one per pixel even if the picture has several.
 float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
@@ -137,8 +137,8 @@ Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_i
 #if SKY
 // Returns a random unit vector on the normal's side of a surface. The vector's probability density is proportional to
 // the cosine of the angle between the vector and the normal. The vector points to a uniformly distributed point of the
-// unit sphere that touches the surface. This method needs no axes perpendicular to the normal. (Such axes cannot be
-// chosen so that they change continuously with the normal everywhere.)
+// unit sphere that touches the surface. This method needs no axes perpendicular to the normal. (No choice of such axes
+// changes continuously with the normal everywhere.)
 Vec3 direction_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
@@ -191,7 +191,7 @@ Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, va
     const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(*direction, r), sign);
     const varying t = flip_sign(dot3(*e2, r), sign);
     Mask stopped = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
-    // A triangle seen edge-on stops nothing.
+    // A triangle that is seen edge-on stops no ray.
     stopped &= (size > EDGE_ON_ROUNDING * size1 * size2) & (t > 0.0f) & (t / size < t_max);
 #if CULL_BACK
     stopped &= a > 0.0f;

@@ -11,7 +11,7 @@
 #error "MIPS: 0 or 1: whether textures have mip levels"
 #endif
 
-// src/launch/textures.rs writes the buffer as follows, in words:
+// src/launch/textures.rs writes the buffer of all textures as follows, in words:
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
@@ -25,10 +25,10 @@
 //                       alpha    | blue     | green   | red
 //
 // "Wrap u" and "wrap v" define how the texture continues beyond its edges along u and v. common/cutouts.cl explains the
-// least alpha. A texture's mip levels follow its texels, each half as wide and high as the one before.
+// least alpha. A texture's mip levels follow its texels. Each level is half as wide and high as the level before.
 #define CHANNEL_VALUES 256
 
-// The number of float4 in a triangle's row, the data of the triangle's textures. Without mip levels, a row has two:
+// The number of float4 in a triangle's row of texture data. Without mip levels, a row has two float4:
 //
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
@@ -40,7 +40,7 @@
 typedef struct {
     const __global float4 *rows;
     const __global uint *words;
-    float4 cone; // its dot product with the vector from the eye to a point is the width of a pixel's cone at the point
+    float4 cone; // cone . (point - eye) is the width of the cone around a pixel's ray, at this point
 } Textures;
 
 // Returns a texture coordinate after wrapping it to the range from 0 to 1.
@@ -54,8 +54,8 @@ float coordinate_in_texture(float coordinate, uint wrap) {
     return coordinate - floor(coordinate);
 }
 
-// Returns the index of a texel along an axis. With WRAP_REPEAT, an index beyond an edge continues at the opposite edge;
-// with other wrap modes, it becomes the index of the last texel before the edge.
+// Returns the column (or row) of a texel, moved into the texture. With WRAP_REPEAT, a column beyond an edge continues
+// at the opposite edge; with other wrap modes, a column beyond it becomes the last column before the edge.
 int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
     // Whatever the texture coordinates are, no texel outside the texture may be read.
@@ -79,7 +79,7 @@ typedef struct {
     int width, height;
 } Level;
 
-// Returns level 0, which is the texture itself.
+// Returns a texture's mip level 0, which is the texture itself.
 Level whole_texture(const __global uint *head) {
     Level level;
     level.first = head[0], level.width = (int)head[1], level.height = (int)head[2];
@@ -92,8 +92,8 @@ typedef struct {
     float ka, kb, kd, ke;
 } Texels;
 
-// Returns the texels of a level around a point of a triangle; w1 and w2 are the point's weights. `ab` and `c` are the
-// triangle's row (its texture coordinates); `wrap` is the last word of the texture's head (its description).
+// Returns the texels of a mip level around a point of a triangle; w1 and w2 are the point's weights. `ab` and `c` are
+// the triangle's row (its texture coordinates); `wrap` is the last word of the texture's head (its description).
 Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2) {
     const int width = level.width, height = level.height;
     const uint across = wrap & 255, down = wrap >> 8 & 15;
@@ -106,7 +106,7 @@ Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2
     const uint row0 = level.first + (uint)(texel_in_texture((int)top, height, down) * width);
     const uint row1 = level.first + (uint)(texel_in_texture((int)top + 1, height, down) * width);
     const float to_right = x - left, to_bottom = y - top;
-    // Each texel's share is the area of the rectangle between the point and the opposite texel.
+    // A texel's share of the colour is the area of the rectangle between the point and the opposite texel.
     Texels texels;
     texels.a = row0 + x0, texels.b = row0 + x1, texels.d = row1 + x0, texels.e = row1 + x1;
     texels.ka = (1.0f - to_right) * (1.0f - to_bottom), texels.kb = to_right * (1.0f - to_bottom);
@@ -114,7 +114,7 @@ Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2
     return texels;
 }
 
-// Returns the mean of four texels, mixed in linear light.
+// Returns the weighted mean of four texels, mixed in linear light.
 Uniform3 mixed_colour(const __global uint *words, Texels at) {
     const Uniform3 a = texel_colour(words, at.a), b = texel_colour(words, at.b);
     const Uniform3 d = texel_colour(words, at.d), e = texel_colour(words, at.e);
@@ -173,7 +173,7 @@ Uniform3 filtered_colour(const Textures *textures, int number, float4 ab, float4
     for (int i = 0; i < finer; i++) level = next_level(level);
     const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
     const float part = between - (float)finer, rest = 1.0f - part;
-    // For most pixels that show near surfaces, level 0 alone is enough.
+    // For most pixels that show near surfaces, mip level 0 alone is enough.
     if (finer == last || !(part > 0.0f)) return colour;
     const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
     return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);
@@ -232,9 +232,9 @@ Surface with_emission_texture(Surface surface, const Textures *textures, varying
 #define with_emission_texture(surface, textures, triangle, w1, w2, level) surface
 #endif
 
-// Returns `surface`, with its k_L multiplied by the colour of the texture of each lane's triangle. The ray from the eye
-// meets the triangle at distance t, at the point with the weights w1 and w2. Lanes whose triangle is NO_HIT keep their
-// k_L.
+// Returns `surface`, with its diffuse reflectance multiplied by the colour of the texture of each lane's triangle. The
+// ray from the eye meets the triangle at distance t, at the point with the weights w1 and w2. Lanes whose triangle is
+// NO_HIT keep their diffuse reflectance.
 Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 direction, varying t) {
     IntLanes id;
     Lanes second, third, level, red, green, blue;

@@ -1,5 +1,5 @@
-// Code for both kinds of tiles: those that one work-item casts (tile_cpu/), and those that a group of work-items shares
-// (tile_gpu/).
+// Code for both kinds of tiles of pixels: tiles that one work-item casts (tile_cpu/), and tiles that a group of 32
+// work-items shares (tile_gpu/).
 
 #if !defined(TILE_X) || !defined(TILE_Y)
 #error "TILE_X, TILE_Y: pixels of a tile across and down"

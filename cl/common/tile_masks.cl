@@ -1,4 +1,4 @@
-// The masks of cut-outs, for tiles: rays pass through the holes.
+// The masks of cut-outs (triangles with holes), in kernels that cast tiles: rays pass through the holes.
 
 #if CUTOUTS
 #include "common/cutouts.cl"

@@ -1,4 +1,4 @@
-// A tree (src/accel/wide.rs defines its layout), and the tree's triangles in leaf order (src/accel/triangles.rs).
+// A tree of boxes (layout: src/accel/wide.rs), and the tree's triangles in leaf order (src/accel/triangles.rs).
 
 #if !defined(NODE_WIDTH) || !defined(NODE_STRIDE) || !defined(STACK_SIZE)
 #error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: words of a node; STACK_SIZE: entries of the stack that the deepest path down the tree can need"
@@ -38,8 +38,8 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    // The planes: three rows of float4 for the eye, then three rows for each light. A row has a float4 per triangle, in
-    // leaf order.
+    // The triangles' edge planes: three rows of float4 for the eye, then three rows for each light. A row has a float4
+    // per triangle, in leaf order.
     const __global float4 *planes;
     int row; // number of float4 in a row
 #endif

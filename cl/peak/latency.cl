@@ -1,4 +1,4 @@
-// Measures the latency of each kind of memory: a single work-item needs every result before its next step.
+// Measures the latency of each kind of memory: a single work-item needs each result before its next access.
 
 #ifndef ENTRIES
 #error "ENTRIES: number of elements of the arrays in private and __local memory"

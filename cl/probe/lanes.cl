@@ -1,6 +1,6 @@
-// Tests whether one implementation of the lane operations works on a device. Each lane computes results that the host
-// knows; a wrong result means that the implementation does not work. Lane i of group g uses the number (7 i + g) mod
-// 32, which is different in every lane of a group.
+// Tests whether one implementation of the operations across lanes works on a device. Each lane computes results that
+// the host knows; a wrong result means that the implementation does not work. Lane i of group g uses the number (7
+// i + g) mod 32, which is different in every lane of a group.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"
@@ -22,7 +22,7 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     BIND_GROUP(group)
     const uint own = (7u * (uint)forgotten(group.lane) + (uint)group.number) & 31u;
     __global uint *answer = answers + ANSWERS * (GROUP_LANES * group.number + group.lane);
-    // The host knows these eight results (src/device/lanes.rs).
+    // The host knows all eight results in `answer` (src/device/lanes.rs).
     answer[0] = lane_ballot(&group, own % 3u == 0u);
     answer[1] = lane_get(&group, own, 5);
     answer[2] = lane_least(&group, own + 100u);

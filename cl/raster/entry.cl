@@ -4,14 +4,14 @@
 // extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
-// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; if several triangles
-// have it, the first of them. The kernel shade_nearest then shades this triangle.
+// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; of several triangles
+// with the same depth, the first. The kernel shade_nearest then shades this triangle.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
 // As in the watertight test, an edge function is the difference of two products, each rounded separately. Each factor
-// depends only on one corner and the pixel. The function's sign is therefore exactly opposite in the neighbouring
+// depends only on one corner and the pixel. The edge function's sign is therefore exactly opposite in the neighbouring
 // triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles at the edge.
 #pragma OPENCL FP_CONTRACT OFF
 

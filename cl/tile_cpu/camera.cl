@@ -2,8 +2,8 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
-// The column and row of the first pixel of the tile's vector with the number `vector`. `vector` may be one number, or
-// an int16 of numbers.
+// The column and row of the first pixel of one of the tile's ray vectors (of 16 rays). `vector` is the ray vector's
+// number, or an int16 of numbers.
 #define FIRST_COLUMN(vector) \
     (((int)get_global_id(0) * TILE_X + (vector) % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS)
 #define FIRST_ROW(vector) (((int)get_global_id(1) * TILE_Y + (vector) / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS)
@@ -20,8 +20,8 @@ varying_int sample_of_lane(int bits) {
 }
 #endif
 
-// Returns the pixel of each lane of a vector. The vector's 16 rays form a block of 4 x 4. If the frame casts several
-// rays per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
+// Returns the pixel of each lane of a ray vector, whose 16 rays form a block of 4 x 4. If the frame casts several rays
+// per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
     // A pixel's column and row are the column and row of its ray in the grid of all rays, divided by the number of
@@ -74,8 +74,8 @@ void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays,
     *high = base + (max(across, 0.0f) + max(down, 0.0f)) + rounding;
 }
 
-// Computes the intervals of the tile's directions without computing any ray. Returns an upper bound of the absolute
-// values of the directions' components.
+// Computes the intervals of the directions of the tile's rays without computing any ray. Returns an upper bound of the
+// absolute values of the directions' components.
 float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
     const BlockRays rays = block_rays(CAST_ARGUMENTS SUBPIXEL_BITS);
     float16 longest = (float16)(0.0f);
@@ -91,19 +91,19 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
             longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
 #if VECTORS < 16
         for (int axis = 0; axis < 3; axis++) {
-            // Lanes after the tile's last vector get an empty interval, which overlaps no box.
+            // Lanes after the tile's last ray vector get an empty interval, which overlaps no box.
             slices->low[axis][part] = SELECT(vector < VECTORS, slices->low[axis][part], (float16)(FAR));
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
 #endif
-        // A block completely outside the image gets a reach (largest t) below 0, so that it meets no box.
+        // A block of pixels outside the image gets a reach (largest t) below 0, so that its rays meet no box.
         slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
     }
     return most_lane(longest);
 }
 
 #if SAMPLED
-// Returns the vectors whose pixels get another sample, one bit each. All pixels of a vector get equally many samples.
+// Returns the ray vectors whose pixels get another sample, one bit each. A vector's pixels get equally many samples.
 uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
@@ -114,7 +114,7 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
     return cast;
 }
 
-// Gives the vectors that are not in `cast` an empty interval, which overlaps no box, and a reach (largest t) below 0.
+// Gives the ray vectors that are not in `cast` an empty interval, which meets no box, and a reach (largest t) below 0.
 void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
         const int16 is_cast = LANES_OF(cast, part);
@@ -127,7 +127,7 @@ void leave_out_others(Slices *slices, uint cast) {
 }
 #endif
 
-// Computes the rays of the tile's vectors. Returns the vectors with a ray inside the image, one bit each.
+// Computes the rays of the tile's ray vectors. Returns the ray vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
     // A direction is corner + x step_x + y step_y. The direction is computed as the sum of the direction to this
@@ -152,7 +152,7 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
         bundle->x[vector] = first.x + within.x;
         bundle->y[vector] = first.y + within.y;
         bundle->z[vector] = first.z + within.z;
-        // No ray has hit anything yet, so the nearest hit is at infinity. Lanes outside the image are finished from the
+        // No ray has hit anything yet, so its nearest hit is at infinity. Lanes outside the image are finished from the
         // start.
         bundle->inv_t[vector] = SELECT(rays, (varying)(LEAST_INV_T), (varying)(FAR));
         bundle->leaf_index[vector] = (varying_int)(NO_HIT);

@@ -1,19 +1,19 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together. One work-item owns the tile:
-// VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each vector of the tile.
+// VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each ray vector.
 //
-// All children of a node are tested together against the interval of the tile's directions. Each child that this
-// interval meets is then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes
-// only if the interval of their vector is too wide to exclude boxes (scattered.cl). A leaf's triangles are tested
+// All children of a node are tested together against the interval of the tile's directions. Each child that the tile's
+// interval meets is then tested against the intervals of all ray vectors (slices.cl). Single rays are tested against
+// boxes only if the interval of their vector is too wide to exclude boxes (scattered.cl). A leaf's triangles are tested
 // against the rays of the remaining vectors (intersect/).
 
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
 #endif
-// Whether a pixel whose samples hardly differ is shaded once (shade_once.cl). With smooth shadows, hits are lit above
-// the plane of their triangle, so the bounds in shade_once.cl would be wrong.
+// SHADES_ONCE: whether a pixel whose samples hardly differ is shaded once (shade_once.cl). With smooth shadows, hits
+// are lit above the plane of their triangle, so the bounds in shade_once.cl would be wrong.
 #define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES && !CORNER_COLOURS && !EMISSIVE && !SMOOTH_SHADOWS)
 #include "common/tile.cl"
-#if WATERTIGHT // tile_cpu/intersect/watertight.cl also uses this test, for vectors whose rays have no common axis
+#if WATERTIGHT // tile_cpu/intersect/watertight.cl uses this test for ray vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"
 #endif
 #include "common/tree.cl"
@@ -41,10 +41,10 @@
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
 // A float16 has 16 lanes. In some variables, each lane belongs to one ray of a vector; in others, such as the fields of
-// Slices, to one vector of the tile. PARTS is the number of float16 that hold one value for each vector of the tile.
+// Slices, to one vector of the tile. PARTS is the number of float16 that hold one value for each ray vector.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-// Converts 16 bits of a word (a bit for each vector of the tile) to a float16's mask: bits 0 to 15 for part 0.
+// Converts 16 bits of a word (a bit for each ray vector) to the mask of a float16: bits 0 to 15 for part 0.
 #define LANES_OF(word, part) (((int16)((int)((word) >> 16 * (part))) >> LANES & 1) != 0)
 
 #ifndef PREFETCH
@@ -74,7 +74,7 @@ typedef struct {
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: of depth 1 from the eye, of length 1 from a light
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
-    // The intervals of the vectors' directions, one lane per vector: their middles, and half their widths (slices.cl).
+    // The middles and half widths of the ray vectors' intervals of directions, one lane per vector (slices.cl).
     varying middle[3][PARTS], half_width[3][PARTS];
     uint scattered;             // vectors of shadow rays whose hits lie far apart (scattered.cl), one bit each
     varying per[3][VECTORS];    // the reciprocals of the directions of scattered vectors
@@ -129,7 +129,7 @@ typedef struct {
 #endif
 
 float least_lane(float16 v) {
-    // The upper half of the lanes is compared with the lower half, again and again: 16 lanes become 8, then 4, 2 and 1.
+    // The upper half of the lanes is compared with the lower half, repeatedly: 16 lanes become 8, then 4, 2 and 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
     const float2 c = min(b.lo, b.hi);

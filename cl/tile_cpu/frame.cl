@@ -65,7 +65,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     BIND_SURFACE_TREE(tree)   \
     Lighting lighting;        \
     BIND_LIGHTING(lighting)
-// The kernels in this file have no barriers, so work-items outside the image may return.
+// The kernels in this file have no barriers, so work-items whose tile is outside the image may return.
 #define LEAVE_OUTSIDE(image_size)                                      \
     if (get_global_id(0) * TILE_X >= image_size.x << SUBPIXEL_BITS || \
         get_global_id(1) * TILE_Y >= image_size.y << SUBPIXEL_BITS)   \
@@ -81,7 +81,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     frame_samples.x = sample_x;                  \
     frame_samples.y = sample_y;                  \
     const FrameSamples *samples = &frame_samples;
-// A work-item also returns if all pixels of its tile have enough samples.
+// With LEAVE_ENOUGH, a work-item returns if all pixels of its tile have enough samples.
 #define LEAVE_ENOUGH(image_size)                                       \
     frame_samples.cast = vectors_to_cast(samples, wanted, image_size);     \
     if (!frame_samples.cast) return;
@@ -107,7 +107,7 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
 #else
 
 // Returns the index at which the tile's part of `nearest` begins. `nearest` is ordered by tiles and not by pixels,
-// since only the next pass reads it.
+// since only the pass that shades reads it.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
 // For every ray from the eye, stores the nearest triangle's index in leaf order, or NO_HIT.

@@ -1,6 +1,6 @@
 // Loads rows of floats into columns (vectors): the same row for all lanes of a vector, or one row for each lane.
 
-// INLINED functions take or return columns of values. Inlining keeps these columns in registers.
+// INLINED functions take or return columns of values. Inlining keeps the columns in registers.
 #define INLINED static __attribute__((always_inline))
 
 // A row has three parts: a triangle's three corners, or its three normals. Each part begins `step` floats after the

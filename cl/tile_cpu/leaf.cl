@@ -18,7 +18,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
 #error "FEW_VECTORS: up to so many vectors, a triangle is tested against rays without testing vectors_near first"
 #endif
 
-// Returns those of `vectors` whose rays are all finished, one bit each.
+// Returns those of the ray vectors `vectors` whose rays are all finished, one bit each.
 uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -28,7 +28,7 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests the prepared triangles whose bits are set in `worth` against the vectors whose bits are set in `live`. With
+// Tests the prepared triangles whose bits are set in `worth` against the ray vectors whose bits are set in `live`. With
 // `many`, each triangle is tested against the vectors' intervals of directions first. Returns a bit for each vector,
 // like test_prepared.
 INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared, uint worth, int first,
@@ -39,7 +39,7 @@ INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared 
         const uint near = many ? vectors_near(bundle, prepared, lane, live) : live;
         const uint now = test_triangle(bundle, prepared, lane, first + lane, near, any);
         if (any) {
-            // A vector is removed from `live` when all its shadow rays are blocked.
+            // A ray vector is removed from `live` when all its shadow rays are blocked.
             const uint done = vectors_done(bundle, now);
             changed |= done;
             live &= ~done;
@@ -53,15 +53,15 @@ INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared 
     return changed;
 }
 
-// Does the same as test_worth with `many`. The function is not inlined, so that the loop for few vectors has all
+// Does the same as test_worth with `many`. The function is not inlined, so that the loop over few ray vectors has all
 // registers to itself.
 __attribute__((noinline)) uint test_with_many(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared,
                                               uint worth, int first, uint live, const int any) {
     return test_worth(bundle, tree, prepared, worth, first, live, any, 1);
 }
 
-// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns one bit for each vector: 1 if one
-// of the vector's rays hit or, with `any`, if all its rays are finished.
+// Tests up to PREPARED of a leaf's triangles against the ray vectors in `live`. Returns one bit for each vector: 1 if
+// one of the vector's rays hit or, with `any`, if all its rays are finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
     // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to triangles of other
@@ -71,7 +71,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
                                         : test_worth(bundle, tree, &prepared, worth, first, live, any, 0);
 }
 
-// Tests all of a leaf's triangles against the vectors in `live`. Returns a bit for each vector, like test_prepared.
+// Tests all of a leaf's triangles against the ray vectors in `live`. Returns a bit for each, like test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

@@ -33,7 +33,7 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
     return open;
 }
 
-// Returns one vector's value in an array with one lane per vector.
+// Returns the value of one ray vector in an array with one lane per ray vector.
 #define VALUE_OF(array, vector) (((const float *)(array))[vector])
 
 // Computes the rays from a light to the samples of pixels that are shaded once. For the first light, the bundle still
@@ -65,11 +65,11 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
     return open;
 }
 
-// Shades the samples in `reached` of one vector, each at its own hit, and adds the light's radiance to `sum`.
+// Shades the samples in `reached` of one ray vector, each at its own hit, and adds the light's radiance to `sum`.
 void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached,
                     Vec3 *sum) {
-    // The bundle has the rays of the light, so the directions from the eye are computed again.
+    // The bundle (the tile's rays) now has the rays from the light, so the directions from the eye are computed again.
     const Pixels pixels = tile_pixels(samples, vector, image_size);
     const varying x = RAY_X(pixels), y = RAY_Y(pixels);
     const Vec3 across = splat(LOAD3((const float *)&step_x)), down = splat(LOAD3((const float *)&step_y));
@@ -83,9 +83,9 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
     *sum = select3(reached, add(*sum, arriving), *sum);
 }
 
-// Adds a light to the pixels that are shaded once. `open` has a bit for each vector to which this light casts rays. If
-// the light reaches all samples of a pixel, its radiance is added to the pixel (`once->sum`). If the light reaches only
-// some of the samples, its radiance is added to these samples (`sum`).
+// Adds a light to the pixels that are shaded once. `open` has a bit for each ray vector to which this light casts rays.
+// If the light reaches all samples of a pixel, its radiance is added to the pixel (`once->sum`). If the light reaches
+// only some of the samples, its radiance is added to these samples (`sum`).
 void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
     const uint all = LANE_BITS16(samples->filled);

@@ -1,13 +1,13 @@
 // The rays from a light to a tile's hits.
 
-// The direction from hits to a light. (Functions that are inlined return no structures: Oclgrind lacks an instruction
-// that LLVM then inserts.)
+// The direction from hits to a light. (Functions that are inlined return no structures: the simulator Oclgrind lacks an
+// instruction that LLVM then inserts.)
 typedef struct {
     Vec3 to_light;                  // the unit vector towards the light
     varying distance, per_distance; // the light's distance and its reciprocal
     varying cosine;                 // of the angle between to_light and the normal
 #if AREA_LIGHTS
-    varying share;                  // share_towards: how bright the light is in this direction
+    varying share;                  // share_towards: the light's brightness in the direction from light to hit
 #endif
 } LightDirection;
 
@@ -43,8 +43,8 @@ INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const 
 #endif
 #endif
 
-// Computes the rays from a light to a vector's hits, the interval of their directions, and (in `arriving`) the radiance
-// that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can reach.
+// Computes the rays from a light to a ray vector's hits, the interval of their directions, and (in `arriving`) the
+// radiance that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
     LightDirection direction;
@@ -69,7 +69,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
-        // The vector's interval of directions is one lane of the slices.
+        // The ray vector's interval of directions is one lane of the slices.
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }
@@ -77,7 +77,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Prepares the tile's rays from a light: they start at the light, and no vector has a ray yet.
+// Prepares the tile's rays from a light: they start at the light, and no ray vector has a ray yet.
 void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, int light) {
     for (int part = 0; part < PARTS; part++) {
         for (int axis = 0; axis < 3; axis++) {
@@ -112,7 +112,7 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
     return open;
 }
 
-// Finds the scattered vectors among those in `open`, after all rays from a light have been made.
+// Finds the scattered ray vectors (whose hits lie far apart) in `open`, after all rays from a light have been made.
 void find_scattered(CAST_PARAMETERS Bundle *bundle, const Slices *slices, CAMERA_PARAMETERS, uint open) {
     const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
     const float block_side = (BLOCK_X >> SUBPIXEL_BITS) * pixel_side(step_x, step_y);

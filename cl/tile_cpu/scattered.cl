@@ -1,6 +1,6 @@
 // Scattered vectors are vectors of shadow rays whose hits lie far apart, as at the edge between two surfaces. The
-// interval of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against
-// the boxes.
+// interval of a scattered vector's directions is too wide to exclude many boxes, so each ray of the vector is tested
+// against the boxes.
 
 // The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds SCATTERED times
 // the width of the vector's block of pixels, measured at the hits' distance from the eye.
@@ -12,14 +12,14 @@ float pixel_side(float4 step_x, float4 step_y) {
     return max(max(longer.x, longer.y), longer.z);
 }
 
-// Returns the vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions (of
-// length 1) from a light to the hits, and the largest distances between light and hits. `block_side` is the width of a
-// vector's block of pixels at a depth of 1.
+// Returns the ray vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions
+// (of length 1) from a light to the hits, and the largest distances between light and hits. `block_side` is the width
+// of a vector's block of pixels at a depth of 1.
 uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
-        // `distance_squared` is the squared distance from the eye of a point in the middle of a vector's directions.
+        // `distance_squared` is the squared distance from the eye to about the middle of a ray vector's hits.
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f);
         const float16 reach = directions->reach[part];
         for (int axis = 0; axis < 3; axis++) {
@@ -42,7 +42,7 @@ varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores which vectors are scattered, and the reciprocals of their rays' directions, which rays_enter needs.
+// Stores which ray vectors are scattered, and the reciprocals of their rays' directions, which rays_enter needs.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -53,8 +53,8 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns those of `vectors` in which an unfinished ray enters a child's box before the ray's end, one bit each. All
-// `vectors` must be scattered.
+// Returns those of the ray vectors `vectors`, all scattered, in which an unfinished ray enters a child's box before the
+// ray's end, one bit each.
 uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -67,7 +67,7 @@ uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vector
             entry = max(entry, min(a, b));
             leave = min(leave, max(a, b));
         }
-        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR; these rays enter no box.
+        // The ray ends at t = 1 / inv_t. In lanes of finished rays, inv_t is FAR; finished rays enter no box.
         const Mask open = bundle->inv_t[vector] < FAR;
         const varying inv_t = SELECT(open, bundle->inv_t[vector], (varying)(0.0f));
         met |= ANY(open & (entry <= leave * OUTWARDS) & (entry * inv_t <= OUTWARDS)) ? 1u << vector : 0;

@@ -11,7 +11,7 @@
 #endif
 
 // Shades a tile. A hit's radiance begins with the emitted radiance. For each light, computes the radiance that the
-// tile's hits reflect without shadows. Then traverses the tree from the light to find the hits that are in shadow.
+// tile's hits reflect without shadows. Then traverses the tree with rays from the light to find the hits in shadow.
 void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS,
                 int2 image_size, float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -22,7 +22,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         hit |= ANY(bundle->leaf_index[vector] != NO_HIT) ? 1u << vector : 0;
     }
 #if SOFT || EMISSIVE
-    // Several kinds of light need the hits, so the hits are computed once here, before the loop over lights.
+    // Soft light and emitted light need the hits, so the hits are computed once here, before the loop over lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         find_hits_of_vector(tree, lighting, eye, bundle, vector, bundle->leaf_index[vector] != NO_HIT, shaded + vector);
@@ -49,7 +49,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         open |= make_rays_once(&once, samples, bundle, &slices, lighting, light, eye, shaded);
 #endif
         find_scattered(CAST_ARGUMENTS bundle, &slices, eye, corner, step_x, step_y, open);
-        // If no hit of the tile faces this light, there is nothing to add.
+        // If no hit of the tile faces this light, the light adds nothing.
         if (!open) continue;
 #if SOFT
         if (!IS_UNOCCLUDED(&lighting->soft))

@@ -1,6 +1,6 @@
 // Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), the rays of a
 // vector are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs.
-// The pixel is then shaded only at its samples' mean position, together with other pixels: in most variables of this
+// Such a pixel is shaded only at its samples' mean position, together with other pixels: in most variables of this
 // file, a lane belongs to a pixel, not to a ray. (A pixel is one vector of rays, so the lanes are those of Slices.)
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
@@ -14,8 +14,8 @@
 
 // The largest estimated relative change of radiance by shading once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// A part (16 vectors, see PARTS) in which fewer than LEAST_ONCE pixels show a single triangle is skipped: shading the
-// samples of so few pixels takes less time.
+// A part (16 vectors, see PARTS) in which fewer than LEAST_ONCE pixels show a single triangle is skipped: shading each
+// sample of so few pixels takes less time.
 #define LEAST_ONCE 3
 
 // The positions of a frame's samples in their pixel, in units of a pixel's side.
@@ -23,7 +23,7 @@ typedef struct {
     float x, y;                     // the mean position
     float variance;                 // an upper bound of the variance along any line
     float left, right, top, bottom; // bounds of the positions, relative to the mean position
-    float reach;                    // the largest distance of one of these bounds from the mean position
+    float reach;                    // the largest distance of the four bounds from the mean position
 } SamplePositions;
 
 // The pixels that are shaded once.
@@ -31,7 +31,7 @@ typedef struct {
     uint vectors;                    // the pixels that are shaded once, one bit each
     uint split;                      // those of `vectors` for which some light reaches only a part of the samples
     varying sum[3][PARTS];           // red, green and blue from the lights that reach all samples
-    varying inverse_depth[3][PARTS]; // the dot product of this vector and a sample's direction is 1 / t of its hit
+    varying inverse_depth[3][PARTS]; // this vector . a sample's direction = 1 / t of the sample's hit
     Shaded mean[PARTS];              // the hit at the mean position of the samples
     Vec3 low[PARTS], high[PARTS];    // the box that contains the hits of all samples
     varying radius[PARTS];           // an upper bound of the distance between a sample's hit and `mean`
@@ -68,9 +68,9 @@ SamplePositions sample_positions(const FrameSamples *samples) {
     return positions;
 }
 
-// Returns those of the vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives the
-// triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too, so
-// that every address is valid.
+// Returns those of the ray vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives
+// the triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too,
+// so that every address is valid.
 uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
     IntLanes index[PARTS];
     uint found = 0;
@@ -92,8 +92,8 @@ varying length_of(Vec3 a) { return sqrt(dot3(a, a)); }
 varying largest_of(Vec3 a) { return max(max(a.x, a.y), a.z); }
 
 // Computes `inverse_depth` from the planes of the pixels' triangles, and how hits change from pixel to pixel (`right`,
-// `below`). `d` has the directions to the mean positions; adding `across` or `down` gives the next pixel's direction.
-// Returns the pixels for which the computed numbers are accurate enough.
+// `below`). `d` has the directions through the mean positions; adding `across` or `down` gives the next pixel's
+// direction. Returns the pixels for which the computed numbers are accurate enough.
 Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const SamplePositions *samples, Vec3 origin,
                  Vec3 d, Vec3 across, Vec3 down, PixelStep *right, PixelStep *below) {
     const varying *corner = triangles->corner, *normal = triangles->normal;
@@ -156,7 +156,7 @@ void bound_hits(OncePixels *once, int part, const SamplePositions *samples, vary
     once->radius[part] = sqrt(squared);
 }
 
-// What second_derivative needs to know of a light at a pixel.
+// The properties of a light at a pixel that the function second_derivative needs.
 typedef struct {
     varying per_distance;    // 1 / distance of the light
     varying per_cosine;      // 1 / |cosine| of the angle between the normal and the direction to the light
@@ -205,7 +205,7 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     const Mask glossy = lit & (mean->surface.kind > 0.0f);
     if (!ANY(glossy)) return (Mask)(-1);
     // A small highlight can be much brighter at a sample than at the mean. `nearest` is the largest cosine at a sample:
-    // the half vector turns by at most `turn` within the pixel. The factor 1.1 allows for its second derivative.
+    // the half vector turns by at most `turn` within the pixel. The factor 1.1 allows for the turn's second derivative.
     const varying turn = 1.1f * reach * (half_turn(light, right) + half_turn(light, below));
     const varying cosine = dot3(add(to_light, mean->to_eye), mean->normal) * light->per_half;
     const varying here = max(cosine, (varying)(0.0f)), sine = sqrt(max(1.0f - cosine * cosine, (varying)(0.0f)));

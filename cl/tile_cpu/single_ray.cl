@@ -4,7 +4,7 @@
 
 typedef struct {
     float from[3], direction[3]; // the origin and the unit direction
-    float reach;                 // triangles beyond this distance stop nothing
+    float reach;                 // triangles beyond this distance do not stop the ray
     // The following fields are for the test against boxes. `origin` contains the ray's origin, and `per_direction` the
     // reciprocals of its direction, with the same value in all lanes. For each axis, `near_row` and `far_row` are
     // offsets in a node, in floats. The sides of the children's boxes at which the ray enters begin at `near_row`; the
@@ -80,8 +80,8 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
-        // In the last iteration, bits after the leaf's last triangle belong to triangles of other leaves, or to
-        // padding.
+        // In the last iteration, bits after the leaf's last triangle belong to triangles of other leaves or to padding,
+        // and are cleared.
         const uint own = (1u << min(end - first, TOGETHER)) - 1;
         if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
     }

@@ -6,7 +6,7 @@
 #define RECIPROCAL_ROUNDING 3e-7f
 // A component of a direction counts as zero if its absolute value is less than NO_DIRECTION.
 #define NO_DIRECTION 1e-20f
-// The smallest value of 1 / t. This lower bound keeps t finite.
+// The smallest value of 1 / t: a lower bound of 1 / t keeps t finite.
 #define LEAST_INV_T 1e-37f
 
 // The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or
@@ -67,8 +67,8 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the least value of `low` and the greatest value of `high` over all vectors of a tile. Each lane of the PARTS
-// float16 belongs to one vector: the function combines first the float16, and then their lanes.
+// Finds the least value of `low` and the greatest value of `high` over all ray vectors of a tile. Each lane of the
+// PARTS float16 belongs to one ray vector: the function combines first the float16, and then their lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -76,7 +76,7 @@ void whole_tile(const float16 *low, const float16 *high, float *least, float *mo
     *most = most_lane(h);
 }
 
-// Returns the interval of a whole tile, around its vectors' intervals of directions.
+// Returns the interval of a whole tile, around the intervals of directions of its ray vectors.
 TileInterval interval_of_tile(const Slices *directions) {
     TileInterval interval;
     for (int axis = 0; axis < 3; axis++) {
@@ -112,7 +112,7 @@ void finish_slices(Bundle *bundle, Slices *slices) {
 }
 
 // Returns upper bounds of the dot products of a normal (x, y, z) with the directions of rays: one lane for each of 16
-// vectors.
+// ray vectors.
 INLINED float16 largest_product(const Bundle *bundle, int part, float x, float y, float z) {
     // The dot product is largest at a corner of the box of directions: along each axis, at the end of the interval to
     // which the normal points.
@@ -136,7 +136,7 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
-            // Along a mixed axis, rays run in both directions. Such an axis limits the t of the entry into the box only
+            // Along a mixed axis, rays run in both directions. A mixed axis limits the t of the entry into the box only
             // if the origin does not lie between the box's two sides.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
@@ -150,7 +150,7 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns the vectors with a ray that may enter a child's box, one bit each.
+// Returns the ray vectors with a ray that may enter the box of a node's child, one bit each.
 uint slices_overlap(const Slices *slices, const TileInterval *interval, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
@@ -169,20 +169,20 @@ uint slices_overlap(const Slices *slices, const TileInterval *interval, const Bo
             entry = max(entry, first);
             leave = min(leave, last);
         }
-        // A vector is also excluded if all its rays have already hit something nearer than the box.
+        // A ray vector is also excluded if all its rays have already hit something nearer than the box.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;
 }
 
-// Returns the vectors whose reach (the largest t at which something can be hit) exceeds `entry`, one bit each.
+// Returns the ray vectors whose reach (the largest t at which something can be hit) exceeds `entry`, one bit each.
 uint reaching(const Slices *slices, float entry) {
     uint bits = 0;
     for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
     return bits;
 }
 
-// Returns the largest reach (the largest t at which something can be hit) of all vectors.
+// Returns the largest reach (the largest t at which something can be hit) of all ray vectors.
 float furthest(const Slices *slices) {
     float16 most = slices->reach[0];
     for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
@@ -193,7 +193,7 @@ float furthest(const Slices *slices) {
 void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
-        // A vector's reach is the t of the ray with the smallest 1 / t.
+        // A ray vector's reach is the largest t of its rays: that of the ray with the smallest 1 / t.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
             // The lane is selected by comparing numbers of vectors, so that the slices stay in registers. An access by

@@ -63,8 +63,8 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
         } else {
             const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
             const varying own_reach = SELECT(open, t_max, (varying)(-1.0f));
-            // First, the whole packet is tested against all children together. Then, the packet's rays are tested child
-            // by child. Any hit is enough, so children are not sorted.
+            // First, the whole packet is tested against all children together. Then, the packet's single rays are
+            // tested child by child. Any hit is enough, so children are not sorted.
             for (uint met = packet_enters(&bounds, node, reach); met; met &= met - 1) {
                 const int child = LOWEST_BIT(met);
                 varying entry;
@@ -80,8 +80,8 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
 }
 
 // Adds the light of a light with an extent to `sum`: the radiance that a tile's hits reflect from this light. The array
-// `sum` has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures,
-// these points repeat every 4 pixels, across and down.
+// `sum` has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures (of
+// half the width and height), the points repeat every 4 pixels, across and down.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;

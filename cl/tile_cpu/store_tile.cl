@@ -8,8 +8,8 @@
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
-// Stores one row of a block: four pixels, with the lanes `lanes` (such as s0123). `row` points to the row's first
-// pixel.
+// Stores one row of a block of pixels: four pixels, with the lanes `lanes` (such as s0123). `row` points to the row's
+// first pixel.
 #define STORE_PIXELS(lanes, row)                                          \
     STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
@@ -24,7 +24,7 @@ float sum_of_lanes(float16 v) {
 
 // Returns four sums, each over the 2 x 2 neighbouring lanes that are the sub-pixels of one pixel.
 float4 sums_of_squares(float16 v) {
-    // Adds neighbours across, then down:
+    // Adds the values of neighbouring lanes across, then down:
     //
     //      0  1  2  3                 0 1                 0 1
     //      4  5  6  7        ->       2 3        ->       2 3
@@ -41,7 +41,7 @@ void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
     *mean = earlier ? *mean + (sum - (float)count * *mean) * per_sample : sum * per_sample;
 }
 
-// Adds this frame's samples of a vector's 2 x 2 pixels to the pixels' means in the image.
+// Adds this frame's samples of a ray vector's 2 x 2 pixels to the pixels' means in the image.
 void store_subpixels(const FrameSamples *samples, __global float4 *restrict image, int2 image_size, float4 background,
                      const Vec3 *sum, const Pixels *pixels, Mask hits) {
     // Sub-pixels without a sample add nothing; samples that hit nothing add the background.
@@ -52,7 +52,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
     const int x = pixels->x.s0, y = pixels->y.s0;
     if (x >= image_size.x || y >= image_size.y) return;
     __global float4 *mean = image + (size_t)y * image_size.x + x;
-    // Some of the vector's 2 x 2 pixels may lie outside the image.
+    // Some of the ray vector's 2 x 2 pixels may lie outside the image.
     const float4 r = sums_of_squares(red), g = sums_of_squares(green), b = sums_of_squares(blue), h = sums_of_squares(hit);
     const int right = x + 1 < image_size.x, below = y + 1 < image_size.y;
     add_samples(mean, (float4)(r.x, g.x, b.x, h.x), samples->earlier, samples->count);
@@ -62,7 +62,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
     if (right && below) add_samples(mean + 1, (float4)(r.w, g.w, b.w, h.w), samples->earlier, samples->count);
 }
 
-// Returns the sum of the samples of one pixel, which are the lanes of a vector. Samples that hit nothing add the
+// Returns the sum of the samples of one pixel, which are the rays of a vector. Samples that hit nothing add the
 // background. The fourth component is the number of hits.
 float4 sum_of_samples(const FrameSamples *samples, float4 background, const Vec3 *sum, Mask hits) {
     const varying none = (varying)(0.0f);
@@ -72,8 +72,8 @@ float4 sum_of_samples(const FrameSamples *samples, float4 background, const Vec3
     return (float4)(red + missing * background.x, green + missing * background.y, blue + missing * background.z, count);
 }
 
-// Adds this frame's samples to the pixels' means in the image, if each vector of the tile is one pixel. `sums` has the
-// sums of the pixels' samples, one float4 per vector.
+// Adds this frame's samples to the pixels' means in the image, if each ray vector of the tile belongs to one pixel.
+// `sums` has the sums of the pixels' samples, one float4 per vector.
 void store_sums(const FrameSamples *samples, const float4 *sums, __global float4 *restrict image, int2 image_size) {
     const int x = FIRST_COLUMN(0), y = FIRST_ROW(0);
 #if BLOCKS_ACROSS % 4 == 0
@@ -98,8 +98,8 @@ void store_sums(const FrameSamples *samples, const float4 *sums, __global float4
 }
 #endif
 
-// Stores the radiance of a vector of a tile, like store_radiance. If the block lies inside the image, and the image's
-// width is a multiple of four pixels, the function stores four pixels of a row at a time.
+// Stores the radiance of a ray vector, like store_radiance. If its block of pixels lies inside the image, and the
+// image's width is a multiple of four pixels, the function stores four pixels of a row at a time.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
                  const Vec3 *sum, const Pixels *pixels, Mask hits) {
 #if SAMPLED

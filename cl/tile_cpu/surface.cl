@@ -31,11 +31,11 @@ Surface one_material(const __global float *material) {
     return surface;
 }
 
-// Returns the materials of a vector's hits, one per lane. Usually, all hits have the same material.
+// Returns the materials of a ray vector's hits, one per lane. Usually, all hits have the same material.
 Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
-    // If all hits share a material, it is loaded once; otherwise each lane loads its own.
+    // If all hits share a material, it is loaded once; otherwise each lane loads the material of its own hit.
     const int first = at.each[LOWEST_BIT(LANE_BITS16(hits))];
     if (!ANY(hits & (at.all != first))) return one_material(lighting->materials + MATERIAL_FLOATS * first);
     // Lanes without a hit load the first hit's material, so that every address is valid.
@@ -61,7 +61,7 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-// Computes a vector's hits from its rays and the triangles that the rays hit. `corner` and `normal` are columns
+// Computes a ray vector's hits from its rays and the triangles that the rays hit. `corner` and `normal` are columns
 // (vectors) with the triangles' corners and normals, as gather_rows returns them.
 INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
                                     const varying *normal, Mask hits, Shaded *shaded) {
@@ -115,7 +115,7 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
     }
 }
 
-// Computes the hits of a vector's rays, whose directions and nearest triangles are in the bundle.
+// Computes the hits of a ray vector, whose directions and nearest triangles are in the bundle (the tile's rays).
 void find_hits_of_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
                          int vector, Mask hits, Shaded *shaded) {
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);

@@ -8,7 +8,7 @@ typedef struct {
     uint live;
 } WaitingTile;
 
-// Prefetches the first four cache lines of a child that will be visited soon. These lines hold a whole node of eight
+// Prefetches the first four cache lines of a child that will be visited soon. Four lines hold a whole node of eight
 // children, the first rows of a node of 16 children, or the first triangles of a leaf. The lines are loaded while other
 // children are tested.
 void fetch_child(const Tree *tree, uint word) {
@@ -17,11 +17,11 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes those children of a node onto the stack that a vector of `live` meets. The nearest child is on top of the
-// stack, unless `any` is 1 (the order does not matter then). `reach` is the largest t at which a ray of the tile can
-// hit something. Returns the new number of the stack's entries. To find a child's place in the stack, the function
-// counts the pushed children that the tile enters later: these are below the child. An example with three children,
-// entered at t = 5, 2 and 9:
+// Pushes those children of a node onto the stack that a ray vector of `live` meets. The nearest child is on top of the
+// stack, unless `any` is 1 (then, the order of children does not matter). `reach` is the largest t at which a ray of
+// the tile can hit something. Returns the new number of the stack's entries. To find a child's place in the stack, the
+// function counts the pushed children that the tile enters later, and that are thus below this child. An example with
+// three children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
@@ -29,12 +29,12 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], pushed = 0;
-    // First, the whole tile is tested against all children together. Then, the vectors are tested child by child.
+    // First, the whole tile is tested against all children together. Then, the ray vectors are tested child by child.
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
-        // The hits of a scattered vector lie far apart. The intervals of such a vector are too wide to exclude boxes,
-        // so each ray of the vector is tested.
+        // The hits of a scattered ray vector lie far apart. Its intervals of directions are too wide to exclude boxes,
+        // so each of its rays is tested.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
@@ -56,7 +56,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     return waiting + popcount(pushed);
 }
 
-// Traverses the tree with a tile's rays (the bundle). `open` has a bit for each vector with a ray. With `any`, the
+// Traverses the tree with a tile's rays (the bundle). `open` has a bit for each ray vector with a ray. With `any`, the
 // traversal ends as soon as every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const SurfaceTree *tree, uint open,
           const int any) {
@@ -64,7 +64,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     bundle->tree = &tree->tree;
 #endif
     WaitingTile stack[STACK_SIZE];
-    // The first entry is the root, with every vector that has a ray.
+    // The stack's first entry is the tree's root, which every ray vector with a ray visits.
     stack[0].word = 0;
     stack[0].entry = 0.0f;
     stack[0].live = open;
@@ -72,7 +72,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     float reach = furthest(slices);
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // A vector is excluded if all its rays have found hits nearer than `next` since `next` was pushed.
+        // A ray vector is excluded if all its rays have found hits nearer than `next` since `next` was pushed.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {

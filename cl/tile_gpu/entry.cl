@@ -1,7 +1,7 @@
-// A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a group
-// of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node, and prepares
-// triangle i of a leaf. __local memory holds the group's stack, and those triangles of a leaf against which the group's
-// rays are tested.
+// A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. In tile_gpu/,
+// a group of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node, and
+// prepares triangle i of a leaf. __local memory holds the group's stack, and those triangles of a leaf against which
+// the group's rays are tested.
 //
 // A pass consists of rays that run mainly along one axis of the scene. Let this axis be z. Relative to the rays'
 // origin, the point of a ray at depth z is (x z, y z, z); x and y are the ray's slopes. Over a triangle, 1/z is a
@@ -54,7 +54,7 @@
 // A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the 1-norm. The
 // leader is the ray whose direction determines the axis; its component is at least a third of the 1-norm.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to the leader. The largest distance of a ray from the leader is then
+// A pass may be restricted to rays close to its leader. The largest distance of a ray from the leader is then
 // NEIGHBOURS times the distance between neighbouring rays. NEIGHBOURS is the width of a tile in rays, because a tile's
 // rays to one surface are not farther apart.
 #define NEIGHBOURS ((float)TILE_X)
@@ -68,7 +68,7 @@
 typedef struct {
     float x[RAYS], y[RAYS]; // the rays' slopes: x and y per unit of z
     float nearest[RAYS];  // 1/z of the nearest hit so far, or of the ray's end
-    float ceiling[RAYS];  // hits at this 1/z or more are ignored
+    float ceiling[RAYS];  // nearer hits are ignored: those at this 1/z or more
     int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
 } RayPacket;
 
@@ -108,8 +108,8 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 
 // Begins a pass: chooses a leader (the ray that determines the pass's axis), finds the rays of `todo` that join the
 // leader, and computes the shaft and the packet of all rays that join. With `close`, only rays close to the leader's
-// direction join the pass. Returns which of this lane's rays join, one bit each. The leader always joins, unless its
-// direction is zero or not a number (NaN).
+// direction join the pass. Returns which of this lane's rays join the pass, one bit each. The leader always joins,
+// unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass: the lane in the middle of the

@@ -52,9 +52,9 @@ INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8,
 #define TILE_OUTSIDE 0xffffffffu // a position beyond every grid of rays
 
 // Returns the packed position of the group's own tile, or TILE_OUTSIDE if the group has no tile. If `rough_count` is
-// not 0, tiles cover only the `rough_count` rough blocks of pixels, and no tile is larger than a block. The host then
-// starts only as many work-groups as these blocks need, and tiles are numbered block by block. For example, a block of
-// 16 x 16 rays has four tiles of 8 x 8:
+// not 0, tiles cover only the `rough_count` rough blocks (of pixels that get more samples), and no tile is larger than
+// a block. The host then starts only as many work-groups as these blocks need, and tiles are numbered block by block.
+// For example, a block of 16 x 16 rays has four tiles of 8 x 8:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -189,7 +189,7 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 }
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
-// component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. A pass's leader (the ray that
+// component along the pass's axis is more than `ALONG_AXIS` times the direction's 1-norm. A pass's leader (the ray that
 // determines the axis) has its largest component, at least a third of the 1-norm, along this axis. A ray that remains
 // after a pass can therefore lead no later pass in the same direction of the same axis. Rays whose direction is not a
 // number (NaN) are in no pass.
@@ -204,9 +204,9 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     uint todo = rays_inside(group, grid);
     RayPacket packet;
     EACH_RAY(ray) packet.leaf_index[ray] = NO_HIT;
-    // The loop runs once, unless the tile is so wide that its rays run along several axes. All lanes leave the loop
-    // together, since the functions in the loop need the whole group. The loop has a single exit, since PoCL (OpenCL
-    // for CPUs) duplicates the code after a loop with barriers for each of the loop's exits.
+    // This loop over passes runs once, unless the tile is so wide that its rays run along several axes. All lanes leave
+    // the loop together, since the functions in the loop need the whole group. The loop has a single exit, since PoCL
+    // (OpenCL for CPUs) duplicates the code after a loop with barriers for each of the loop's exits.
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Directions directions;
         Shaft shaft;

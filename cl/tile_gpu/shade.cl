@@ -1,5 +1,5 @@
 // The end of a round of lights (see shadow.cl): after tiles have cast their shadow rays, the kernels in this file cast
-// the leftover shadow rays, and shade the hits.
+// the shadow rays that tiles left over, and shade the hits.
 
 // Casts a pixel's leftover shadow rays, one at a time, each by the whole group. `leftover` has a bit for each leftover
 // shadow ray (see shadow.cl). Returns the bits of the rays whose lights reach the pixel.
@@ -157,7 +157,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define SHADE_PARAMETERS TEXTURE_PARAMETERS COLOUR_PARAMETER EMITS_PARAMETER SOURCES_PARAMETER
 #define SHADE_ARGUMENTS TEXTURE_ARGUMENTS COLOUR_ARGUMENT EMITS_ARGUMENT SOURCES_ARGUMENT
 
-// Adds to `sum` the radiance from a round's lights that reach a pixel; `reached` has a bit for each of these lights.
+// Adds to `sum` the radiance from those lights of a round that reach a pixel; `reached` has a bit for each of them.
 INLINED void shade_pixel(SHADE_PARAMETERS const Tree *tree, const __global float *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index,
                          const __global float *lights, uint reached, float4 *sum) {
@@ -194,10 +194,10 @@ INLINED void shade_pixel(SHADE_PARAMETERS const Tree *tree, const __global float
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the pixel's value before the round. `sum` is
-// the light of the round, added up over the pixel's samples in this frame. With several samples per pixel, the value is
-// the mean of all samples so far. The first round of a frame adds the frame's samples to this mean; later rounds add
-// light to the same samples.
+// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the pixel's value before the round of lights.
+// `sum` is the light of the round, added up over the pixel's samples in this frame. With several samples per pixel, the
+// value is the mean of all samples so far. The first round of a frame adds the frame's samples to this mean; later
+// rounds add light to the same samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -220,10 +220,10 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// Shades the nearest hits by those lights of a round that reach the hits; AFTER_ROUND combines the result with the
-// image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these
-// rays and shade their pixels. Leftover shadow rays are few, but each takes long. Meanwhile, all other work-groups
-// shade the pixels without leftover shadow rays.
+// For a round of lights, shades the nearest hits by the lights that reach them; AFTER_ROUND combines the result with
+// the image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast
+// these rays and shade their pixels. Leftover shadow rays are few, but each takes long. Meanwhile, all other
+// work-groups shade the pixels without leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -242,7 +242,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray,
                                          leaf_index, lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // Joins the lights that were already known to reach the pixel, and the lights found now.
+                // Joins the lights whose rays tiles found unblocked, and the lights of unblocked leftover rays.
                 reached |= lit[entry.x] & ~SOME_LEFTOVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
                 shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
@@ -254,7 +254,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
         const int2 grid = GRID_OF(image_size);
         float4 sum[RAYS];
-        uint waiting = 0; // one bit per pixel of this lane: set if the pixel is queued; another group then stores it
+        uint waiting = 0; // one bit per pixel of this lane: set if the pixel is queued, so that another group stores it
         int pixels = 0; // number of this lane's pixels that get samples
         EACH_RAY(ray) {
             sum[ray] = (float4)(0.0f);

@@ -8,9 +8,9 @@
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A lane's word contains the results of the lane's shadow rays: a bit for each pair of a light of the round and a ray
-// of the lane, ordered by light. The size of the word limits the number of lights per round. A pixel's word contains
-// the results for one ray of the lane: every RAYS-th bit of the lane's word, one for each light. Bit 31 of a pixel's
-// word is set if some of the pixel's shadow rays are leftover shadow rays.
+// of the lane, ordered by light. The word's size limits the number of lights per round. A pixel's word contains the
+// results for one ray of the lane: every RAYS-th bit of the lane's word, one for each light. Bit 31 of a pixel's word
+// is set if some of the pixel's shadow rays are leftover shadow rays.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
@@ -91,8 +91,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
 // that the surface faces, and the ends of the shadow rays from these lights.
 INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                                               EyeRay eye_ray, int leaf_index) {
-    // Planes give t and weights quickly, but in slivers (thin triangles), with rounding errors too large for shading.
-    // Smooth shadows also need the triangle's corners.
+    // The triangle's edge planes give t and weights quickly, but in slivers (thin triangles), with rounding errors too
+    // large for shading. Smooth shadows also need the triangle's corners.
 #if PLANES_OF_ORIGIN && !SMOOTH_SHADOWS
     const __global float4 *planes = planes_for(tree, 0) + leaf_index;
     const __global float *normals = surfaces + NORMAL_FLOATS * (size_t)leaf_index;
@@ -111,8 +111,8 @@ INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global f
 #endif
 }
 
-// Returns 1 if a surface needs a shadow ray to a light, else 0: it must face the light, and its distance from the light
-// must exceed the bias. `offset` points from the hit to the light.
+// Returns 1 if a surface needs a shadow ray to a light, else 0: the surface must face the light, and its distance from
+// the light must exceed the bias. `offset` points from the hit to the light.
 INLINED int faces(SurfacePoint surface_point, Vec3 offset, float bias) {
     return (dot3(offset, surface_point.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
@@ -225,16 +225,16 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float *
 }
 #endif
 
-// Adds this lane's ray from the eye to the queue if it has leftover shadow rays. `lights` has a bit for the light of
-// each leftover shadow ray. One lane reserves the queue's entries for all lanes of the group.
+// Adds this lane's ray from the eye to the queue if the ray has leftover shadow rays. `lights` has a bit for the light
+// of each leftover shadow ray. One lane reserves the queue's entries for all lanes of the group.
 INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
                      __global uint *queued) {
     const uint enqueuing = lane_ballot(group, lights != 0);
-    // The function continues even if no lane has an entry: with barriers, one compiler failed after an early return
-    // here.
+    // The function continues even if no lane has a ray to enqueue: with barriers, one compiler failed after an early
+    // return here.
     uint first = 0;
-    // One atomic operation per group is enough: a lane with an entry finds its place in the queue by its rank among the
-    // lanes with entries.
+    // One atomic operation per group is enough: a lane with a ray to enqueue finds its place in the queue by its rank
+    // among such lanes.
     if (enqueuing && group->lane == 0) first = atomic_add(queued, popcount(enqueuing));
     first = lane_get(group, first, 0);
     if (lights) queue[first + BITS_BEFORE(group, enqueuing)] = (uint2)(index_of(eye_ray, grid), lights);
@@ -247,8 +247,8 @@ typedef struct {
     __global uint *queued; // number of entries in the queue
 } ShadowResults;
 
-// Casts the shadow rays of a round's lights, from `first_light` on. A bit of a pixel's word is set if the pixel's hit
-// faces the bit's light, and nothing blocks this light. Adds leftover shadow rays to the queue.
+// Casts the shadow rays of a round of lights, from the light `first_light` on. A bit of a pixel's word is set if the
+// pixel's hit faces the bit's light, and nothing blocks this light. Adds leftover shadow rays to the queue.
 INLINED void find_lit(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                       int2 grid, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,

@@ -1,4 +1,4 @@
-// The axes of a pass (see entry.cl), and the box around the slopes (x and y per unit of z) of the pass's rays.
+// The axes of a pass (its rays run mainly along one of them: entry.cl), and the box around the rays' slopes x and y.
 
 // MULTIPLY_ADD computes a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX, fma is as
 // fast, even if FP_FAST_FMAF is not defined.)
@@ -14,7 +14,7 @@
 // The origin of the rays of a pass.
 typedef struct {
     Uniform3 at;
-    int number; // 0 for the eye; 1 and more for the lights of a round (see shadow.cl)
+    int number; // 0 for the eye; 1 and more for a round of lights (see shadow.cl)
 } Origin;
 
 INLINED Origin origin_at(Uniform3 at, int number) {
@@ -24,7 +24,7 @@ INLINED Origin origin_at(Uniform3 at, int number) {
     return origin;
 }
 
-// The axes of a pass, and the box in (x, y) around the slopes of its rays.
+// The axes of a pass, and the box in (x, y) around the slopes of the pass's rays.
 typedef struct {
     int across, down, along; // the axes of the scene (0 to 2) that are the pass's x, y and z
     float sign;              // 1, or -1 if rays run towards smaller coordinates of the axis `along`
@@ -116,7 +116,7 @@ INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
 
-// A leaf's triangle against which a group's rays are tested. `prepare`, in the intersector's file, computes a, b and c.
+// A leaf's triangle against which a group's rays are tested. `prepare`, in the file of the test, computes a, b and c.
 typedef struct {
     float4 a, b, c;
 } Candidate;

@@ -2,8 +2,8 @@
 // shadow rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
-// scene's lights, and `first_light` is the first light of the round (see shadow.cl). In functions, `light` is a
-// source's number in the round, and `source` its number in the scene.
+// scene's lights, and `first_light` is the first light of the round of lights (see shadow.cl). In this file, `light` is
+// a source's number in the round, and `source` its number in the scene.
 typedef struct {
     Soft soft;
     int light_count, first_light;
@@ -68,7 +68,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
     Sight sight;
     sight.is_sky = source >= sources->light_count;
 #if SKY
-    // A ray to the sky only has a direction; its length is the reach of the sky.
+    // A ray to the sky only has a direction; its length is the reach of the sky (up to which surfaces block it).
     if (sight.is_sky) {
         const Vec3 normal = normalize_or_zero(surface_point->normal);
         sight.direction = direction_to_sky(soft, source, surface_point->pixel.x, surface_point->pixel.y, normal);

@@ -1,6 +1,6 @@
-// Traversals of the tree by a group: with a packet (a lane's rays of a pass: see entry.cl), or with a single ray.
+// Traversals of the tree by a group of 32 lanes: with the packet of a pass (its rays: see entry.cl), or with one ray.
 
-// The result of testing the shaft against this lane's child of a node.
+// The result of testing the shaft (the pass's rays) against this lane's child of a node.
 typedef struct {
     int met;     // 1 if the shaft meets the child's box, else 0
     float entry; // the z at which the shaft enters the child's box
@@ -23,9 +23,9 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Along x, the shaft lies between two sides. Each side's x is its slope times z. Within the child's box, a side is
-    // therefore outermost at z = near or at z = far. The shaft can meet the box only if the box overlaps the range from
-    // the low side's least x to the high side's greatest x. The test along y is the same.
+    // Along x, the shaft lies between two sides. The x of a side of the shaft is its slope times z. Within the child's
+    // box, a side is therefore outermost at z = near or at z = far. The shaft can meet the box only if the box overlaps
+    // the range from the low side's least x to the high side's greatest x. The test along y is the same.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -61,7 +61,7 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
     const int others = popcount(met) - 1;
     if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
     *waiting += others;
-    // Later, lanes read stack entries that other lanes wrote here.
+    // Later, lanes read entries of the stack that other lanes wrote here.
     lane_sync(group);
     const uint nearest = lane_ballot(group, child.met && !rank);
     return lane_get(group, child.word, LOWEST_BIT(nearest));
@@ -149,8 +149,8 @@ INLINED int is_looking(const RayPacket *packet) {
 // Returns the z beyond which no hit matters. `worst` is the smallest 1/z at which a hit matters.
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
-// Walks the tree with a pass's packet, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
-// node or leaf that is taken from the stack and visited uses up one unit of `budget`. Returns 1 if the budget was
+// Walks the tree with the packet of a pass, and finds the nearest hit of each ray or, with `any`, any hit. With `any`,
+// each node or leaf that is taken from the stack and visited uses up one unit of `budget`. Returns 1 if the budget was
 // enough, else 0.
 INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {

@@ -61,8 +61,8 @@ Row row_of(Corners corners) {
 // Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
 // no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // The textbook's formulas: q = d x e2, a = e1 . q, s = origin - v0, r = s x e1; w1 = s . q / a, w2 = d . r / a,
-    // t = e2 . r / a.
+    // Moeller and Trumbore's formulas: q = d x e2, a = e1 . q, s = origin - v0, r = s x e1; w1 = s . q / a,
+    // w2 = d . r / a, t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
@@ -80,7 +80,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     if (!ANY(inside1)) return 0;
 
     // Few rays pass the test of the first weight. The second weight, and the condition that the sum of both weights is
-    // at most 1, are tested in the same way.
+    // at most 1, are tested like the first weight.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;

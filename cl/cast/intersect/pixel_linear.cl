@@ -24,7 +24,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 // coordinate of the pixel. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
-// Returns a triangle's row with its planes as functions of the pixel. Adds LINEAR_OVERLAP to the edges' planes.
+// Returns a triangle's row with its planes as functions of the pixel, and LINEAR_OVERLAP added to the edges' planes.
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);

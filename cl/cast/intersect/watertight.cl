@@ -24,11 +24,11 @@ typedef struct {
 
 // Let d be the direction, k its dominant axis, k+1 and k+2 the next axes in cyclic order, and e_i the unit vector along
 // axis i. The rows of the matrix are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k. The rows for
-// all three axes are computed, and each lane selects its own. A branch would save nothing: lanes may have different
-// dominant axes, so the vector would execute every path.
+// all three axes are computed, and each lane selects those of its dominant axis. A branch would save nothing: lanes may
+// have different dominant axes, so a vector of rays would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
-    // The axis of the largest component becomes z, so that the divisions by this component do not make the shear large.
+    // The axis of the direction's largest component becomes z, so that divisions by it do not make the shear large.
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
     const Mask along_y = !along_x & (size.y >= size.z);
     const varying zero = (varying)(0.0f);
@@ -73,13 +73,13 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
-    // An edge function is twice the signed area of the triangle whose base is the edge, and whose tip is the ray. After
-    // the shear, the ray is the point (0, 0).
+    // An edge function is twice the signed area of the triangle whose base is the edge, and whose tip is the ray (after
+    // the shear, the point (0, 0)).
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
     // For a ray inside the triangle, no two edge functions have opposite signs. If an edge function is zero, the ray
-    // counts as inside both triangles at the edge, so that it does not slip through between them.
+    // counts as inside both triangles at the edge, so that no ray slips through between the two triangles.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;

@@ -59,8 +59,8 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // The stride is SOUP_STRIDE floats in the soup, and 9 floats in a copy that contains only the corners. In a large
-    // soup, a triangle's offset exceeds the range of an int.
+    // The stride between triangles is SOUP_STRIDE floats in the soup, and 9 floats in a copy of only the corners. In a
+    // large soup, a triangle's offset exceeds the range of an int.
     VERTEX_SPACE const float *at = geometry->vertices + (size_t)triangle * VERTEX_STRIDE;
     Corners corners;
     corners.a = LOAD3(at);

@@ -1,8 +1,8 @@
 // meaning: at every hit nearer than the best so far, as the paper does
 // shades: each-nearer-hit
 //
-// Shades every hit that is nearer than the hits found before it, as the paper does. If a still nearer hit is found
-// later, the radiance of the earlier hit is discarded, and its shadow rays were cast in vain.
+// Shades every hit that is nearer than its ray's earlier hits, as in the student paper that raycl reproduces. If a
+// still nearer hit is found later, the radiance of the earlier hit is discarded, and its shadow rays were cast in vain.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
     // Only the lanes of `nearer` have a nearer hit on this triangle; all other lanes keep their weights.

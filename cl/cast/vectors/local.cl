@@ -2,7 +2,7 @@
 // memory: local
 // bytes_per_ray: 108
 //
-// The working vectors are in __local memory: the paper's optimisation 1.
+// The working vectors are in __local memory, as in optimisation 1 of the student paper that raycl reproduces.
 
 #define WORKING_SPACE __local
 #include "cast/working_in_memory.cl"

@@ -5,9 +5,9 @@
 // operations: 9
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// Triangles are prepared once for all rays, eight at a time, each in one lane. P and Q are the ends of an edge,
-// relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A ray's
-// direction d lies inside the edge if the dot product of d and this normal has the right sign. The neighbouring
+// Triangles are prepared once for all rays of a tile, eight at a time, each in one lane. P and Q are the ends of an
+// edge, relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A
+// ray's direction d lies inside the edge if the dot product of d and this normal has the right sign. The neighbouring
 // triangle has the same plane for the shared edge, with the opposite sign, to the last bit. (Embree's robust mode uses
 // the same planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles therefore overlap a
 // little: after the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where e1 and e2
@@ -21,11 +21,11 @@
 typedef struct {
     float a[3][PREPARED];        // the triangles' normals: `a` is a normal's dot product with a direction
     float edges[3][3][PREPARED]; // the planes of the edges
-    float edge_on[PREPARED];     // a ray hits only if its `a` is larger; otherwise the triangle is seen edge-on
-    float per_height[PREPARED];  // 1 / t is the product of a and this number
+    float edge_on[PREPARED];     // a ray hits only if its `a` exceeds edge_on; otherwise the triangle is seen edge-on
+    float per_height[PREPARED];  // 1 / t is the product of `a` and per_height
 } Prepared;
 
-// Returns a corner of each of eight triangles, relative to the origin.
+// Returns one corner of each of eight triangles, relative to the rays' origin.
 Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     Lanes3 from;
     from.x = (float8)(origin.x), from.y = (float8)(origin.y), from.z = (float8)(origin.z);
@@ -33,7 +33,7 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
 }
 
 // Returns the normal of the plane through the origin and an edge. The edge's ends p and q are relative to the origin;
-// `edge` is p - q. Swapping p and q changes the signs of all components, and nothing else.
+// `edge` is p - q. Swapping p and q changes the signs of the normal's components, and nothing else.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 // Stores one plane of each of eight triangles, multiplied by `by`.
@@ -46,8 +46,8 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 // Returns the numbers by which the planes of one edge of eight triangles are multiplied. `size` is the edge's size,
 // `longer` the size of the longer of two edges, and `slack` the overlap of neighbouring triangles (see
 // SHARED_EDGE_SLACK) per size of an edge, in the unit of the edges' dot products. The overlap is rounded down to a
-// power of two. The planes are divided by this power of two, so that the overlap becomes 1. The division does not
-// round, because the divisor is a power of two.
+// power of two. The edges' planes are divided by this power of two, so that the overlap becomes 1. The division does
+// not round, because the divisor is a power of two.
 float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);
@@ -60,13 +60,13 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
     const Lanes3 e3 = lanes_difference(corner_c, corner_b);
-    // All rays of the tile share the origin, so each corner is subtracted once for all rays.
+    // All rays of the tile share the origin, so the origin is subtracted from each corner once for all rays.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
     // `height` is the distance of the origin from the triangle's plane, times the length of the triangle's normal n.
-    // Its sign shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
+    // The sign shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2), longer = max(size1, size2);
@@ -90,8 +90,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// A triangle is tested first against the vectors' intervals of directions if more than FEW_VECTORS are to be tested: a
-// test of sixteen intervals takes about as long as the tests of six vectors of rays.
+// A triangle is tested first against the ray vectors' intervals of directions if more than FEW_VECTORS of them are
+// left: a test of sixteen intervals takes about as long as the tests of six vectors of rays.
 #define FEW_VECTORS (6 * PARTS)
 
 // Returns the upper bounds of the products of an edge's plane and the directions of sixteen vectors of rays.
@@ -99,7 +99,7 @@ INLINED float16 largest_inside(const Bundle *bundle, int part, const float edge[
     return largest_product(bundle, part, edge[0][lane], edge[1][lane], edge[2][lane]);
 }
 
-// Returns those of the vectors in `live` whose rays do not all lie outside the same edge of a prepared triangle.
+// Returns those of the ray vectors in `live` whose rays do not all lie outside the same edge of a prepared triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     uint outside = 0;
     for (int part = 0; part < PARTS; part++) {
@@ -117,7 +117,7 @@ uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint
 // `index` its index in leaf order. With `any`, a ray that hits the triangle is finished; otherwise the hit becomes the
 // ray's nearest hit. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
-    // The floats of the triangle are loaded into registers once, for the tests of all vectors in `live`.
+    // The floats of the triangle are loaded into registers once, for the tests of all ray vectors in `live`.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
     const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];

@@ -97,16 +97,16 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// The triangle is tested first against the vectors' intervals of directions if more than FEW_VECTORS are to be tested:
-// a test of sixteen intervals takes about as long as the tests of four vectors of rays.
+// The triangle is tested first against the ray vectors' intervals of directions if more than FEW_VECTORS of them are
+// left: a test of sixteen intervals takes about as long as the tests of four vectors of rays.
 #define FEW_VECTORS (4 * PARTS)
 // A bound of the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. The
 // bound also covers the errors of the sheared test, which grow if rays run at a large angle to their common axis.
 #define VOLUME_ROUNDING 2e-5f
 
-// Returns those of the vectors in `live` with a ray that may run on the positive side of a plane through the origin:
-// the side to which the plane's normal points. `size` is the product of the sizes of the two vectors whose cross
-// product the normal is.
+// Returns those of the ray vectors in `live` with a ray that may run on the positive side of a plane through the
+// origin: the side to which the plane's normal points. `size` is the product of the sizes of the two vectors whose
+// cross product the normal is.
 uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = largest_product(bundle, part, normal.x, normal.y, normal.z);
@@ -115,14 +115,14 @@ uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live
     return live;
 }
 
-// Returns those of the vectors in `live` whose rays do not all lie outside the same edge of the triangle.
+// Returns those of the ray vectors in `live` whose rays do not all lie outside the same edge of the triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     const Uniform3 a = LOAD3(prepared->a), b = LOAD3(prepared->b), c = LOAD3(prepared->c);
     const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);
     const Uniform3 ab = uniform_cross(a, b);
     const float volume = uniform_dot(ab, c);
     // If the origin lies nearly in the triangle's plane, it is uncertain which side of an edge's plane is the inner
-    // side, so no vector is excluded.
+    // side, so no ray vector is excluded.
     if (fabs(volume) <= VOLUME_ROUNDING * (size_a * size_b * size_c)) return live;
     const float sign = volume > 0.0f ? 1.0f : -1.0f;
     live = vectors_inside(bundle, uniform_scale(ab, sign), size_a * size_b, live);
@@ -136,7 +136,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         varying inv_t;
-        // A vector uses the same test for all triangles, so that none of its rays slips through the edge that two
+        // A ray vector uses the same test for all triangles, so that none of its rays slips through the edge that two
         // triangles share.
         const Mask met = bundle->shears.axis[vector] == NO_AXIS
                              ? intersect_single(bundle, vector, prepared->corners, &inv_t)

@@ -1,9 +1,9 @@
-// Prepares a leaf's triangle for the rays of a pass (which run mainly along one axis: see entry.cl), and tests it. The
-// test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but loads these planes
-// from a table. The kernel tile_prepare computes the table: for the eye once per frame, and for the lights of a round
-// (a few lights: see shadow.cl) once per round. For each origin, the table has three rows, one for each axis of the
-// scene. A row has a quad (float4) per triangle: the components along the row's axis of the triangle's three planes and
-// of 1/z. Three loads are therefore enough, whatever the axes of the pass.
+// Prepares a leaf's triangle for the rays of a pass (rays that run mainly along one axis: see entry.cl), and tests rays
+// against it. The test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but
+// loads these planes from a table. The kernel tile_prepare computes the table: once per frame for the eye, and once per
+// round of lights (see shadow.cl) for the round's lights. For each origin, the table has three rows, one for each
+// coordinate axis. A row has a quad (float4) per triangle: the components along the row's axis of the triangle's three
+// planes and of 1/z. Three loads are therefore enough, whatever the axes of the pass.
 
 // The table for one origin. In each row, the triangles are in leaf order, so that neighbouring lanes load neighbouring
 // quads:
@@ -13,7 +13,7 @@
 //     y's row     u.y  v.y  w.y  (1/z).y   ...
 //     z's row     u.z  v.z  w.z  (1/z).z
 //
-// A pass along x uses the rows in the order y, z, x, so permuting the axes costs no instruction.
+// For rays that run mainly along x, the rows are used in the order y, z, x: permuting the axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
 // The overlap of neighbouring triangles, as a multiple of the overlap that planes_of scales to 1. As in edge_planes.cl,
@@ -35,8 +35,8 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
 }
 
 // Prepares the triangle at an index in leaf order. The prepared triangle contains the planes' components along the
-// pass's axes. Returns 1 if any ray of the shaft may hit the triangle at a 1/z greater than `worst` (the smallest 1/z
-// at which a hit matters), else 0.
+// pass's axes. Returns 1 if any ray of the shaft (the pass's rays) may hit the triangle at a 1/z greater than `worst`
+// (the smallest 1/z at which a hit matters), else 0.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
     const uint at = (uint)index; // three rows have fewer than 2^32 quads
@@ -54,7 +54,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
     // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
-    // all rays, its hits do not matter.
+    // all rays, its own hits do not matter.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
@@ -74,9 +74,9 @@ INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, f
 }
 
 // Each work-item computes the planes of one triangle for one origin. Dimension 0 of the index space numbers the
-// triangles, dimension 1 the origins from `first_origin` on. Origin 0 is the eye; the other origins are the lights of a
-// round (see shadow.cl). The kernel also empties the round's queue of leftover shadow rays, which saves a separate
-// command.
+// triangles, dimension 1 the origins from `first_origin` on. Origin 0 is the eye; all others are lights of a round of
+// lights (see shadow.cl). The kernel also empties the queue of shadow rays that tiles leave over, which saves a
+// separate command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int index = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;

@@ -1,9 +1,9 @@
-// Prepares a leaf's triangle (computes what all rays of a pass need), and tests it. Each edge spans a plane with the
-// rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share the plane of
-// their common edge, to the last bit. The edge functions and 1/z are linear in a ray's slopes x and y (see entry.cl). A
-// prepared triangle has a float4 for each of the corners a, b and c. The first three components of a float4 are the
-// plane of the edge opposite to the corner; inside this edge, the plane's edge function is not negative. The fourth
-// component is one of the three coefficients of 1/z:
+// Prepares a leaf's triangle (computes what all rays of a pass need), and tests rays against it. Each edge spans a
+// plane with the rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share
+// the plane of their common edge, to the last bit. The edge functions and 1/z are linear in a ray's slopes x and y (see
+// entry.cl). A prepared triangle has a float4 for each of the corners a, b and c. The first three components of a
+// float4 are the plane of the edge opposite to the corner; inside this edge, the plane's edge function is not negative.
+// The fourth component is one of the three coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 
@@ -30,10 +30,10 @@ INLINED float per_overlap(float slack, float size, float longer) {
 // greater than `worst` (the smallest 1/z at which a hit matters), else 0.
 //
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
-// `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. Its sign shows
-// which side of the triangle is visible, and 1/z = (x, y, 1) . n / height. For culling, the visible side is reversed in
-// two cases: shadow rays run towards their light, but are tested from the light; and rays that run against their axis
-// have mirrored coordinates.
+// `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. The sign of
+// `height` shows which side of the triangle is visible, and 1/z = (x, y, 1) . n / height. For culling, the visible side
+// is reversed in two cases: shadow rays run towards their light, but are tested from the light; and rays that run
+// against their axis have mirrored coordinates.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);

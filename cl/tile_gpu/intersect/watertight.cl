@@ -8,14 +8,14 @@
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
-// Returns the largest value of `turn` times v . (x, y, 1) over a shaft's slopes (x, y); `turn` is 1 or -1.
+// Returns the largest value of `turn` times v . (x, y, 1) over the slopes (x, y) of a shaft's rays; `turn` is 1 or -1.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
 
 // Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst` (the smallest 1/z at which a hit matters), else 0. The bounds allow for many times the rounding
-// error of is_hit, so that no ray that hits is excluded.
+// greater than `worst` (the smallest 1/z at which a hit matters), else 0. The function's bounds allow for many times
+// the rounding error of is_hit, so that no ray that hits is excluded.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
