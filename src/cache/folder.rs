@@ -14,7 +14,7 @@ const DEFAULT_LIMIT_MIB: u64 = 512;
 const LONGEST_NAME_BYTES: usize = 255;
 
 /// Returns the limit of the cache's size in bytes, from the environment. If the value of `RAYCL_CACHE_MIB` is
-/// not a whole number of MiB, returns the default limit; raycl's commands refuse such a value before
+/// not a whole number of MiB, returns the default limit; raycl's commands have then already refused the value
 /// ([`check_limit`]).
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
@@ -25,8 +25,8 @@ pub fn check_limit() -> Result<()> {
     limit_of(std::env::var_os(LIMIT).as_deref()).map(|_| ())
 }
 
-/// Returns the limit in bytes from the text of the environment variable, or the default limit if the text is
-/// blank.
+/// Returns the limit of the cache's size in bytes from the text of the environment variable, or the default
+/// limit if the text is blank.
 fn limit_of(text: Option<&OsStr>) -> Result<u64> {
     let text = text.map(OsStr::to_string_lossy).filter(|text| !text.trim().is_empty());
     let mib = text.map_or(Ok(DEFAULT_LIMIT_MIB), |text| {
@@ -66,8 +66,8 @@ pub fn temporary() -> Option<PathBuf> {
 }
 
 /// Makes a private folder, if it does not exist. Accepts a parent folder into which everybody may write, such
-/// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. Also returns `None`
-/// if the nearest ancestor that exists belongs neither to this user nor to the superuser.
+/// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. A further reason for
+/// `None` is that the nearest ancestor that exists belongs neither to this user nor to the superuser.
 pub fn private_in_shared(folder: PathBuf) -> Option<PathBuf> {
     let around = existing_ancestor(&folder)?.metadata().ok()?;
     if is_own_or_roots(&around) { private(folder) } else { None }
@@ -120,10 +120,10 @@ pub fn files(folder: &Path) -> std::io::Result<Option<ReadDir>> {
     }
 }
 
-/// Returns true if this process can write into a folder, or can create the folder if it does not exist. The
-/// function tests this by creating a temporary file in the folder or, if the folder does not exist, in its
-/// nearest ancestor that exists. A test of the permission bits is not sufficient: they permit the superuser
-/// to write even if the file system is read-only.
+/// Returns true if this process can write into a folder, or can create the folder if it does not exist. To
+/// find out, a temporary file is created in the folder or, if the folder does not exist, in its nearest
+/// ancestor that exists. A test of the permission bits is not sufficient: they permit the superuser to write
+/// even if the file system is read-only.
 pub fn can_be_written(folder: &Path) -> bool {
     let existing = existing_ancestor(folder);
     existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())
@@ -140,7 +140,7 @@ pub fn existing_ancestor(folder: &Path) -> Option<&Path> {
 
 /// Returns true if no other user except the superuser can put files into a folder, or can replace the folder
 /// by writing into its parent. Ancestors further up are not examined. If the folder does not exist, this
-/// function asks only whether another user could create it in its nearest ancestor that exists.
+/// function only checks whether another user could create it in its nearest ancestor that exists.
 pub fn is_private(folder: &Path) -> bool {
     if folder.symlink_metadata().is_ok() && trusted(folder).is_none() {
         return false;

@@ -1,6 +1,6 @@
 //! Stores data that later runs would otherwise recompute, such as compiled programs and lists of devices.
-//! Each entry is one file in a folder that belongs to the user. raycl ignores an entry that is corrupt,
-//! belongs to another user, or has another key than the requested one.
+//! Each cache entry is one file in a folder that belongs to the user. raycl ignores an entry that is corrupt,
+//! that belongs to another user, or whose key is not the requested key.
 
 mod entry;
 mod folder;
@@ -34,12 +34,12 @@ pub struct Cache {
     only_existing: bool,
 }
 
-/// A file of the cache.
+/// An entry of the cache, as its file in the cache's folder shows it.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// The file's path.
+    /// The path of the entry's file.
     pub path: PathBuf,
-    /// The file's size.
+    /// The size of the entry's file.
     pub bytes: u64,
     /// The time of the last use of the entry. If the file's modification time lies in the future, the last
     /// use is unknown; `used` is then the Unix epoch, so that this entry is removed before all others.
@@ -103,8 +103,8 @@ impl Cache {
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;
-        // The file's time is set to the time of this use, since entries that were not used for a long time are
-        // removed first.
+        // The modification time of the entry's file is set to the present, since entries that were not used
+        // for a long time are removed first.
         let used = std::fs::File::open(&path).and_then(|file| file.set_modified(SystemTime::now()));
         drop(used);
         Some(content)
@@ -112,10 +112,10 @@ impl Cache {
 
     /// Stores an entry. Returns true if the cache contains the entry afterwards. Makes the folder if it is
     /// missing, except after [`only_while_it_exists`](Self::only_while_it_exists). Stores nothing if another
-    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also
-    /// stores nothing if the folder cannot be listed, since raycl could not remove old entries from such a
-    /// folder. If the entry cannot be stored, for example because the disk is full, no error is reported: the
-    /// next run only takes longer.
+    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Stores
+    /// nothing either if the folder cannot be listed, since raycl could not remove old entries from a folder
+    /// that it cannot list. If the entry cannot be stored, for example because the disk is full, no error is
+    /// reported: the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
@@ -137,8 +137,8 @@ impl Cache {
     }
 
     /// Removes all entries. Returns the number of removed entries and their size in bytes. If some entries
-    /// cannot be removed, removes all others, and returns the first error. Also returns an error if the
-    /// folder cannot be listed.
+    /// cannot be removed, removes all others, and returns the first error. An error is also returned if the
+    /// cache's folder cannot be listed.
     pub fn clear(&self) -> std::io::Result<(usize, u64)> {
         remove(&self.listed()?)
     }
@@ -194,16 +194,16 @@ fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
 fn write(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
     file.write_all(bytes)?;
-    // Without this call, a file server would date the file by the server's clock, which may differ from this
-    // machine's clock.
+    // If the modification time were not set here, a file server would date the file by the server's clock,
+    // which may differ from this machine's clock.
     let _ = file.as_file().set_modified(SystemTime::now());
     file.persist(path)?;
     Ok(())
 }
 
-/// Returns the cache entry that a file contains, even if the file is unfinished; `None` if the cache did not
-/// create the file. A modification time after `latest` is wrong, for example because the clock was ahead when
-/// the file was written.
+/// Returns the cache entry that a file of the cache's folder contains, even if the file is unfinished; `None`
+/// if the cache did not create the file. A modification time after `latest` is wrong, for example because the
+/// clock was ahead when the file was written.
 fn entry_of(file: &std::fs::DirEntry, latest: SystemTime) -> Option<Entry> {
     let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();
@@ -375,7 +375,7 @@ mod tests {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
         };
         assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
-        // The cache is not used if the group or other users may write into its folder. That they may read the
+        // The cache is not used if the group or other users may write into its folder. Permission to read the
         // folder is harmless.
         for others in [0o777, 0o720, 0o702] {
             mode(&folder, others);

@@ -16,7 +16,7 @@ use crate::words::counted;
 /// The help in an error message about a mistake for which there is no more specific help.
 const KEYS: &str =
     "docs/experiments.md lists every key of an experiment, and configs/quick.toml is an example";
-/// Keys that were renamed: the old name and the new one.
+/// Keys of configs that were renamed: the old name and the new name.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 /// Keys whose values are lists, each with an example of a list.
 const LISTS: [(&str, &str); 8] = [
@@ -41,7 +41,7 @@ pub struct Document {
 /// One `--set` option, as a line of TOML.
 struct Override {
     line: String,
-    /// The start of the line's spans, which lie after the spans of the file and of earlier overrides.
+    /// Where the line's range of bytes begins, after the ranges of the file and of earlier overrides.
     start: usize,
 }
 
@@ -70,7 +70,7 @@ impl Document {
         self.overrides.iter().map(|over| over.line.clone()).collect()
     }
 
-    /// Deserialises the document as a `T`.
+    /// Reads the config, with the overrides merged into it, as a `T`.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
         for over in &self.overrides {
@@ -88,7 +88,7 @@ impl Document {
             .with_help(KEYS)
     }
 
-    /// Returns the error for an index that a list does not have.
+    /// Returns the error for an override whose key contains an index that a list of the file does not have.
     fn no_such_index(&self, NoIndex { span, list, count }: NoIndex) -> Error {
         let indices = match count {
             0 => "there is no index".to_owned(),
@@ -127,7 +127,8 @@ impl Document {
         error.placed(|message| self.error(span, message, label))
     }
 
-    /// Returns the error for text that is not TOML. The text is the file, or the override whose spans begin at `start`.
+    /// Returns the error for text that is not TOML. The text that is not TOML is the file, or the override
+    /// whose spans begin at `start`.
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let Range { start: from, end: to } = error.span().unwrap_or(0..0);
         let message = format!("this is not TOML: {}", error.message().trim());
@@ -176,7 +177,7 @@ impl Document {
         Some(format!("{key} is a list, such as {}", size.unwrap_or_else(|| example.to_owned())))
     }
 
-    /// Returns the error for a key that is none of `known`.
+    /// Returns the error for a key of the config that is not in the list `known`.
     pub fn unknown_key(&self, span: Range<usize>, key: &str, known: &[&str]) -> Error {
         let (_, text, start) = self.part(&span);
         let place = elsewhere(&super::schema(), text, span.start - start, key);
@@ -293,16 +294,16 @@ fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> 
     Ok(())
 }
 
-/// The result of merging an override.
+/// The result of merging an override into the file's values: an error if an index is not in its list.
 type Merged = std::result::Result<(), NoIndex>;
 
-/// An index that a list does not have.
+/// An index in an override's key that is not an index of the list.
 struct NoIndex {
-    /// The span of the index.
+    /// The range of bytes of the index in the document.
     span: Range<usize>,
-    /// The list's dotted path.
+    /// The dotted path of the list, such as `strategy`.
     list: String,
-    /// The number of the list's elements.
+    /// The number of elements that the list has.
     count: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Checks that lists are not empty, and removes repetitions from them.
+//! Checks that the lists of a config are not empty, and removes repeated elements.
 
 use toml::Spanned;
 
@@ -14,7 +14,7 @@ pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expe
     Err(document.error(list.span(), format!("'{key}' is empty"), format!("expected at least {expected}")))
 }
 
-/// Returns the list without repetitions, in the original order.
+/// Returns the list without repeated elements, in the original order.
 pub fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
     let mut unique = Vec::new();
     for item in list {

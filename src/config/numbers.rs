@@ -1,4 +1,4 @@
-//! Checks that numbers are in range.
+//! Checks that the numbers of a config are in their allowed ranges.
 
 use std::fmt::Display;
 use std::ops::{Range, RangeInclusive};
@@ -8,7 +8,7 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns `value` if it is in `range`. Otherwise, returns an error at `span`, in which `what` names the
+/// Returns `value` if it is in `range`. If it is not, returns an error at `span`, in which `what` names the
 /// value.
 pub fn whole(
     document: &Document,

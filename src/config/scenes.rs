@@ -13,7 +13,7 @@ use crate::error::{Error, Result, nearest_file};
 use crate::filetype::{Opened, Wanted};
 use crate::scene::Setting;
 
-/// Range of the number of samples per pixel.
+/// The allowed range of the number of samples per pixel.
 pub(super) const SAMPLES: RangeInclusive<i64> = 1..=64;
 
 /// Returns the scenes of the config without repetitions: first the unchanged scene files, then those with
@@ -96,7 +96,7 @@ fn samples(document: &Document, entry: &SceneEntry) -> Result<Vec<u32>> {
     }
 }
 
-/// A path in a scene, and the values to set there.
+/// A dotted key of a scene file, and the values that the config gives to this key.
 struct Change<'a> {
     path: String,
     /// The location of the key in the config.

@@ -1,4 +1,4 @@
-//! Sizes of images and of work-groups.
+//! Checks the sizes of images and of work-groups in a config.
 
 use std::ops::{Range, RangeInclusive};
 
@@ -10,11 +10,11 @@ use super::numbers::whole;
 use super::wire;
 use crate::error::Result;
 
-/// Range of an image's width and height in pixels.
+/// The allowed range of an image's width and height in pixels.
 pub(super) const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
 /// Range of a work-group's width and height in work-items; a device may allow fewer.
 pub(super) const LOCAL_SIDE: RangeInclusive<i64> = 1..=4096;
-/// Largest number of work-items in a work-group.
+/// The largest number of work-items in a work-group that a config may ask for.
 const LOCAL_ITEMS: u64 = 4096;
 
 /// Returns the image sizes in the file's order, without repetitions.

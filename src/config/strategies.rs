@@ -16,8 +16,8 @@ use crate::strategy::{AXES, Preset, Strategy, preset};
 /// The position in a config at which the key `local_sizes` applies to every strategy without local sizes of its own.
 const TOP: &str = "at the top of the experiment's file";
 
-/// A strategy that is being made. It begins as a copy of the preset of a `[[strategy]]` entry, and then gets the values
-/// of the entry, axis by axis.
+/// A strategy that is being made. A draft begins as a copy of the preset of a `[[strategy]]` entry, and then
+/// gets the values of the entry, axis by axis.
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,
@@ -231,9 +231,9 @@ fn named(
     })
 }
 
-/// Returns the name that the `[[strategy]]` entry sets, followed by the axes for which the entry lists several values.
-/// If the entry sets no name, returns the preset's name, followed by these axes and by every axis that differs from the
-/// preset.
+/// Returns the name that the `[[strategy]]` entry sets, followed by the axes for which the entry lists
+/// several values. If the entry sets no name, returns the preset's name, followed by the axes with several
+/// values and by every axis that differs from the preset.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.named_axes.as_slice()].concat().join("+");

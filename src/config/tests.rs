@@ -1,4 +1,4 @@
-//! Configs that load, and configs that are refused with the location of the mistake.
+//! Tests of configs that load, and of configs that are refused with the location of the mistake.
 
 use std::path::PathBuf;
 
@@ -520,7 +520,8 @@ fn a_bad_override_is_shown_in_its_own_words() {
     assert!(
         refusal(GOOD, &[("timing..seed", "3")]).contains("--set timing..seed=3: 'timing..seed' is not a key")
     );
-    // Without the check of the key, the whole line would be a comment, and the option would do nothing.
+    // If the key were not checked, the line made of key and value would be a comment of TOML, and the option
+    // `--set` would do nothing.
     assert!(refusal(GOOD, &[("#timing.seed", "3")]).contains("'#timing.seed' is not a key"));
     for (key, whole) in [
         ("strategy.5.width", r#"--set strategy='[{ preset = "naive" }]'"#),

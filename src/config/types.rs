@@ -13,18 +13,18 @@ use crate::strategy::Strategy;
 pub struct Experiment {
     /// The config's file name without its extension.
     pub name: String,
-    /// The config file.
+    /// The path of the config file.
     pub path: PathBuf,
     /// The question that the experiment answers; the config's name if it states none.
     pub question: String,
     /// The expected answer, written before measuring; empty if the config states none.
     pub expectation: String,
-    /// The scenes. Each file existed when the config was read.
+    /// The scenes to be measured. Each scene's file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
     /// The scenes that were removed from `scenes` because their content equals that of an earlier scene, as
     /// indices into the config's list of scenes.
     pub left_out: Vec<usize>,
-    /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
+    /// True if scenes are compared with each other. Scenes that are compared are measured in the same rounds.
     pub compare_scenes: bool,
     /// Words that select devices; "all" selects every usable device. Empty if the config names none.
     pub devices: Vec<DeviceWord>,
@@ -32,14 +32,14 @@ pub struct Experiment {
     pub image_sizes: Vec<[u32; 2]>,
     /// The strategies to compare; no two names are equal.
     pub strategies: Vec<NamedStrategy>,
-    /// Casters on the host. They are measured in the same rounds as the kernels, unless the experiment is
-    /// divided into shards or distributed over several devices.
+    /// Casters on the host. Baselines are measured in the same rounds as the kernels, unless the experiment
+    /// is divided into shards or distributed over several devices.
     pub baselines: Vec<Baseline>,
     /// Limits of a smaller device to imitate.
     pub emulate: Emulate,
     /// How often and how long each point is measured: limits on samples and time.
     pub timing: Timing,
-    /// The config's text.
+    /// The text of the config file.
     pub source: String,
     /// The `--set` options, each as a line of TOML.
     pub overrides: Vec<String>,
@@ -47,8 +47,8 @@ pub struct Experiment {
 
 impl Experiment {
     /// Returns the elements of `strategies` that have the local size `local_size`, and the same value on
-    /// every axis as the element with the index `index`. There are several such elements if the config lists
-    /// a strategy under several names.
+    /// every axis as the element with the index `index`. Several elements are returned if the config lists
+    /// the strategy under several names.
     pub fn names_of(&self, index: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
         let wanted = self.strategies.get(index).map(|named| named.strategy);
         let is_wanted = move |named: &&NamedStrategy| {
@@ -107,7 +107,8 @@ pub struct SceneChoice {
     pub overrides: Vec<Setting>,
     /// The number of samples per pixel.
     pub samples: u32,
-    /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
+    /// The end of the scene's name, which distinguishes the scene from other scenes made from the same file:
+    /// `+triangles=1000`.
     pub suffix: String,
     /// The largest number of triangles that a tree can index. Loading fails if the scene has more. The limit is set
     /// only if the scene is the config's only scene, every strategy needs a tree, and there is no baseline; otherwise
@@ -157,8 +158,8 @@ impl SceneChoice {
 
     /// Returns the hash that identifies the loaded `scene` in results. With one sample per pixel, the
     /// returned hash is that of the scene's content, as in records of raycl's versions that always cast one
-    /// sample. With several samples per pixel, the hash also covers the number of samples, since scenes with
-    /// different numbers of samples are different scenes in results.
+    /// sample. With several samples per pixel, the hash also depends on the number of samples, since scenes
+    /// with different numbers of samples are different scenes in results.
     pub fn hash(&self, scene: &Scene) -> String {
         let content = scene.content_hash();
         match self.samples {
@@ -223,7 +224,7 @@ impl NamedStrategy {
 /// A caster on the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Baseline {
-    /// One core, single precision: the serial baseline that the paper promised.
+    /// One core, single precision: the serial baseline that the paper, which raycl reproduces, promised.
     Serial,
     /// One core, double precision: the reference against which images are verified.
     SerialF64,
@@ -244,7 +245,8 @@ impl Baseline {
         }
     }
 
-    /// Returns the name that a record's `strategy` contains. This name includes the precision.
+    /// Returns the name that a record's `strategy` contains. Unlike the name in configs, the name in records
+    /// always includes the precision.
     pub fn strategy(self) -> &'static str {
         match self {
             Self::Serial => "serial-f32",
@@ -264,8 +266,8 @@ pub struct Emulate {
 }
 
 impl Emulate {
-    /// Returns the limits of `device`. A limit that is given here replaces the device's limit if the given limit is
-    /// smaller.
+    /// Returns the limits of `device`. If a limit of the imitated device is smaller, it replaces the limit of
+    /// `device`.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
         let lower =
             |own: u64, cap: Option<u64>| cap.filter(|cap| *cap < own).map_or((own, false), |cap| (cap, true));
@@ -276,7 +278,8 @@ impl Emulate {
 }
 
 impl fmt::Display for Emulate {
-    /// Formats the limits for a point's key: `local_bytes=49152 constant_bytes=-`; `-` means the device's own limit.
+    /// Formats the limits for the key of a point's record: `local_bytes=49152 constant_bytes=-`; `-` means
+    /// the device's own limit.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = |limit: Option<u64>| limit.map_or("-".to_string(), |bytes| bytes.to_string());
         write!(f, "local_bytes={} constant_bytes={}", text(self.local_bytes), text(self.constant_bytes))
@@ -286,16 +289,16 @@ impl fmt::Display for Emulate {
 /// How often and how long each point is measured: limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Number of frames that each point casts in a launch before the point's first sample. The number is
-    /// smaller if these frames take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch before the point's first sample. A point casts
+    /// fewer frames if the warm-up frames would take over a tenth of the time limit.
     pub warmup: u32,
     /// Number of launches: measurements of a group, each by new worker processes. The group's samples are
     /// divided among the launches. With one launch, results are only preliminary.
     pub launches: u32,
-    /// Smallest number of samples of a point, unless the time is up.
+    /// Smallest number of samples of a point, unless `time_limit_ms` ends the sampling earlier.
     pub min_samples: u32,
-    /// Largest number of samples of a point. Each launch takes an equal part, but usually at least five
-    /// samples.
+    /// Largest number of samples of a point. Each launch takes an equal part of these samples, but usually at
+    /// least five.
     pub max_samples: u32,
     /// Limit, in milliseconds, of the time for the samples of a point, averaged over the points of its group.
     pub time_limit_ms: f64,
@@ -321,7 +324,7 @@ impl Default for Timing {
 }
 
 impl fmt::Display for Timing {
-    /// Formats all settings for a point's key, as `name=value`.
+    /// Formats all settings for the key of a point's record, as `name=value`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { warmup, launches, min_samples, max_samples, time_limit_ms, seed, relative_sigma } = self;
         write!(
@@ -386,8 +389,8 @@ mod tests {
         assert_eq!(emulate.to_string(), "local_bytes=- constant_bytes=7");
     }
 
-    /// The keys of records contain these settings. If the defaults changed, raycl would measure points again whose
-    /// records were stored with the old defaults.
+    /// A record's key depends on the settings of the timing. If the defaults changed, raycl would measure
+    /// points again whose records were stored with the old defaults.
     #[test]
     fn the_default_timing_is_that_of_stored_records() {
         let expected = "warmup=2 launches=4 min_samples=10 max_samples=100 time_limit_ms=5000 seed=1 relative_sigma=0.005";

@@ -254,7 +254,7 @@ impl<'de> Deserialize<'de> for Choices {
 }
 
 impl StrategyEntry {
-    /// Returns every key that is allowed.
+    /// Returns every key that is allowed in a `[[strategy]]` entry.
     pub fn known_keys() -> Vec<&'static str> {
         ["name", "preset", "local_sizes", "any_kind"]
             .into_iter()

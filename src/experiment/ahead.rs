@@ -1,5 +1,6 @@
-//! Builds programs before the points that use them are checked. Several processes build programs, since a driver
-//! compiles only one program at a time in each process. Each program is built once, even if many points use it.
+//! Builds OpenCL programs in advance, before the points of an experiment that use these programs are checked.
+//! Several processes build programs, since a driver compiles only one program at a time in each process. Each
+//! program is built once, even if many points of the experiment use the program.
 
 mod builder;
 mod room;
@@ -24,10 +25,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// If the scene is small, idle builders (builders without a program to build) keep their processes, since new
-/// processes would have to start their drivers again. A scene is small if the memory for builders could hold
-/// the scene `PLENTY` times for each builder. The memory that programs and drivers need is not counted, since
-/// this need is the same for every scene.
+/// If the scene is small, builders (threads that compile programs in child processes) keep their processes
+/// while they have no program to build, since new processes would have to start their drivers again. A scene
+/// is small if the memory for builders could hold the scene `PLENTY` times for each builder. The memory that
+/// programs and drivers need is not counted, since this need is the same for every scene.
 const PLENTY: usize = 4;
 
 /// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
@@ -53,20 +54,21 @@ impl Program {
     }
 }
 
-/// A program to be built, and a point that uses it.
+/// A request to build a program, with a point of the experiment that uses the program.
 pub struct Order {
-    /// The program.
+    /// The program to be built.
     pub program: Program,
-    /// The point's index in the plan.
+    /// The index in the plan of a point that uses the program.
     pub point: usize,
     /// How many builders fit into memory. The processes of a builder hold the point's scene while they
     /// compile programs.
     pub room: Room,
 }
 
-/// A point that needs a program.
+/// A point of an experiment that may need a program.
 pub trait Needs {
-    /// Returns the program. Returns `None` for a caster on the host, or if the point does not fit on the device.
+    /// Returns a request to build the point's program. Returns `None` if a caster on the host measures the
+    /// point (it uses no program), or if the point does not fit on the device.
     fn order(&self) -> Option<Order>;
     /// Receives the result of building the program; `None` if the program was not built, or if another point
     /// has received the result.
@@ -78,16 +80,16 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs that were requested so far.
     ordered: HashSet<Program>,
-    /// Programs for which no point has to wait any more, each with the result of the build. The result is
-    /// `None` if the program was already stored or could not be built, if its builder died or hung, or if a
-    /// point has taken the result. A point that waits for its program takes the result from this map.
+    /// Programs for which no measured point has to wait any more, each with the result of the build. The
+    /// result is `None` if the program was already stored or could not be built, if its builder died or hung,
+    /// or if a point has taken the result. A point that waits for its program takes the result from this map.
     done: HashMap<Program, Option<Built>>,
     /// The devices for which builders may begin to build programs. Each device is named by its lock.
     free: BTreeSet<LockName>,
     closed: bool,
 }
 
-/// Counts of the programs built so far.
+/// The numbers of programs built so far, and the time spent on building them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
     /// Number of programs that were compiled.
@@ -116,8 +118,8 @@ impl Tally {
     }
 }
 
-/// The programs of a run. The run requests programs, and builders build the programs that no earlier run has
-/// stored.
+/// The programs that a run needs. The run requests programs, and builders build the programs that no earlier
+/// run has stored.
 #[derive(Default)]
 pub struct Ahead {
     /// For each job (the task of the workers of one device): the stored programs of its device.
@@ -180,8 +182,8 @@ impl Ahead {
         *locked(&self.tally)
     }
 
-    /// Lets builders begin to build programs for the devices with these locks. Usually, the caller has found
-    /// out that no other process measures on these devices.
+    /// Lets builders begin to build programs for the devices with these locks. Usually, the caller has first
+    /// found out that no other process measures on the devices.
     pub fn go_on(&self, devices: &[LockName]) {
         locked(&self.state).free.extend(devices.iter().cloned());
         self.changed.notify_all();
@@ -193,7 +195,7 @@ impl Ahead {
         locked(&self.state).free.retain(|device| !devices.contains(device));
     }
 
-    /// Requests the programs of points, in the order of the points.
+    /// Requests the programs that these points of the experiment need, in the order of the points.
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
         let mut state = locked(&self.state);
         for order in points.into_iter().filter_map(N::order) {
@@ -212,9 +214,9 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Requests the program of a point, and waits until the program is built or cannot be built. The first
-    /// point that waits for a program receives the result of the build; later points with the same program
-    /// receive `None`.
+    /// Requests the program of a point of the experiment, and waits until the program is built or cannot be
+    /// built. The first point that waits for a program receives the result of the build; later points with
+    /// the same program receive `None`.
     pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order([&*point]);
@@ -309,7 +311,7 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Returns the number of programs that were requested.
+    /// Returns the number of programs that the run has requested so far.
     #[cfg(test)]
     pub(super) fn ordered(&self) -> usize {
         locked(&self.state).ordered.len()

@@ -75,8 +75,8 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Makes a value that answers requests about the points of a plan. For each frame, the value waits
-    /// `frame_ms` milliseconds.
+    /// Makes an `Asleep` for the points of a plan, which waits `frame_ms` milliseconds in place of casting a
+    /// frame.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: HeldScene::default() }

@@ -1,9 +1,9 @@
-//! Cuts a plan into blocks and assigns the blocks to shards. Points that are compared stay in one block if
-//! possible. The work of all shards is about equal.
+//! Cuts a plan (the list of an experiment's points) into blocks, and assigns the blocks to shards. Points
+//! that are compared with each other stay in one block if possible. All shards get about equally much work.
 
 use serde::{Deserialize, Serialize};
 
-/// Points that one shard measures together.
+/// Points of an experiment that one shard measures together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
     /// The block's number, counted from 1.
@@ -25,7 +25,7 @@ impl Block {
     }
 }
 
-/// A point to be assigned to a block.
+/// A point of the experiment that is to be assigned to a block, with its expected time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
     /// The point's index in the plan.
@@ -37,7 +37,7 @@ pub struct Cost {
     pub may_control: bool,
 }
 
-/// The expected time of a block, and the block.
+/// The expected time of a block in milliseconds, and the block.
 type Priced = (f64, Block);
 
 /// The targets that [`cut`] tries for the expected times of the pieces of a group, largest first. A target is
@@ -110,7 +110,8 @@ fn control(group: &[Cost]) -> Option<&Cost> {
 }
 
 /// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard
-/// with the least expected time so far. Returns the expected time of the shard that takes longest.
+/// whose blocks, until then, have the least expected time in all. Returns the expected time of the shard that
+/// takes longest.
 fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
@@ -123,8 +124,8 @@ fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     loads.into_iter().fold(0.0, f64::max)
 }
 
-/// Joins pieces of a group that are in the same shard into one block, so that the shard measures these pieces
-/// together.
+/// Joins the pieces of a group that are assigned to the same shard into one block, so that the shard measures
+/// these pieces together.
 fn joined(blocks: Vec<Block>) -> Vec<Block> {
     let mut joined: Vec<Block> = Vec::new();
     for block in blocks {

@@ -24,13 +24,13 @@ use std::time::Instant;
 pub struct Checker<'a> {
     drafter: Drafter<'a>,
     device: Option<(&'a Device, Queue)>,
-    /// The current scene, on the device.
+    /// The scene of the points that are being checked, loaded on the device.
     session: Option<Session>,
     pictures: Pictures,
     references: ReferenceCache,
 }
 
-/// A point's image, and the caster that made it.
+/// The image of a point of the experiment, and the caster that made the image.
 struct Cast {
     image: Radiance,
     /// Number of pixels whose rays hit something, if the caster counted these pixels.
@@ -40,7 +40,8 @@ struct Cast {
 }
 
 impl<'a> Checker<'a> {
-    /// Opens the device. If `device` is `None`, only casters on the host can be checked.
+    /// Opens the device on which points will be checked. If `device` is `None`, only casters on the host can
+    /// be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
             Some(device) => Some((device, Queue::open(device)?)),
@@ -49,12 +50,12 @@ impl<'a> Checker<'a> {
         Ok(Self { drafter, device, session: None, pictures, references: ReferenceCache::default() })
     }
 
-    /// Returns the device.
+    /// Returns the properties of the device on which points are checked; `None` if there is no device.
     pub fn device(&self) -> Option<&'a DeviceInfo> {
         self.device.as_ref().map(|(device, _)| &device.info)
     }
 
-    /// Builds the device's anchor.
+    /// Builds the device's anchor (a fixed kernel that a run times in turn with its points).
     pub fn anchor(&self) -> Result<Anchor> {
         let (device, queue) = self.device.as_ref().ok_or_else(|| Error::run("the host has no anchor"))?;
         Anchor::build(queue, device.info.limits.compute_units)
@@ -65,13 +66,14 @@ impl<'a> Checker<'a> {
         self.session = None;
     }
 
-    /// Returns how many samples each pixel of a point gets.
+    /// Returns how many samples each pixel of a point's image gets.
     fn sampling(&self, point: &Point) -> Sampling {
         self.drafter.experiment.scenes[point.scene].sampling()
     }
 
-    /// Returns the scene of a point on the device, with the limits of a smaller device if the experiment imitates one.
-    /// Each scene of the experiment is loaded by itself, so a session has the samples per pixel of its scene.
+    /// Returns the session in which a point's scene is loaded on the device; `None` without a device. If the
+    /// experiment imitates a smaller device, the session has that device's limits. Each scene of the
+    /// experiment has a session of its own, with the scene's number of samples per pixel.
     fn session(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<&mut Session> {
         let sampling = self.sampling(point);
         let (device, queue) = self.device.as_ref()?;
@@ -84,19 +86,19 @@ impl<'a> Checker<'a> {
         }))
     }
 
-    /// Builds a point's program and stores it in the cache. Also casts a frame, since some drivers compile
-    /// parts of a program only when a kernel first runs. Returns `None` if the program cannot be built, and
-    /// for a caster on the host.
+    /// Builds the program with which a point of the experiment is measured, and stores the program in the
+    /// cache. After the build, casts a frame, since some drivers compile parts of a program only when a
+    /// kernel first runs. Returns `None` if the program cannot be built, and for a caster on the host.
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
         build_kernel(self.session(point, scene)?, scene, strategy, local_size).ok()
     }
 
-    /// Casts a point once and compares its image with the reference. If the image has the hash `verified`, an
-    /// identical image has been compared before, and the comparison is skipped. Adds the results to `record`.
-    /// Returns the ready caster or, as the inner error, the reason why the point fails. The outer error is a
-    /// mistake of the user or an error of the run.
+    /// Casts a point's image once, and compares the image with the reference picture. If the image has the
+    /// hash `verified`, an identical image has been compared before, and the comparison is skipped. Adds the
+    /// results to `record`. Returns the ready caster or, as the inner error, the reason why the point fails.
+    /// The outer error is a mistake of the user or an error of the run.
     pub fn check(
         &mut self,
         point: &Point,
@@ -183,8 +185,8 @@ fn build_kernel(
     Ok(Built { build_ms: build_ms + launch_ms, from_cache, key, lacks_log })
 }
 
-/// Casts the first frame, during which drivers may still compile. Adds the memory needs, the program, the build times
-/// and the number of shadow rays to the record.
+/// Casts the first frame of a point's kernel; drivers may still compile during this frame. Adds the memory
+/// needs, the program, the build times and the number of shadow rays to the record.
 fn cast_kernel(
     session: &mut Session,
     scene: &Scene,
@@ -297,7 +299,7 @@ mod tests {
             record.build_ms.is_some_and(|ms| ms > 0.0) && built.is_some_and(|built| built.build_ms > 0.0)
         );
         assert!(folder.path().join(record.image.unwrap()).is_file());
-        // A picture that has been compared is not compared again.
+        // A picture that has been compared with the reference is not compared again.
         let (again, outcome, _) = checked(&experiment, &device, folder.path(), record.image_hash.as_deref());
         assert!(outcome.is_ok() && again.max_difference.is_none() && again.image_hash.is_none());
         let (other, outcome, _) = checked(&experiment, &device, folder.path(), Some("another hash"));

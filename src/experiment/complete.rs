@@ -39,7 +39,8 @@ pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>
     record.warning = warning(record, &frames);
 }
 
-/// Returns a warning if frames are too short for comparisons, or if the device throttled; otherwise `None`.
+/// Returns a warning if a point's frames are too short for comparisons, or if the device throttled its clock
+/// during samples; otherwise `None`.
 fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     let throttled = record
         .throttled_samples

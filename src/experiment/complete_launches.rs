@@ -1,4 +1,5 @@
-//! Finds the launches in which each point of a group has enough samples.
+//! Finds the complete launches of a group of points: the launches (measurements by processes of their own) in
+//! which each point of the group has enough samples.
 
 use super::taken::Taken;
 use crate::measure::{StopReason, StoppingRule};

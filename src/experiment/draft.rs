@@ -17,16 +17,16 @@ use std::sync::Arc;
 /// The inputs that are the same for all drafts. A draft is a point's record before the point is tried.
 #[derive(Clone, Copy)]
 pub struct Drafter<'a> {
-    /// The experiment.
+    /// The experiment whose points get drafts.
     pub experiment: &'a Experiment,
-    /// The files of the kernels.
+    /// The source files of the kernels, from which the points' programs are made.
     pub sources: &'a Sources,
 }
 
-/// A scene, the notes from reading its file, and its hash. The hash is stored, because the computation of the
-/// hash takes time.
+/// A scene, the notes from reading its file, and its hash. The scene's hash is stored, because its
+/// computation takes time.
 pub struct Hashed {
-    /// The scene.
+    /// The scene as loaded from its file.
     pub scene: Arc<Scene>,
     /// Notes on what raycl ignored in the scene's file or replaced by defaults.
     pub notes: Vec<String>,
@@ -44,13 +44,13 @@ impl Hashed {
         Ok(Self { hash: choice.hash(&scene), scene: Arc::new(scene), notes, framed_for })
     }
 
-    /// Returns true if the scene's camera suits images of this size.
+    /// Returns true if the camera of the loaded scene suits images of this size.
     fn suits(&self, image_size: [u32; 2]) -> bool {
         self.framed_for.is_none_or(|size| have_one_shape(size, image_size))
     }
 }
 
-/// The scene that a process holds while it handles one point after another.
+/// The scene that a process holds in memory while it handles one point of the experiment after another.
 #[derive(Default)]
 pub struct HeldScene {
     /// The scene, and its number in the experiment; `None` before the first scene is loaded.
@@ -69,7 +69,7 @@ impl HeldScene {
     ///
     /// # Errors
     ///
-    /// Fails if the scene cannot be loaded. After such a failure, no scene is held.
+    /// Fails if the scene cannot be loaded. After a failure to load a scene, no scene is held.
     pub fn of(&mut self, experiment: &Experiment, point: &Point) -> Result<&Hashed> {
         if !self.is_of(point) {
             self.held = None;
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(keys.len(), 4, "{keys:?}");
     }
 
-    /// Records of versions that always cast one sample per pixel keep their keys.
+    /// Earlier versions of raycl always cast one sample per pixel; the keys of their records must not change.
     #[test]
     fn only_several_samples_per_pixel_are_in_the_key_and_in_the_record() {
         let drafted = |lines: &str| {
@@ -239,7 +239,8 @@ mod tests {
         keys.sort();
         keys.dedup();
         assert_eq!(keys.len(), 6, "{keys:?}");
-        // The program does not contain the number of samples, but it is another one than for a single sample.
+        // The program for several samples per pixel differs from the program for one sample, but is the same
+        // for every number of samples above one.
         let programs = [&one, &four, &five].map(|records| records[1].program_hash.clone());
         assert!(programs[0] != programs[1] && programs[1] == programs[2], "{programs:?}");
     }

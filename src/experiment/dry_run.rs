@@ -10,11 +10,12 @@ use serde::Serialize;
 /// A point of a plan, with its predicted memory needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Scene, size, strategy, local size and, if two folders of kernels are compared, the point's folder.
+    /// A text with the point's scene, image size, strategy and local size and, if two folders of kernels are
+    /// compared, the point's folder of kernels.
     pub label: String,
-    /// The device's name in records.
+    /// The name that records give to the point's device.
     pub device: String,
-    /// The bytes that the point needs; `None` for a caster on the host.
+    /// The bytes of memory that the point's strategy needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
     /// Why the point does not fit on the device or into the host's memory, or why its strategy or baseline cannot cast
     /// the scene; `None` if the point can be measured.
@@ -27,8 +28,9 @@ pub struct Forecast {
     pub done: bool,
 }
 
-/// Returns a forecast for every point of a run. If two folders of kernels are compared, a point that uses kernels has a
-/// forecast for each folder. `past` contains the run's results so far.
+/// Returns a forecast for every point that a run of the experiment would measure. If two folders of kernels
+/// are compared, a point that uses kernels has a forecast for each folder. `past` contains the run's results
+/// so far.
 pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     let available = Available::read();
     let (plan, kernels) = (run.plan(), run.kernels()?);
@@ -124,7 +126,7 @@ mod tests {
             raster.refused.as_ref().is_some_and(|why| why.contains("lights with a radius")),
             "{raster:?}"
         );
-        // The buffers for several samples are counted.
+        // The predicted memory includes the buffers that several samples per pixel need.
         let bytes = |forecast: &Forecast| forecast.needs.as_ref().unwrap().global_bytes;
         assert!(bytes(bvh) > bytes(&one[1]));
     }

@@ -29,9 +29,9 @@ pub struct Expected {
     pub points: usize,
     /// How many of the points to be measured have a time in an earlier record.
     pub known: usize,
-    /// Number of launches per point.
+    /// Number of launches (measurements by processes of their own) of each point.
     pub launches: usize,
-    /// Smallest number of frames that each point still needs.
+    /// The least number of frames that a point of the run still needs.
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
@@ -54,13 +54,13 @@ pub struct Expected {
 /// A point's times in an earlier record, in milliseconds.
 #[derive(Clone, Copy, Default)]
 struct Known {
-    /// Time of a sample.
+    /// Time of one sample of the point.
     sample_ms: f64,
     /// Time of a check that only hashes the picture, and time of a check that compares the picture
     /// with the reference.
     check_ms: [f64; 2],
-    /// Number of samples per launch; `None` if the record's key is not the point's key, since the stopping
-    /// rule may then differ.
+    /// Number of samples of the point per launch; `None` if the earlier record's key is not the point's key,
+    /// since the stopping rule may then differ.
     rounds: Option<usize>,
 }
 
@@ -226,7 +226,7 @@ impl Run<'_> {
     }
 }
 
-/// The times of groups, in milliseconds.
+/// The expected times of groups of points, in milliseconds, added up for the host and for all devices.
 #[derive(Clone, Copy, Default)]
 struct Together {
     /// The sum of the times of all groups of baselines, which are measured on the host.
@@ -315,7 +315,7 @@ fn strategy(record: &Record) -> String {
 }
 
 impl fmt::Display for Expected {
-    /// Formats as "33 points in 3 launches: about 6m 10s, based on earlier times".
+    /// Formats the expected duration as "33 points in 3 launches: about 6m 10s, based on earlier times".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let launches = if self.launches == 1 {
             "1 launch (times in other launches may differ)".to_owned()

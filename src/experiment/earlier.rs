@@ -18,9 +18,10 @@ pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest
     /// [rank](Record::rank) is used, as in `raycl merge`.
     pub records: Vec<Record>,
-    /// The launches of all attempts are renumbered, so that each number is unique. Each sample states the
-    /// attempt and the launch that took the sample. Samples that do not count, because their core-to-core
-    /// latency is far from the attempt's usual latency, are left out.
+    /// The samples of the launches of all attempts. The launches are renumbered, so that no two attempts'
+    /// launches have the same number. Each sample states the attempt and the launch in which it was taken.
+    /// Samples that do not count, because their core-to-core latency is far from the attempt's usual latency,
+    /// are left out.
     pub samples: Vec<Sample>,
     /// The ends of the launches in `samples`, with the launches' new numbers and the numbers of samples in
     /// `samples`.
@@ -31,13 +32,13 @@ pub struct Before {
     pub rounds: Vec<RoundLoad>,
 }
 
-/// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
-/// core-to-core latency. Points with a record are finished, with two exceptions. If `retry_failed` is true, a
-/// point is also unfinished if its record is not final ([`Record::is_final`]): a failure, or a lack of memory
-/// that may be temporary. Unfinished points are measured again. A point that exceeded a limit of the device
-/// which may differ between sessions ([`Record::is_of_the_session`]) is always unfinished. A point that
-/// exceeded a limit of the device in an earlier session may fit now, and another attempt may have measured
-/// some of the point's launches.
+/// Reads the results of earlier attempts from their folders. If `keeps_moved_samples` is true, all samples
+/// count, whatever their core-to-core latency. Points with a record are finished, with two exceptions. If
+/// `retry_failed` is true, a point is also unfinished if its record is not final ([`Record::is_final`]): a
+/// failure, or a lack of memory that may be temporary. Unfinished points are measured again. A point that
+/// exceeded a limit of the device which may differ between sessions ([`Record::is_of_the_session`]) is always
+/// unfinished. A point that exceeded a limit of the device in an earlier session may fit now, and another
+/// attempt may have measured some of the point's launches.
 pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
     let is_finished = |record: &&Record| (!retry_failed || record.is_final()) && !record.is_of_the_session();
@@ -244,8 +245,8 @@ mod tests {
         assert!(keys(false).is_empty());
     }
 
-    /// The point exceeded the device's memory in the first attempt. The second attempt had a larger limit, and was killed
-    /// after a launch of the point.
+    /// The point exceeded the device's memory in the first attempt. In the second attempt, the limit of the
+    /// device's memory was larger; the attempt was killed after a launch of the point.
     #[test]
     fn a_launch_of_a_point_that_fits_meanwhile_is_taken_over() {
         let parent = tempfile::tempdir().unwrap();

@@ -20,9 +20,9 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
-    /// Measures every point that has no result yet. Writes the records of all points to disk and returns
-    /// them. After an error or an interruption, the records of all points that were finished before are on
-    /// disk too.
+    /// Measures every point of the experiment that has no result yet. Writes the records of all points to
+    /// disk and returns them. After an error or an interruption, the records of all points that were finished
+    /// before are on disk too.
     pub fn execute(
         &self,
         results: &mut Results,
@@ -51,7 +51,8 @@ impl Run<'_> {
         })
     }
 
-    /// Calls `measure` with the points that have no result yet, then summarises the plan's results.
+    /// Calls `measure` with the groups of points that have no result yet, then summarises the results of all
+    /// points of the plan.
     fn measure(
         &self,
         results: &mut Results,
@@ -133,7 +134,7 @@ impl Run<'_> {
 
     /// Returns true if the point's own device measured the record. If an earlier session distributed points
     /// over several devices, only `measured_on` says which device measured the record. If this run
-    /// distributes points over its devices, any of these devices counts as the point's own.
+    /// distributes points over its devices, each device of the run counts as the point's own device.
     fn is_of_own_device(&self, record: &Record, pending: &PendingPoint) -> bool {
         let device = device_of(self, pending).filter(|_| !self.spread);
         let measured_on = record.measured_on.as_ref();
@@ -165,7 +166,8 @@ impl Unrecorded {
     }
 }
 
-/// If a point's preset is meant for another kind of device, records the point as skipped. Returns the other points.
+/// Stores a record for each point whose preset is meant for another kind of device; the record says that the
+/// point was skipped. Returns all other points of the group.
 fn pass_over(
     group: Vec<PendingPoint>,
     launches: usize,

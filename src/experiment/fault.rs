@@ -35,12 +35,12 @@ enum Kind {
     Garbage,
 }
 
-/// A step of a worker.
+/// A step of a worker's work at which a fault can happen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Step {
-    /// A point's check.
+    /// Checking a point before it is timed.
     Check,
-    /// Casting a frame of a point.
+    /// Casting a frame of a point that is being timed.
     Cast,
 }
 
@@ -97,7 +97,8 @@ impl Fault {
 impl Kind {
     #[allow(clippy::panic, reason = "a panic is one of the faults")]
     fn happen(self, folder: &Path) {
-        // If a signal cannot be raised, the worker goes on, and the test that expected its end fails.
+        // If a signal cannot be raised, the worker continues, and the test that expected the worker to die
+        // fails.
         let raise = |signal| drop(signal_hook::low_level::emulate_default_handler(signal));
         match self {
             Self::Abort => raise(SIGABRT),

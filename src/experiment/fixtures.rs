@@ -11,13 +11,14 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Returns an experiment with `naive` on a small picture of a triangle. `lines` are more lines of the
-/// experiment's config.
+/// Returns an experiment that casts a small picture of a triangle with the strategy `naive`. `lines` are more
+/// lines of the experiment's config.
 pub(super) fn experiment(lines: &str) -> Experiment {
     experiment_of(&format!("scenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n{lines}"))
 }
 
-/// Returns an experiment on small pictures. `lines` are the experiment's scenes and strategies.
+/// Returns an experiment whose pictures have 8 x 5 pixels. `lines` are the lines of the config that state
+/// scenes and strategies.
 pub(super) fn experiment_of(lines: &str) -> Experiment {
     let text = format!("question = '?'\nexpectation = '!'\nimage_sizes = [[8, 5]]\n{lines}\n");
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
@@ -38,13 +39,14 @@ impl Deref for TestLocks {
     }
 }
 
-/// Returns locks that no other test uses.
+/// Returns locks of devices that no other test uses.
 pub(super) fn own_locks() -> TestLocks {
     let folder = tempfile::tempdir().expect("a folder");
     TestLocks { locks: Locks::in_folder(folder.path(), false), _folder: folder }
 }
 
-/// Returns a run of an experiment with the built-in kernels and without a time limit. All samples count.
+/// Returns a run of an experiment with the built-in kernels and without a time limit. All samples of the run
+/// count, whatever their core-to-core latency.
 pub(super) fn run<'a>(
     experiment: &'a Experiment,
     devices: &'a [&'a DeviceInfo],

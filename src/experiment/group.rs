@@ -29,17 +29,17 @@ use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 use timed::{Latency, Timed};
 
-/// What a run says before the first additional launch of a group.
+/// The message of a run before the first additional launch of a group of points.
 const ADDITIONAL: &str = "the host moved this virtual machine's processors to other cores, so additional launches replace some launches";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
     points: Vec<PendingPoint>,
-    /// The complete launches, in which every point was sampled.
+    /// The group's complete launches, in which every point of the group was sampled.
     whole: Vec<Launch>,
     /// How often this session has visited the group. A visit measures one launch of the group.
     visits: u32,
-    /// Why the last launch ended.
+    /// Why the group's last launch ended.
     reason: Option<StopReason>,
     /// The index of the device to which the group is bound, if groups are distributed over several devices.
     home: Option<usize>,
@@ -103,7 +103,7 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
-    /// Returns true if the group needs no further launch.
+    /// Returns true if the group has been measured in enough launches.
     fn has_enough(&self, run: &Run<'_>, sink: &impl ResultSink) -> bool {
         are_enough(&self.whole, run.launches(), self.near_ns(run, sink))
     }
@@ -242,7 +242,7 @@ impl OpenGroup {
         Ok(())
     }
 
-    /// Times the points in the rounds of one launch.
+    /// Times the group's points in the rounds of one launch.
     fn time(
         &mut self,
         run: &Run<'_>,
@@ -354,7 +354,8 @@ pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     !run.keeps_moved_samples && points.iter().all(is_on_processors)
 }
 
-/// Replaces the record of a point by the record of the point's check, which took `check_ms`.
+/// Replaces the record of a point by the record that the point's check returned. The check took `check_ms`
+/// milliseconds.
 fn use_check(pending: &mut PendingPoint, record: Record, check_ms: f64) {
     pending.verified.clone_from(&record.image_hash);
     pending.record = record;

@@ -1,5 +1,5 @@
-//! Baselines: the serial and the parallel caster on the host, timed by the host's clock. Also the properties of the
-//! host that affect the times of baselines.
+//! Baselines: the serial and the parallel casters on the host, timed by the host's clock. Also the properties
+//! of the host that affect the times of baselines.
 
 use crate::clock::ms_since;
 use crate::config::Baseline;
@@ -39,7 +39,8 @@ pub fn host_identity() -> String {
     format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])
 }
 
-/// Returns why a baseline does not cast a scene with this sampling; `None` if it casts the scene.
+/// Returns why a baseline cannot cast a scene with this number of samples per pixel; `None` if the baseline
+/// can cast the scene.
 pub fn refusal(baseline: Baseline, sampling: &Sampling) -> Option<String> {
     let (name, samples) = (baseline.strategy(), sampling.most);
     (samples > 1)

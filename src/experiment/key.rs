@@ -4,7 +4,8 @@
 /// The texts that make up a key; [`key`] hashes them in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct KeyParts<'a> {
-    /// The scene's hash ([`SceneChoice::hash`](crate::config::SceneChoice::hash)), which covers several samples per pixel.
+    /// The scene's hash ([`SceneChoice::hash`](crate::config::SceneChoice::hash)), which depends on the
+    /// number of samples per pixel if that number is above 1.
     pub scene_hash: &'a str,
     /// The platform, its version, the device and the driver. For a baseline: the word "host" and the processor's model.
     pub device: &'a str,
@@ -21,8 +22,8 @@ pub struct KeyParts<'a> {
     pub local_size: &'a str,
     /// Image size, such as "800x500".
     pub image_size: &'a str,
-    /// The hash of the source, the defines and the build options. For a baseline: the hash of its source, and raycl's
-    /// own build options.
+    /// The hash of the program's source, defines and build options. For a baseline: the hash of the
+    /// baseline's source, and the options with which raycl was compiled.
     pub program_hash: &'a str,
     /// The settings of [`Timing`](crate::config::Timing), in the form in which raycl displays them.
     pub timing: &'a str,

@@ -1,6 +1,7 @@
-//! The order of launches. A *visit* of a group of points measures one launch of the group. No worker process
-//! measures two launches of a group. A group is visited again only after every group has been visited equally
-//! often. The first visits follow the plan's order; the order of later visits is random.
+//! The order in which a run measures the launches of its groups of points. A *visit* of a group of points
+//! measures one launch of the group. No worker process measures two launches of a group. A group is visited
+//! again only after every group has been visited equally often. The first visits follow the plan's order; the
+//! order of later visits is random.
 
 use super::Run;
 use super::group::OpenGroup;
@@ -36,7 +37,7 @@ impl Waiting {
             .collect();
         let turn = u64::from(visits) << 32 | next.len() as u64;
         let chosen = if visits == 0 { 0 } else { round_order(next.len(), turn, self.seed)[0] };
-        // The order of the remaining groups stays the same.
+        // `remove` keeps the order of the remaining groups, so first visits follow the plan's order.
         Some(groups.remove(next[chosen]))
     }
 
@@ -98,7 +99,8 @@ mod tests {
 
     #[test]
     fn a_device_takes_no_group_of_another_device() {
-        // The groups of the first device were visited as often as those of the other device, or more often.
+        // The groups that are bound to the first device were visited as often as the groups of the other
+        // device, or more often.
         for (seed, visits) in (0..8).flat_map(|seed| [(seed, 1), (seed, 2)]) {
             let group = |(point, device): (usize, usize)| {
                 let pending = PendingPoint::new([point, 0, 0], String::new(), Record::default());

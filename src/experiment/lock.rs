@@ -10,7 +10,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-/// The name of the lock's file.
+/// The name of the file in a folder of results that is locked while a run uses the folder.
 const LOCK: &str = ".lock";
 /// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
 /// On a file system that changes the inode numbers of its files, a file always seems to have been removed.
@@ -69,7 +69,7 @@ impl Lock {
     }
 }
 
-/// Opens the file of a lock, and creates it if it is missing.
+/// Opens the file that will be locked, and creates this file if it is missing.
 fn open(path: &Path) -> std::io::Result<File> {
     own_file(path)?;
     OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path)

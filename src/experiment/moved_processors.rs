@@ -5,12 +5,12 @@
 //! up to 1.5 times as long as usual. While two processors of a virtual machine share a core, all kernels take
 //! about 1.4 times as long as usual. The core-to-core latency around a sample is the time in which a cache
 //! line moves from one processor to another. The core-to-core latency is larger than usual if the cores are
-//! far from each other, and smaller if processors share a core. The core-to-core latency does not depend on
-//! the times of the points. *Near* processors run on cores at their usual distance. A sample does not count
-//! if the core-to-core latency around it is much larger or smaller than that of near processors in the same
-//! run. Before a sample, a launch waits until the processors are near, but only for a limited time. A launch
-//! does not count if too few of its samples count; an additional launch replaces a launch that does not
-//! count. A group has at most twice as many launches as requested.
+//! far from each other, and smaller if processors share a core. The core-to-core latency is measured between
+//! samples, so it does not depend on the times of the points. *Near* processors run on cores at their usual
+//! distance. A sample does not count if the core-to-core latency around it is much larger or smaller than
+//! that of near processors in the same run. Before a sample, a launch waits until the processors are near,
+//! but only for a limited time. A launch does not count if too few of its samples count; an additional launch
+//! replaces a launch that does not count. A group has at most twice as many launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -39,10 +39,10 @@ pub(super) const WAITS: f64 = 0.5;
 /// samples. Before its first sample, a launch may wait only for the time `PATIENCE`.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// A complete launch of a group.
+/// A complete launch of a group of points, with the core-to-core latencies around its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Launch {
-    /// The launch's number in the folder of results.
+    /// The launch's number, which is unique in the folder of results.
     pub number: u32,
     /// The core-to-core latency around each sample of each point, in nanoseconds; `None` if the latency is
     /// unknown.
@@ -117,14 +117,15 @@ pub(super) fn wait_until_near(
     last
 }
 
-/// Returns true if a group needs no further launch: `wanted` launches count, or the group already has the
-/// largest number of launches.
+/// Returns true if a group of points needs no further launch: either `wanted` of its launches count, or the
+/// group already has the largest number of launches.
 pub(super) fn are_enough(launches: &[Launch], wanted: usize, near_ns: f64) -> bool {
     let counted = launches.iter().filter(|launch| launch.counts(near_ns)).count();
     counted >= wanted || launches.len() >= MOST * wanted
 }
 
-/// Returns the largest number of additional launches if `wanted` launches were requested.
+/// Returns the largest number of additional launches of a group of points if `wanted` launches were
+/// requested.
 pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }

@@ -7,12 +7,12 @@ use crate::record::Record;
 pub trait Observer: Send {
     /// Is called with the name of a run when the run begins, if a command has several runs.
     fn enters(&mut self, _stage: &str) {}
-    /// Is called when the run begins, with its numbers of points and of steps. A step is the
-    /// measurement of one point in one launch.
+    /// Is called when the run begins, with the numbers of points and of steps that it will measure. A step is
+    /// the measurement of one point in one launch.
     fn begins(&mut self, points: usize, steps: usize);
     /// Is called with the numbers of points and steps that an earlier session has finished.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
-    /// Is called with the number of further steps that are finished or will not take place.
+    /// Is called with the number of steps that have been finished or dropped since the last call.
     fn advances(&mut self, _steps: usize) {}
     /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);
@@ -23,7 +23,7 @@ pub trait Observer: Send {
     /// Is called several times per second while the run waits for a device that another process uses, or for the
     /// process that measures the devices' peak rates.
     fn waits(&mut self) {}
-    /// Is called when a point is finished.
+    /// Is called when a point of the experiment is finished, with the point's record.
     fn finished(&mut self, record: &Record);
     /// Is called when the run's measurements end, also after an error or an interruption.
     fn ends(&mut self);

@@ -13,7 +13,7 @@ use std::path::Path;
 /// The device that measured a launch, if points were distributed over several devices of the same model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeasuredOn {
-    /// The device's name for files.
+    /// The device's name in the form that is used in names of files.
     pub slug: String,
     /// The device's UUID or PCI address, if one of them is known.
     pub hardware: Option<String>,
@@ -41,17 +41,17 @@ pub struct Past {
     pub ends: HashMap<u32, LaunchEnd>,
     /// The device that measured a launch, by the launch's number, if points were distributed over several devices.
     pub devices: HashMap<u32, MeasuredOn>,
-    /// The load of other processes while rounds were timed.
+    /// The load of other processes on the machine, measured while the rounds of a launch were timed.
     pub rounds: Vec<RoundLoad>,
-    /// The number of the next launch.
+    /// The number that the next launch of this session will get.
     pub next_launch: u32,
 }
 
 impl Past {
     /// Reads the results that `--resume` continues. Returns no results if the folder has no journal of
     /// records. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
-    /// The caller need not hold the folder's lock, since a run that writes to the folder only appends to the
-    /// journals.
+    /// The caller need not hold the folder's lock: a run that writes to the folder at the same time only
+    /// appends lines to the journals.
     pub fn in_folder(folder: &Path) -> Result<Self> {
         if !existing::exists(&folder.join(RECORDS))? {
             return Ok(Self::default());
@@ -106,7 +106,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(Past::in_folder(folder.path()).unwrap(), Past::default());
         Results::create(folder.path(), &Environment::default()).unwrap();
-        // A link that leads to itself stands for a disk that fails.
+        // A symbolic link to itself cannot be opened; it stands for a file on a failing disk.
         for name in [RECORDS, SAMPLES, CONTROLS, ROUNDS, ANCHORS, LAUNCHES] {
             let path = folder.path().join(name);
             let text = std::fs::read(&path).unwrap_or_default();

@@ -23,13 +23,14 @@ pub struct PendingPoint {
     pub point: usize,
     /// The number of the job (see [`Run::jobs`]) whose worker casts the point.
     pub job: usize,
-    /// The number of the point's scene.
+    /// The number of the point's scene in the experiment's list of scenes.
     pub scene: usize,
-    /// The point's name, as shown to the observer.
+    /// The name of the point that is shown to the user while the point is measured.
     pub label: String,
-    /// The point's record so far.
+    /// The point's record, which holds what is known about the point so far.
     pub record: Record,
-    /// The sizes and features on which the point's needs depend; `None` for a caster on the host.
+    /// The sizes and features from which the memory that the point needs is computed; `None` for a caster on
+    /// the host.
     pub workload: Option<Workload>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
@@ -38,8 +39,8 @@ pub struct PendingPoint {
     pub fits: bool,
     /// How many builders (processes that hold the point's scene while they compile programs) fit into memory.
     pub room: Room,
-    /// The result of building the point's program. If several points use the program, only one of them
-    /// receives the result.
+    /// The result of building the program with which the point is measured. If several points use the
+    /// program, only one of them receives the result.
     pub built: Option<Built>,
     /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<String>,
@@ -67,7 +68,7 @@ impl PendingPoint {
         }
     }
 
-    /// Returns the data about the point from which requests to a worker are made.
+    /// Returns the data about the point that a request to a worker contains.
     pub fn task(&self) -> Task<'_> {
         let (key, verified) = (&self.record.key, self.verified.as_deref());
         Task { point: self.point, job: self.job, scene: self.scene, key, verified }
@@ -154,7 +155,7 @@ impl Run<'_> {
         Room::of(strategy, &workload, &device.limits, available_bytes, processes)
     }
 
-    /// Returns true if the point is measured on devices of every kind.
+    /// Returns true if the point is measured on every kind of device (CPUs, GPUs and others).
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
             Work::Kernel { strategy, local_size } => {
@@ -166,7 +167,8 @@ impl Run<'_> {
 
     /// Returns the points of these pieces (parts of the plan whose points are measured together), one list
     /// per piece. The lists also contain points that already have a result, and points that will not be
-    /// measured (see `not_for` and `fits`). The function loads one scene at a time.
+    /// measured (see `not_for` and `fits`). Only one scene at a time is in memory while the points' records
+    /// are drafted.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let kernels = self.kernels()?;
         let available_bytes = self.ahead.map(|_| Available::read().bytes);
@@ -212,7 +214,8 @@ impl Run<'_> {
     }
 }
 
-/// Returns the sizes and features on which a point's needs depend; `None` for a caster on the host.
+/// Returns the sizes and features from which the memory that a point of the experiment needs is computed;
+/// `None` for a caster on the host.
 fn workload_of(point: &Point, (scene, sampling): (&Scene, Sampling)) -> Option<Workload> {
     match point.work {
         Work::Kernel { local_size, .. } => {
@@ -222,11 +225,12 @@ fn workload_of(point: &Point, (scene, sampling): (&Scene, Sampling)) -> Option<W
     }
 }
 
-/// A folder of the run's kernels.
+/// One of the folders from which the run takes its kernels (two folders if the run compares them).
 pub(super) struct Kernels<'a> {
     drafter: Drafter<'a>,
-    /// If two folders are compared: the folder's label, and the values of axes that the headers of its kernel files
-    /// define. Workers that cast with the kernels of a folder read only that folder's headers.
+    /// If two folders of kernels are compared: this folder's label, and the values of axes that the headers
+    /// of the folder's kernel files define. Workers that cast with the kernels of a folder read only that
+    /// folder's headers.
     compared: Option<(String, Values)>,
 }
 
@@ -275,16 +279,16 @@ impl Kernels<'_> {
         self.compared.as_ref().filter(|_| point.device.is_some()).map(|(label, _)| label.as_str())
     }
 
-    /// Formats a point for progress and logs, with the folder's label if two folders are compared: "teapot 800x500
-    /// naive 16x16 (mine)".
+    /// Formats a point of the experiment for progress and logs, with the folder's label if two folders of
+    /// kernels are compared: "teapot 800x500 naive 16x16 (mine)".
     fn named(&self, point: &Point, experiment: &Experiment) -> String {
         let label = self.label_of(point).map_or(String::new(), |label| format!(" ({label})"));
         point.label(experiment) + &label
     }
 }
 
-/// Returns the labels of two folders of kernels that are compared. In the names of points, a label shows
-/// which of the two folders a point uses.
+/// Returns the labels of two folders of kernels that are compared. In the name of a point of the experiment,
+/// a label shows which of the two folders the point uses.
 fn labels(sources: [&Sources; 2]) -> [String; 2] {
     let name = |sources: &Sources| match sources {
         Sources::Embedded => "built in".to_owned(),

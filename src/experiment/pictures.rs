@@ -1,4 +1,4 @@
-//! The pictures of a run, under `images/`.
+//! Saves the pictures of a run in the folder `images/` of its folder of results.
 
 use crate::error::Result;
 use crate::image::{Radiance, picture_reader, save, save_rgb8, to_rgb8, to_rgba8};
@@ -12,12 +12,13 @@ use std::path::{Path, PathBuf};
 /// Saves pictures in a folder of results, without replacing other pictures.
 pub struct Pictures {
     folder: PathBuf,
-    /// Paths of saved pictures by the pictures' hashes, so that points with identical images share a file.
+    /// Paths of saved pictures by the pictures' hashes, so that measured points with identical images share a
+    /// file.
     saved: HashMap<blake3::Hash, String>,
 }
 
 impl Pictures {
-    /// Makes a value that saves pictures in `folder`, a folder of results.
+    /// Makes a `Pictures` that saves pictures in `folder`, a folder of results.
     pub fn of(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), saved: HashMap::new() }
     }
@@ -59,12 +60,13 @@ impl Pictures {
             let bytes = std::fs::read(self.folder.join(path)).ok()?;
             picture_reader(&bytes, None).ok()?.decode().ok()
         };
-        // The name of a file that is missing or cannot be read is free.
+        // A name is free if its file is missing or cannot be read.
         let free = |path: &String| read(path).is_none_or(|there| there.to_rgba8() == *shown);
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 
-    /// Saves the picture that `make` returns, unless a file of this name exists. Returns the file's path.
+    /// Saves the picture that `make` returns under `name`, unless a picture with this name exists already.
+    /// Returns the path of the picture's file.
     pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
         let path = path_of(name);
         let file = self.folder.join(&path);

@@ -1,15 +1,15 @@
-//! The parts into which a plan is divided. The points of a part are measured together. A part is a whole
-//! group, the points of a group on one device, or a block.
+//! The parts into which a plan (the list of an experiment's points) is divided. The points of a part are
+//! measured together. A part is a whole group, the points of a group on one device, or a block.
 
 use super::{Block, Plan, Point};
 use std::collections::HashMap;
 
-/// Points that are measured together.
+/// Points of a plan that are measured together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
     /// The indices of the points in the plan.
     pub points: Vec<usize>,
-    /// The number of the block that these points form, if any.
+    /// The number of the block, if the piece is a block of points that one shard measures together.
     pub block: Option<u32>,
     /// The index of the control point, which all blocks of a group measure; `None` if the group is not cut into blocks.
     /// `points` need not contain the control point.

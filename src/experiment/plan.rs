@@ -7,43 +7,45 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// The points. Points that are compared with each other are adjacent. Within a group of compared points,
-    /// points of the same scene are adjacent. Within a scene, points of the same device are adjacent.
+    /// The points of the experiment. Points that are compared with each other are adjacent. Within a group of
+    /// compared points, points of the same scene are adjacent. Within a scene, points of the same device are
+    /// adjacent.
     pub points: Vec<Point>,
     /// True if scenes are compared with each other.
     pub compare_scenes: bool,
 }
 
-/// A point; its numbers are indices into the experiment's lists.
+/// A point of an experiment: one combination that is measured. Scenes and strategies are given by their
+/// indices in the experiment's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Point {
-    /// The scene.
+    /// The index of the scene in the experiment's list.
     pub scene: usize,
-    /// The device, as an index into the chosen devices; `None` is the host.
+    /// The device that casts, as an index into the run's devices; `None` is the host.
     pub device: Option<usize>,
-    /// The caster of the rays.
+    /// What casts the rays: a kernel on the device, or a baseline on the host.
     pub work: Work,
-    /// Pixels across and down.
+    /// The image's numbers of pixels across and down.
     pub image_size: [u32; 2],
 }
 
 /// The caster of a point: a strategy or a baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Work {
-    /// A kernel.
+    /// A kernel on an OpenCL device.
     Kernel {
-        /// The strategy.
+        /// The index of the strategy in the experiment's list.
         strategy: usize,
         /// Local size: work-items of a work-group, across and down.
         local_size: [u32; 2],
     },
-    /// A caster on the host.
+    /// A baseline: a caster on the host, which uses no OpenCL.
     Host(Baseline),
 }
 
 impl Plan {
-    /// Makes all combinations of the experiment's lists, on `device_count` devices. A strategy that has two
-    /// names in the experiment forms only one point at each local size.
+    /// Makes the plan with all combinations of the experiment's lists, on `device_count` devices. A strategy
+    /// that has two names in the experiment forms only one point at each local size.
     pub fn new(experiment: &Experiment, device_count: usize) -> Self {
         let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
         let kernels = kernels(experiment);
@@ -119,12 +121,12 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 }
 
 impl Point {
-    /// Returns true if both points have the same scene and image size.
+    /// Returns true if this point and `other` have the same scene and image size.
     pub fn has_scene_and_size_of(&self, other: &Self) -> bool {
         (self.scene, self.image_size) == (other.scene, other.image_size)
     }
 
-    /// Formats the point for progress and logs: "teapot 800x500 naive 16x16".
+    /// Formats this point of the experiment for progress and logs: "teapot 800x500 naive 16x16".
     pub fn label(&self, experiment: &Experiment) -> String {
         let scene = experiment.scenes.get(self.scene).map_or(String::new(), SceneChoice::label);
         let [width, height] = self.image_size;

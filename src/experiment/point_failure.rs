@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Why a point cannot be timed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointFailure {
-    /// The outcome to record.
+    /// The outcome that the point's record gets.
     pub outcome: Outcome,
     /// The reason, in a sentence.
     pub reason: String,
@@ -30,8 +30,8 @@ impl PointFailure {
         Self::new(Outcome::WrongImage, reason)
     }
 
-    /// Returns the failure of a point that could not be built or cast for the reason `refused`. `device` is
-    /// the worker's device; `None` if the worker has no device.
+    /// Returns the failure of a point whose program could not be built, or whose image could not be cast, for
+    /// the reason `refused`. `device` is the worker's device; `None` if the worker has no device.
     pub fn of(refused: &Refused, device: Option<&DeviceInfo>) -> Self {
         let outcome = match refused {
             Refused::Launch { error: LaunchError::WorkGroup { .. }, .. }
@@ -43,7 +43,7 @@ impl PointFailure {
         Self::new(outcome, device.map_or_else(|| refused.reason(), |device| refused.reason_on(device)))
     }
 
-    /// Returns the record with this failure.
+    /// Writes this failure's outcome and reason into the point's record, and returns the record.
     pub fn write_into(self, mut record: Record) -> Record {
         record.outcome = self.outcome;
         record.reason = Some(self.reason);

@@ -25,13 +25,14 @@ pub struct Processes {
     /// True if workers use the driver's cache of programs. The driver's cache contains no compiler messages,
     /// and therefore no numbers of registers.
     driver_cache: bool,
-    /// True if the next worker compiles its programs again.
+    /// True if the worker that is started next must compile its programs again instead of using stored
+    /// programs.
     afresh: bool,
 }
 
 impl Processes {
-    /// Makes a value that starts workers; `jobs[i]` is the job (the device and the folder of kernels) of the workers
-    /// that `spawn(i)` starts.
+    /// Makes a `Processes`; `jobs[i]` is the job (the device and the folder of kernels) of the workers that
+    /// `spawn(i)` starts.
     #[must_use]
     pub fn new(jobs: Vec<Job>) -> Self {
         Self { jobs, driver_cache: false, afresh: false }
@@ -208,7 +209,8 @@ impl Worker for WorkerProcess {
     }
 }
 
-/// Dropping the value lets the worker end by itself. A worker that has not ended within [`FAREWELL`] is killed.
+/// Dropping a `WorkerProcess` closes the worker's standard input, so that the worker ends by itself. A worker
+/// that has not ended within [`FAREWELL`] is killed.
 impl Drop for WorkerProcess {
     fn drop(&mut self) {
         self.requests = None;

@@ -39,7 +39,7 @@ pub struct Job {
     pub stands_for: Option<DeviceInfo>,
     /// The folder whose kernel files replace built-in kernel files; `None` if only built-in files are used.
     pub cl_dir: Option<PathBuf>,
-    /// The folder of results, for pictures.
+    /// The folder of results, in which the worker saves pictures.
     pub folder: PathBuf,
     /// For tests: how the worker fails.
     pub fault: Option<Fault>,
@@ -53,7 +53,7 @@ pub struct Job {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DeviceList {
-    /// Every device there is.
+    /// All devices that the drivers list.
     Devices(Vec<Listed>),
     /// There is no device, or an error occurred.
     Failed(Failure),
@@ -96,9 +96,9 @@ impl From<DeviceInfo> for Listed {
 /// An error that occurred in the process that lists devices.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
-    /// The reason.
+    /// What went wrong, as a sentence.
     message: String,
-    /// The remedy.
+    /// What the user can do about the error.
     help: String,
     /// True if the user made a mistake, for example in a kernel file.
     is_mistake: bool,
@@ -155,7 +155,7 @@ pub struct Built {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Request {
-    /// Cast a point once and compare its image with the reference.
+    /// Cast a point's image once, and compare the image with the reference picture.
     Check {
         /// The point.
         point: usize,
@@ -165,7 +165,7 @@ pub enum Request {
         /// not compared again.
         verified: Option<String>,
     },
-    /// Build the program of a point and store it.
+    /// Build the program with which a point is measured, and store the program.
     Build {
         /// The point.
         point: usize,
@@ -198,23 +198,24 @@ impl Request {
 pub enum Reply {
     /// Reply to the job, the first line that the run sends: the worker's device is open.
     Started,
-    /// Reply to a build; `None` if the program cannot be built. The point's check will report the error.
+    /// Reply to a request to build a program; `None` if the program cannot be built. The point's check will
+    /// report the error.
     Built(Option<Built>),
-    /// Reply to a check.
+    /// Reply to a request to check a point.
     Checked {
-        /// The record so far.
+        /// The point's record after the check.
         record: Box<Record>,
-        /// True if the point can be cast. If false, the record states the reason.
+        /// True if the point has passed the check and can be timed. If false, the record states the reason.
         ready: bool,
     },
-    /// Reply to a cast.
+    /// Reply to a request to cast a point: the times of the sample.
     Sample(FrameTimes),
     /// Reply to a cast that failed, or to any request during which the device broke down. If the device broke
     /// down, the worker then ends.
     Refused(PointFailure),
     /// Reply to any request: an error. The error ends the run, except an error of the anchor or of a builder.
     Failed {
-        /// The problem.
+        /// What went wrong, as a sentence for the user.
         message: String,
         /// The remedy for the user.
         help: String,

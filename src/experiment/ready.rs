@@ -5,17 +5,17 @@ use crate::config::Baseline;
 use crate::launch::{Caster, FrameTimes, LaunchError, Refused};
 use crate::scene::{Sampling, Scene};
 
-/// A point that can be cast repeatedly.
+/// A point of an experiment that has passed its check, so that its image can be cast repeatedly.
 pub enum Ready {
     /// A point that is cast by kernels on a device, with this number of samples per pixel.
     Kernel(Box<Caster>, Sampling),
-    /// A point that is cast by a baseline on the host.
+    /// A point whose image a baseline casts on the host.
     Host(Baseline),
 }
 
 impl Ready {
-    /// Casts `batch` frames on a device, or one frame on the host. Returns the mean times of one frame, which consists of
-    /// all samples of each pixel.
+    /// Casts `batch` frames on a device, or one frame on the host. Returns the mean times of one frame; a
+    /// frame includes all samples of each pixel.
     pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, Refused> {
         match self {
             Self::Kernel(caster, sampling) => {

@@ -1,11 +1,11 @@
-//! The references with which images are compared, computed when they are first needed.
+//! The reference pictures with which images are compared. Each reference is computed when it is first needed.
 
 use crate::reference::{Reference, all_pixels, reference_of};
 use crate::scene::{Sampling, Scene};
 use crate::strategy::Culling;
 
-/// The references of the current scene and image size. Points with the same scene and image size are checked
-/// one after another, so the references are dropped when a point has another scene or image size.
+/// The reference pictures of one scene at one image size. Points with the same scene and image size are
+/// checked one after another, so the references are dropped when a point has another scene or image size.
 #[derive(Default)]
 pub struct ReferenceCache {
     at: Option<(usize, [u32; 2])>,

@@ -18,25 +18,26 @@ use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// A point that can be cast, and its batch size after the warm-up.
+/// A point of the experiment that can be timed, and its number of frames per sample after the warm-up.
 struct Entry {
     ready: Ready,
     /// Number of frames per sample; `None` before the warm-up.
     batch: Option<u32>,
 }
 
-/// Serves the requests for one device.
+/// Serves the requests that a run sends to the worker of one device.
 pub struct RequestHandler<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
     checker: Checker<'a>,
-    /// The current scene.
+    /// The loaded scene: that of the point which was last built, checked or cast.
     scene: HeldScene,
-    /// The current group, identified by one of its points; `entries` contains the group's points
-    /// that passed the check.
+    /// A point of the group that is being measured; the point identifies the group. `entries` contains those
+    /// points of the group that passed their check.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
-    /// The anchor; `None` before its first use.
+    /// The device's anchor (a fixed kernel that is timed in turn with points); `None` until the run first
+    /// requests it.
     anchor: Option<Anchor>,
     /// The device's sensors; `None` before the first check, since processes that only build programs do not need the
     /// sensors. Always `None` in a worker without a device.
@@ -114,9 +115,9 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Prepares for requests about a point. If the point has another scene or image size than the points in
-    /// `entries`, drops the entries. If the point needs another scene than the current one, or another camera, frees
-    /// the current scene on the device.
+    /// Prepares the worker for requests about a point of the experiment. If the point has another scene or
+    /// image size than the points in `entries`, drops the entries. If the point needs another scene than the
+    /// current one, or another camera, frees the current scene on the device.
     fn turn_to(&mut self, point: Point) {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
@@ -142,7 +143,7 @@ impl<'a> RequestHandler<'a> {
         let (Some(point), Some(entry)) = (self.plan.points.get(number), self.entries.get_mut(&number)) else {
             return Err(no_such_point());
         };
-        // The scene of a point that can be cast is loaded already.
+        // The scene is loaded already, since the point has passed its check.
         let at = self.scene.of(self.drafter.experiment, point)?;
         let frame = |batch| entry.ready.frame(&at.scene, point.image_size, batch);
         // A caster on the host is timed by the host's clock, even if its worker has a device.
@@ -212,9 +213,9 @@ fn possible<T>(
 /// The shortest times of the frames of a warm-up, in milliseconds; infinity if there was no frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Warmed {
-    /// The time of a pass on the device's clock.
+    /// The shortest time of a pass (primary rays, shadow rays or shading) by the device's clock.
     pass_ms: f64,
-    /// The time of a frame on the host's clock.
+    /// The shortest time of a frame by the host's clock.
     host_ms: f64,
 }
 
@@ -399,7 +400,7 @@ mod tests {
         served(lines, change, None).2
     }
 
-    /// Casts a frame on a device of this kind with this timer.
+    /// Takes a sample of the strategy `naive` on a device of this kind, whose timer has this resolution.
     fn sample(kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
         sample_of(NAIVE, kind, timer_resolution_ns)
     }
@@ -516,8 +517,8 @@ mod tests {
 
     #[test]
     fn a_caster_on_the_host_casts_single_frames_whatever_the_timer_of_its_workers_device() {
-        // A sample's processor time is divided by its number of frames. The function `served` checks that this number
-        // is 1 if the sample is not a batch.
+        // A sample's processor time is divided by its number of frames. The function `served` checks that a
+        // sample which is not a batch has one frame.
         let times = sample_of("baselines = ['serial']", DeviceKind::Gpu, Some(1_000_000_000));
         assert!(times.batch.is_none() && times.processor_ms.is_some(), "{times:?}");
     }

@@ -9,7 +9,7 @@ use crate::peak::Peak;
 use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad};
 use std::collections::HashMap;
 
-/// Receives the results of measurements.
+/// Receives the results of a run's measurements, and the messages about the run's progress.
 pub trait ResultSink {
     /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);
@@ -24,7 +24,7 @@ pub trait ResultSink {
     /// `None` if both are unknown.
     fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
     -> Result<()>;
-    /// Stores the end of a launch whose points had enough samples.
+    /// Stores how a launch ended in which the points got enough samples.
     fn launch_end(&mut self, end: &LaunchEnd) -> Result<()>;
     /// Stores the load of other processes while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
@@ -51,14 +51,14 @@ pub trait ResultSink {
 
 /// Stores a run's results as soon as they are known.
 pub struct FolderSink<'a> {
-    /// The folder.
+    /// The folder of results in which everything is stored.
     pub results: &'a mut Results,
-    /// The observer.
+    /// The observer, to which messages about the run's progress are passed on.
     pub observer: &'a mut dyn Observer,
     /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. Any two of these
     /// names differ, whereas the records of two scenes may contain the same name.
     pub names: HashMap<String, String>,
-    /// Number of finished points, including those of earlier sessions.
+    /// Number of points of the experiment that are finished, including those that earlier sessions finished.
     pub done: usize,
 }
 

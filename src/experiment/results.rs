@@ -44,7 +44,8 @@ pub struct Results {
 const ELSEWHERE: &str = "choose another folder with --out DIR";
 
 impl Results {
-    /// Makes the folder. A folder that already contains records is refused: no measurement is ever overwritten.
+    /// Makes a new folder of results. A folder that already contains records is refused: no measurement is
+    /// ever overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if existing::exists(&folder.join(RECORDS))? {
             let error = Error::input(format!("{} already holds results", folder.display()));
@@ -129,8 +130,9 @@ impl Results {
     }
 
     /// Stores the peak rates of devices. The folder keeps its earlier rates of devices that `peak` does not
-    /// contain. Rates of the run's `devices` that were measured with another driver or in another state are
-    /// left out, since the run's devices no longer have these rates. Returns the rates that are left out.
+    /// contain. Rates of the run's `devices` that were measured with another driver or other settings of the
+    /// device are left out, since they are no longer the rates of these devices. Returns the peak rates that
+    /// are left out.
     pub fn keep_peak(&mut self, peak: Vec<Peak>, devices: &[&DeviceInfo]) -> Result<Vec<Peak>> {
         let all = peak.into_iter().chain(self.peak.clone());
         let (left_out, usable): (Vec<Peak>, Vec<Peak>) = all.partition(|peak| peak.are_outdated(devices));
@@ -169,7 +171,7 @@ impl Results {
         self.past.next_launch - 1
     }
 
-    /// Stores a sample.
+    /// Appends a sample to the folder's journal of samples.
     pub fn sample(&mut self, sample: &Sample) -> Result<()> {
         self.samples.append(sample)
     }
@@ -200,8 +202,8 @@ impl Results {
         self.anchors.append(sample)
     }
 
-    /// Stores which points belong to the current run. In the folder's peak rates, each device gets the name
-    /// that this run gives to it.
+    /// Stores which points of the experiment belong to the current run. In the folder's peak rates, each
+    /// device gets the name that this run gives to it.
     pub fn plan(&mut self, plan: &CurrentPlan) -> Result<()> {
         self.rename_peak(plan)?;
         plan.write(&self.folder)
@@ -227,8 +229,8 @@ impl Results {
         Ok(())
     }
 
-    /// Writes the summaries of the points in the folder's plan, and updates the 95% intervals in the journal of
-    /// records. Returns the records of these points.
+    /// Writes the summaries of the points in the folder's plan, and updates the 95% intervals in the journal
+    /// of records. Returns the records of the points in the plan.
     pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         self.records.check_place()?;
         let shown = Folder::read(&self.folder)?;
@@ -334,7 +336,7 @@ mod tests {
         let [now, earlier] = ["environment.json", "environment-1.json"].map(|name| folder.path().join(name));
         let write = |text: &'static str| {
             keep_environment(folder.path(), |path| {
-                // The earlier file keeps its name until the new file replaces it.
+                // The environment file of the earlier session keeps its name until the new file replaces it.
                 assert_eq!(path.exists(), text != "first");
                 crate::record::write_whole(path, text.as_bytes())
             })
@@ -441,8 +443,8 @@ mod tests {
         let of = |key: &str, device: &str| Record { device: device.into(), ..record(key, Outcome::Measured) };
         let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
         first.keep_peak(peaks(&["gpu", "cpu", "other"]), &[]).unwrap();
-        // The first session finished a point of the CPU, and no point of the GPU. The first session's plan
-        // names the devices of all points.
+        // The first session finished measuring a point on the CPU, and no point on the GPU. The first
+        // session's plan names the devices of all points.
         first.record(&of("b", "cpu")).unwrap();
         first.plan(&CurrentPlan::of(&[of("a", "gpu"), of("b", "cpu")])).unwrap();
         assert_eq!(first.peak(), peaks(&["gpu", "cpu", "other"]));

@@ -1,5 +1,6 @@
-//! Times points in interleaved rounds. Every round takes one sample of each point, in a seeded random order,
-//! so that drift of the machine does not look like a difference between points. All points stop together.
+//! Times the points of an experiment in interleaved rounds. Every round takes one sample of each point, in a
+//! seeded random order, so that drift of the machine does not look like a difference between points. The
+//! sampling of all points stops after the same round.
 
 use crate::error::Result;
 use crate::launch::FrameTimes;
@@ -23,12 +24,12 @@ pub trait Rounds {
     }
 }
 
-/// The reason why the rounds of a launch ended.
+/// Why the rounds of a launch (one measurement of a group of points) ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// Every point that did not fail has enough samples, or the launch has reached a limit.
     Enough(StopReason),
-    /// Every point failed.
+    /// Every point of the launch failed, so no point is left to be timed.
     AllFailed,
     /// A worker process was lost; the launch must be repeated.
     Broken,
@@ -47,9 +48,9 @@ type TimedSample = (f64, bool);
 type Samples = [Option<Vec<TimedSample>>];
 
 /// Returns a number that no other round of any launch has. The returned number determines the random order of
-/// the points in a round, so each launch has its own orders. The order affects a point's time, for example
-/// through the frame that was cast before. Since each launch has its own orders, the effect of the order
-/// differs from launch to launch and widens the intervals.
+/// the points in a round, so each launch has its own orders. The order of the points affects a point's time,
+/// for example through the frame that was cast before. Since each launch has its own orders, the effect of
+/// the order differs from launch to launch, and widens the points' 95% intervals.
 fn in_launch(launch: u32, round: u32) -> u64 {
     u64::from(launch) << 32 | u64::from(round)
 }
@@ -177,7 +178,8 @@ mod tests {
         order: Vec<usize>,
         failing: Option<usize>,
         breaks_after: Option<usize>,
-        /// Number of samples taken so far, and the number of the sample after which the process is lost.
+        /// How many samples were taken so far. The process is lost after the sample with the number
+        /// `breaks_at_sample`.
         taken: usize,
         breaks_at_sample: Option<usize>,
         /// The number of frames of a sample.
@@ -186,7 +188,7 @@ mod tests {
         far: Vec<u32>,
         /// The number of samples of point 0 that count; `None` if all of them count.
         counting: Option<usize>,
-        /// The casts whose samples do not count; the first cast has the number 1.
+        /// The numbers of the casts whose samples do not count; the first cast has the number 1.
         lost: Vec<usize>,
     }
 
@@ -268,8 +270,8 @@ mod tests {
         assert_eq!(casts.map(|times_ms| times_ms.len()), Some(3));
         let counting = samples.map(|point| point.map(|taken| taken.iter().map(|one| one.1).collect()));
         assert_eq!(counting, [Some(vec![true]), Some(vec![true])]);
-        // Two of the second round's three samples do not count. That is more than half of the samples, so no
-        // sample is taken again. The launch therefore needs an eighth round.
+        // Two of the second round's three samples do not count. Two of three is more than half of the
+        // samples, so no sample is taken again. The launch therefore needs an eighth round.
         let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
         measure(3, &RULE, 0, 1, &mut fake)?;
         assert_eq!(fake.order.len(), 3 * 8);

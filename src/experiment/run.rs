@@ -14,18 +14,19 @@ use std::ffi::OsStr;
 use std::path::Path;
 use std::time::Duration;
 
-/// The inputs of a run, except the folder of results, the observer, the processes that cast, and the flag that the user
-/// sets to interrupt the run.
+/// The inputs of a run of an experiment, except the folder of results, the observer, the processes that cast,
+/// and the flag that the user sets to interrupt the run.
 pub struct Run<'a> {
-    /// The experiment.
+    /// The experiment that is run.
     pub experiment: &'a Experiment,
     /// The overrides of the experiment's config: dotted keys and their new values.
     pub overrides: &'a [(String, String)],
-    /// The devices.
+    /// The devices on which the experiment's points are measured.
     pub devices: &'a [&'a DeviceInfo],
-    /// The files of the kernels.
+    /// The kernel files with which the points are measured.
     pub sources: &'a Sources,
-    /// Kernels to compare with `sources`, in the same rounds.
+    /// If two folders of kernels are compared: the kernel files that are measured in the same rounds as those
+    /// of `sources`.
     pub other_sources: Option<&'a Sources>,
     /// The time limit for one step of a point. A step either builds the point's program and casts its first image, or
     /// casts one frame.
@@ -65,12 +66,13 @@ fn says_keep(value: Option<&OsStr>) -> bool {
 }
 
 impl Run<'_> {
-    /// Makes the plan.
+    /// Makes the plan: the list of all points of the experiment on the run's devices.
     pub fn plan(&self) -> Plan {
         Plan::new(self.experiment, self.planned_devices())
     }
 
-    /// Makes the plan for one device, even if there are several devices.
+    /// Makes the plan for one device (the list of the experiment's points), even if the run has several
+    /// devices.
     pub fn plan_of_one_device(&self) -> Plan {
         Plan::new(self.experiment, self.devices.len().min(1))
     }
@@ -95,7 +97,8 @@ impl Run<'_> {
     }
 
     /// Returns the jobs of the run's workers: one job per device, or a single job for the host if there are
-    /// no devices. If the run compares two folders of kernels, the jobs for the other folder follow.
+    /// no devices. If the run compares two folders of kernels, the jobs for the first folder come first, and
+    /// those for the second folder follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }

@@ -116,7 +116,7 @@ mod tests {
         let notes = distinct_scenes(namesakes).unwrap().scenes.swap_remove(0).notes;
         let end = "b/tri.toml has the same content as a/tri; it is measured once, as a/tri";
         assert!(notes.len() == 1 && notes[0].ends_with(end), "{notes:?}");
-        // A worker reads the config again, and leaves out the same scenes.
+        // A worker reads the config again, and leaves out the scenes that the run has left out.
         let mut of_worker = all;
         of_worker.leave_out(distinct.left_out.clone());
         let files = |experiment: &Experiment| -> Vec<_> {

@@ -1,5 +1,5 @@
-//! Runs an experiment on several devices of the same model. Each block of points is measured on the next free device.
-//! Each device has its own workers.
+//! Runs an experiment on several devices of the same model. Each block of points is measured on the next free
+//! device. Each device has its own worker processes, which cast the points of the blocks.
 
 use super::Run;
 use super::group::OpenGroup;
@@ -53,7 +53,7 @@ pub fn measure_spread(
                 Err(panic) => std::panic::resume_unwind(panic),
             }
         });
-        // Waits for all devices, even if a device failed.
+        // Waits until the threads of all devices have ended, even if one of them returned an error.
         ended.collect::<Vec<Result<()>>>().into_iter().collect()
     })
 }

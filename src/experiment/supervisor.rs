@@ -21,7 +21,7 @@ const PATIENCE: usize = 3;
 const STILL_RESPONDS: &str =
     "`raycl devices` shows whether the device still responds; finished measurements are saved";
 
-/// The data about a point from which requests to workers are made.
+/// The data about a point of the experiment from which requests to workers are made.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// The point's index in the plan.
@@ -37,13 +37,14 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Returns the job and the scene of the point's worker, which identify the worker.
+    /// Returns the job and the scene of the worker that measures the point; these two numbers identify the
+    /// worker.
     fn post(&self) -> (usize, usize) {
         (self.job, self.scene)
     }
 }
 
-/// A running worker, and the points that it can cast.
+/// A running worker, and the points that passed their check in this worker.
 struct Post {
     worker: Box<dyn Worker>,
     ready: HashSet<usize>,
@@ -64,7 +65,8 @@ pub struct Supervisor<'a> {
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started early, and have not yet replied [`Reply::Started`].
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
-    /// The number of the current launch.
+    /// The number of the launch (measurement of a group of points by processes of its own) that is being
+    /// measured.
     launch: u32,
     /// For each job and point: how many of the job's workers died while they served a request about the
     /// point.
@@ -74,7 +76,8 @@ pub struct Supervisor<'a> {
     /// The jobs and the scenes of workers that died. A worker that replaces a dead worker compiles its
     /// programs again.
     afresh: HashSet<(usize, usize)>,
-    /// The numbers of the jobs on whose devices the anchor failed. The anchor is not run again for these jobs.
+    /// The numbers of the jobs (each the task of one device's workers) on whose devices the anchor failed.
+    /// After a failure, the anchor is not run again for the same job.
     without_anchor: HashSet<usize>,
 }
 
@@ -149,8 +152,9 @@ impl<'a> Supervisor<'a> {
         self.losses
     }
 
-    /// Casts a point once and compares its image with the reference. Returns the point's record. Returns the
-    /// point's failure as the inner error if the worker was lost or its device broke down.
+    /// Checks a point: a worker casts the point's image once, and compares the image with the reference
+    /// picture. Returns the point's record. Returns the point's failure as the inner error if the worker was
+    /// lost or its device broke down.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, PointFailure>> {
         let verified = task.verified.map(str::to_owned);
         let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };
@@ -162,7 +166,7 @@ impl<'a> Supervisor<'a> {
                     }
                     return Ok(Ok((record, ready)));
                 }
-                // The device broke down, and the worker's process has ended.
+                // This reply says that the device broke down; the worker's process has ended.
                 Ok(Reply::Refused(failure)) => return Ok(Err(failure)),
                 Ok(reply) => return Err(unexpected(reply)),
                 Err(loss) => {
@@ -218,9 +222,10 @@ impl<'a> Supervisor<'a> {
         Ok(Some(Err(error)))
     }
 
-    /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is
-    /// dropped. A worker that reports that its device refused or failed to run a kernel is dropped too. The
-    /// context of a GPU may be unusable after a fault, and every later point of this worker would then fail.
+    /// Sends a request to the worker of a point of the experiment. If there is no such worker, a new worker
+    /// is started. A worker that did not reply is dropped. A worker that reports that its device refused or
+    /// failed to run a kernel is dropped too. The context of a GPU may be unusable after a fault, and every
+    /// later point of this worker would then fail.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {
@@ -267,7 +272,7 @@ impl<'a> Supervisor<'a> {
         self.spawner.spawn(post.0)
     }
 
-    /// Waits until a worker has opened its device. Returns the inner error if the worker died or hung.
+    /// Waits until a worker has opened its device. The inner error says that the worker died or hung.
     fn opens(&self, worker: &mut dyn Worker) -> Result<std::result::Result<(), Loss>> {
         match self.wait(worker, false)? {
             Ok(Reply::Started) => Ok(Ok(())),

@@ -13,7 +13,7 @@ pub struct Taken {
     pub at_ms: f64,
     /// The core-to-core latency around the sample in nanoseconds; `None` if the latency was not measured.
     pub core_to_core_ns: Option<f64>,
-    /// The sample's times, per frame.
+    /// The times of one frame of the sample (their means, if the sample is a batch of frames).
     pub times: FrameTimes,
 }
 

@@ -17,8 +17,8 @@ const UNCERTAIN: [u8; 3] = [255, 128, 0];
 /// would take minutes on the host, and would show no more than pictures of costs of a smaller image.
 const COST_PIXELS: u64 = 4_000_000;
 
-/// Saves the pictures of an image. Identical images share their files. Adds the names of the pictures to the image's
-/// record.
+/// Saves the pictures that show an image and its differences from the reference. Identical images share their
+/// files. Adds the names of the pictures to the image's record.
 pub fn keep(
     pictures: &mut Pictures,
     record: &mut Record,
@@ -45,7 +45,8 @@ pub fn keep(
     Ok(())
 }
 
-/// Returns the reference in grey with its uncertain pixels marked.
+/// Returns the reference picture in grey, with the uncertain pixels (which rounding may decide) marked in
+/// colour.
 fn certainty(expected: &Reference, display: Display) -> RgbImage {
     let mut picture = to_rgb8(&expected.radiance, display);
     for (pixel, certain) in picture.pixels_mut().zip(&expected.certain) {
@@ -56,10 +57,10 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// Saves pictures of the cost of each pixel's rays. One picture shows the number of triangles against which
-/// these rays are tested: all triangles, or the triangles in the leaves that the rays reach. With a tree, a
-/// second picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays, so it
-/// gets no pictures of costs.
+/// Saves pictures of the cost of each pixel's rays. One picture shows against how many triangles a pixel's
+/// rays are tested: against all triangles, or against the triangles in the leaves that the rays reach. With a
+/// tree, a second picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays,
+/// so it gets no pictures of costs.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,

@@ -1,5 +1,5 @@
-//! The traits of worker processes (the processes that cast points for a run), and the wait for a worker's reply, which
-//! also ends if the worker dies or hangs.
+//! The traits of worker processes (which cast the images of a run's measured points), and the wait for a
+//! worker's reply, which also ends if the worker dies or hangs.
 
 use super::protocol::{Reply, Request};
 use crate::clock::LOOK_UP;
@@ -7,7 +7,7 @@ use crate::error::Result;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Starts workers.
+/// Starts worker processes, which cast the points of a run.
 pub trait Spawner {
     /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
     /// kernels. The worker's first reply is [`Reply::Started`].
@@ -31,7 +31,7 @@ pub trait Worker {
 /// The result of waiting for a worker's reply.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wait {
-    /// The reply.
+    /// The worker's reply to the last request.
     Reply(Reply),
     /// No reply came within the limit.
     Silence,
@@ -42,15 +42,15 @@ pub enum Wait {
 /// The way in which a worker died.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Death {
-    /// The cause, such as "was killed by SIGSEGV" or "ended with exit status: 1".
+    /// The cause of the worker's death, such as "was killed by SIGSEGV" or "ended with exit status: 1".
     pub cause: String,
-    /// The end of the worker's standard error.
+    /// The end of the text that the worker wrote to its standard error.
     pub last_words: String,
 }
 
 /// Waits for a worker's reply. Returns the inner error if the worker dies, or does not reply within `limit`.
-/// Returns `None` if the flag `interrupted` becomes true while the worker is silent. Without a flag, an
-/// interruption does not end the wait.
+/// Returns `None` if the flag `interrupted` becomes true while the worker is silent. If `interrupted` is
+/// `None`, an interruption of the run does not end the wait.
 pub fn reply_of(
     worker: &mut dyn Worker,
     limit: Duration,
@@ -88,7 +88,7 @@ impl Quiet {
     }
 
     /// Returns true if the sum of all waits has reached the limit. The sum also includes waits that ended
-    /// with a reply, so callers ask only after [`Wait::Silence`].
+    /// with a reply, so callers use this function only after [`Wait::Silence`].
     fn is_over(&self) -> bool {
         self.so_far >= self.limit
     }

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 
-/// Serves requests until standard input ends.
+/// Runs a worker: reads its job from standard input, and serves requests until standard input ends.
 pub fn serve() -> Result<()> {
     ignore_interrupts()?;
     tell_panics(refuse);
@@ -51,7 +51,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     answer(job, lines, |request| handler.answer(request))
 }
 
-/// Serves requests until there are no more.
+/// Sends the first reply, and then serves requests until the run sends no more.
 fn answer(
     job: &Job,
     lines: &Receiver<String>,

@@ -24,7 +24,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Every verdict.
+    /// All verdicts that a comparison of two times can have.
     pub const ALL: [Self; 7] = [
         Self::Faster,
         Self::Slower,
@@ -35,7 +35,7 @@ impl Verdict {
         Self::BelowResolution,
     ];
 
-    /// Returns the name in reports.
+    /// Returns the verdict's name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Faster => "faster",

@@ -26,7 +26,7 @@ pub struct Modes {
     pub ms: [f64; 2],
     /// The number of times in each mode, the faster mode first.
     pub samples: [usize; 2],
-    /// The longest of the faster times.
+    /// The longest time of the faster mode; longer times belong to the slower mode.
     pub parted_at_ms: f64,
 }
 
@@ -148,9 +148,9 @@ fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// Returns the indices of the points (value, index) that lie on a hull. The arguments of `bent` are the
-/// slopes of the hull before and after a point, multiplied by the same number. `bent` returns true if the
-/// point does not lie on the hull.
+/// Returns the indices of the points of the distribution function (value, index) that lie on a hull. The
+/// arguments of `bent` are the slopes of the hull before and after a point, multiplied by the same number.
+/// `bent` returns true if the point does not lie on the hull.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
     for index in low..=high {
@@ -169,8 +169,8 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
 }
 
 /// Returns the greatest distance between the two hulls, measured at the points of both hulls. The hulls are
-/// the convex minorant `below` and the concave majorant `above`. Also returns the first and the last index of
-/// the modal interval that follows from this distance.
+/// the convex minorant `below` and the concave majorant `above`. The other two results are the first and the
+/// last index of the modal interval that follows from the greatest distance.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {

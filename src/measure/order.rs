@@ -1,4 +1,4 @@
-//! The order in which points are sampled.
+//! The shuffled order in which the points of a group are sampled.
 
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;

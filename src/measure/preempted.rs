@@ -3,7 +3,7 @@
 //! A frame that is cast on processors needs about the same processor time in every sample. If the system
 //! preempts one of the frame's threads to run another program, the frame takes longer, but needs no more
 //! processor time. The ratio of processor time to elapsed time (the utilization) therefore shows how much a
-//! sample was delayed. The ratio does not depend on the speed of the frame itself.
+//! sample was delayed. The utilization does not depend on the speed of the frame itself.
 
 use super::{MIN_SAMPLES, quantile};
 use std::collections::HashMap;
@@ -12,8 +12,9 @@ use std::collections::HashMap;
 /// utilization of its point or anchor. Other programs delayed a preempted sample by over a tenth.
 const LEAST_UTILIZATION: f64 = 0.9;
 
-/// Returns the ratio of a sample's processor time to its elapsed time. The ratio can be above 1 if several
-/// threads run. Returns `None` if the processor time is unknown or the elapsed time is 0.
+/// Returns the ratio of a sample's processor time to its elapsed time. The ratio of processor time to elapsed
+/// time can be above 1 if several threads run. Returns `None` if the processor time is unknown or the elapsed
+/// time is 0.
 pub fn utilization(processor_ms: Option<f64>, elapsed_ms: f64) -> Option<f64> {
     let ratio = processor_ms? / elapsed_ms;
     ratio.is_finite().then_some(ratio)

@@ -1,4 +1,4 @@
-//! Ranks points by one rule, which is used wherever winners are shown.
+//! Ranks points of an experiment by one rule, which decides everywhere in raycl which points are the winners.
 
 /// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]

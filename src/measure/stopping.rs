@@ -1,4 +1,4 @@
-//! Decides when a group of points has enough samples.
+//! Decides when a launch has taken enough samples of a group of points.
 
 use super::MIN_SAMPLES;
 use serde::{Deserialize, Serialize};
@@ -13,9 +13,9 @@ const SETTLED: f64 = 0.05;
 /// point has one sample of every round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoppingRule {
-    /// Smallest number of rounds, unless the time limit is reached earlier.
+    /// Smallest number of rounds of a launch, unless the launch reaches its time limit earlier.
     pub min_samples: usize,
-    /// Largest number of rounds.
+    /// Largest number of rounds of a launch.
     pub max_samples: usize,
     /// Samples are precise if their standard deviation divided by their mean is below this value.
     pub relative_sigma: f64,
@@ -24,7 +24,7 @@ pub struct StoppingRule {
     pub time_limit_ms: f64,
 }
 
-/// The reason for stopping.
+/// The reason why a launch takes no further samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopReason {
@@ -39,7 +39,7 @@ pub enum StopReason {
 }
 
 impl StopReason {
-    /// Returns the name in records.
+    /// Returns the reason's name in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Precise => "precise",

@@ -1,4 +1,4 @@
-//! Quantiles of Student's t distribution.
+//! Computes quantiles of Student's t distribution.
 
 use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 

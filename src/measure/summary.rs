@@ -1,13 +1,13 @@
-//! Medians, quartiles and other quantiles.
+//! Computes medians, quartiles and other quantiles of samples.
 
 /// The median and the quartiles of some samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
-    /// Median.
+    /// The median of the samples.
     pub median: f64,
-    /// First quartile.
+    /// The first quartile of the samples: a quarter of them lie below it.
     pub q1: f64,
-    /// Third quartile.
+    /// The third quartile of the samples: three quarters of them lie below it.
     pub q3: f64,
 }
 

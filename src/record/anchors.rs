@@ -17,9 +17,9 @@ pub struct AnchorSample {
     pub anchor: String,
     /// The device's name in records.
     pub device: String,
-    /// The launch's number in the folder.
+    /// The number of the launch, unique in the folder of results, in which the anchor was run.
     pub launch: u32,
-    /// The launch's round, counted from 0.
+    /// The round of the launch (one sample of each point), counted from 0.
     pub round: u32,
     /// When the anchor ended, in milliseconds since the launch's rounds began.
     pub at_ms: f64,
@@ -41,11 +41,11 @@ impl AnchorSample {
     }
 }
 
-/// The times of one anchor in some launches.
+/// The times of one anchor on one device, in some launches of a run.
 pub(super) struct AnchorTimes<'a> {
     /// The anchor's name.
     pub name: &'a str,
-    /// The device's name.
+    /// The name of the anchor's device.
     pub device: &'a str,
     /// The anchor's samples, except preempted samples (those during which other programs used the
     /// processors).

@@ -1,10 +1,12 @@
 //! Reads the axes and their values from the text of a record's strategy, such as "traversal=bvh width=8".
 
-/// Axes that are newer than some records. The value of each axis describes what raycl did before the axis existed.
+/// Axes that are newer than some records. Each axis is listed with the value that describes what raycl did
+/// before the axis existed.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
-/// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text. The value
-/// of a newer axis describes what raycl did before the axis existed. Returns no axis for a baseline.
+/// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text.
+/// An axis that is newer than the text has the value that describes what raycl did before the axis existed.
+/// Returns no axis for a baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
     let stated = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
     let is_unstated = move |(axis, _): &(&str, &str)| {

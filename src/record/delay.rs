@@ -1,20 +1,19 @@
-//! Estimates how much more (or less) other programs may have delayed a point than they delayed the point's
-//! anchor.
+//! Estimates how much more (or less) other programs may have delayed the samples of a point than those of the
+//! anchor of the point's device.
 //!
-//! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But
-//! other programs may delay the point and the anchor by different factors. For example, a frame of half a
-//! millisecond often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in
-//! all samples. raycl leaves out preempted samples, but keeps at least five samples of each launch. If all
-//! samples of a run are preempted, raycl keeps all of them. The utilization (processor time divided by
-//! elapsed time) of the remaining samples shows by how much other programs may have delayed the remaining
-//! samples.
+//! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. Other
+//! programs may delay the point by another factor than the anchor. For example, a frame of half a millisecond
+//! often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in all samples.
+//! raycl leaves out preempted samples, but keeps at least five samples of each launch. If all samples of a
+//! run are preempted, raycl keeps all of them. The utilization (processor time divided by elapsed time) of
+//! the remaining samples shows by how much other programs may have delayed the remaining samples.
 
 use super::types::Record;
 
 /// Returns the error that other programs may have caused in the change of a point's time between two runs.
 /// The change is the ratio of the two times, each relative to the anchor's time. The error is the logarithm
-/// of the factor by which the change may be too large: negative if the change may be too small, and 0 if
-/// nothing shows an error.
+/// of the factor by which the ratio may be too large: negative if the ratio may be too small, and 0 if
+/// nothing shows an error of the ratio.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)
 }

@@ -14,7 +14,7 @@ use crate::error::Result;
 /// The contents of `environment.json`: the conditions of a run that are not in its records.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
-    /// raycl's version.
+    /// The version of the raycl program that measured the run.
     pub raycl_version: String,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted
     /// changes; null if the revision is unknown.
@@ -28,7 +28,7 @@ pub struct Environment {
     pub variables: Vec<String>,
     /// When the run began, in the format of RFC 3339.
     pub started: String,
-    /// The command line, starting with the program.
+    /// The command line with which the run was started, beginning with the program.
     pub command_line: Vec<String>,
     /// The machine that measured the run.
     pub host: Host,
@@ -67,7 +67,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// Describes a file in its current state.
+    /// Describes an input file as it is now: its path, the hash of its contents, and its state in git.
     pub fn file(what: &str, path: &Path) -> Self {
         let hash = std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string());
         Self { what: what.to_owned(), path: path.display().to_string(), hash, git: git_state(path) }
@@ -97,9 +97,9 @@ pub struct Host {
 pub struct DeviceEnvironment {
     /// The device's name in records.
     pub device: String,
-    /// The platform's name.
+    /// The name of the device's OpenCL platform.
     pub platform: String,
-    /// The platform's version.
+    /// The version of the device's OpenCL platform.
     pub platform_version: String,
     /// The device's OpenCL version.
     pub version: String,
@@ -109,13 +109,13 @@ pub struct DeviceEnvironment {
     pub driver: String,
     /// The kind of device: "cpu", "gpu", "accelerator" or "other".
     pub kind: String,
-    /// Number of compute units.
+    /// The device's number of compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
     /// Number of threads with which the device executes kernels, if known (PoCL reports this number).
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Compute capability, if the driver reports it.
+    /// The device's compute capability (NVIDIA's version number of a GPU), if the driver reports it.
     #[serde(default)]
     pub compute_capability: Option<String>,
     /// The highest clock frequency that the driver reports, MHz.
@@ -171,7 +171,7 @@ impl DeviceEnvironment {
 
 /// Returns true if the device name `shown` (from a record or a page) may mean the device `name`: `shown` must
 /// start with `name` or with the device's common name, and a text in brackets may follow. `raycl merge` adds
-/// such a text if several machines have devices of the same name.
+/// a text in brackets to a device's name if several machines have devices of the same name.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     let is_end = |rest: &str| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')');
     [name, &common_name(name)].iter().any(|name| shown.strip_prefix(*name).is_some_and(is_end))
@@ -195,7 +195,7 @@ impl Environment {
 }
 
 impl Host {
-    /// Describes this machine, as far as the system reports the machine's properties.
+    /// Reads the properties of this machine, as far as the operating system reports them.
     pub fn read() -> Self {
         Self {
             name: host_name(),

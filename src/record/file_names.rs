@@ -2,8 +2,9 @@
 
 use super::summary::Group;
 
-/// The longest file name without extension, in bytes. File systems allow 255 bytes. The remaining bytes are
-/// for the extension, and for words that raycl adds to the name, such as the kind of a plot.
+/// The longest file name without extension, in bytes. File systems allow 255 bytes. The bytes beyond
+/// `LONGEST_NAME` are for the extension, and for words that raycl adds to the name, such as the kind of a
+/// plot.
 const LONGEST_NAME: usize = 200;
 
 /// Turns a name into a file name without folders: all characters except ASCII letters, digits and "-_."
@@ -20,8 +21,8 @@ pub fn file_name(name: &str) -> String {
     file
 }
 
-/// Returns a file name without extension for each group. The name consists of the group's scene, image size
-/// and device. No two names are equal.
+/// Returns a file name without extension for each group. A file name consists of the group's scene, image
+/// size and device. No two names are equal.
 pub fn file_names(groups: &[Group<'_>]) -> Vec<String> {
     let mut files: Vec<String> = Vec::new();
     for group in groups {

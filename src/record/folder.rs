@@ -32,8 +32,8 @@ pub struct Folder {
     /// The run's name in reports, which is the folder's name.
     pub label: String,
     /// One record per point of the current plan, in the plan's order and with the plan's names. Without a
-    /// plan, `records` has the latest record of every point. If different scenes have the same name, the
-    /// records contain new, different names for these scenes.
+    /// plan, `records` has the latest record of every point. If scenes with different contents have the same
+    /// name, each of them has a new name in `records`.
     pub records: Vec<Record>,
     /// The records of control points of the current plan that were measured only to compare blocks, if the
     /// plan is divided into blocks. The field `records` does not contain these control records.
@@ -41,13 +41,14 @@ pub struct Folder {
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
     /// the file cannot be read.
     pub environment: Value,
-    /// The machine's load by other processes while the points of rounds were timed.
+    /// The load of other processes on the machine while the rounds of launches were timed.
     pub rounds: Vec<RoundLoad>,
     /// Times of the anchors (kernels that never change) that were measured together with the points.
     pub anchors: Vec<AnchorSample>,
     /// Notes that are shown with the results, for example on records that are not shown.
     pub notes: Vec<String>,
-    /// The notes that count the damaged lines of journals. `notes` contains these notes too.
+    /// The notes that count the damaged lines of journals. The notes on damaged lines are also contained in
+    /// `notes`.
     pub damage: Vec<String>,
 }
 
@@ -238,8 +239,8 @@ fn judged(mut records: Vec<Record>, controls: Vec<Record>) -> (Vec<Record>, Vec<
     (records, controls)
 }
 
-/// Returns the text of a count, followed by `one` if the count is 1, and by `several` if it is larger.
-/// Returns `None` if the count is 0.
+/// Returns a text with the count, followed by `one` if the count is 1, and by `several` if the count is
+/// larger. Returns `None` if the count is 0.
 fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
@@ -250,8 +251,8 @@ fn label(path: &Path) -> String {
 }
 
 /// Returns the records without repetitions. `name` returns a text that identifies a record, such as the
-/// record's key. Of several records with the same text, only the last is returned. The returned records are
-/// in the order in which their texts first occur.
+/// record's key. Of several records with the same text, only the last is returned. The records are returned
+/// in the order in which their identifying texts first occur.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut indices: HashMap<String, usize> = HashMap::new();
     let mut newest: Vec<Record> = Vec::new();

@@ -45,10 +45,10 @@ impl AtHost {
 }
 
 /// Returns the control points with their times on each machine. A control point is measured in several
-/// blocks. The record of one of these measurements is in `records` (from `records.jsonl`), and the records of
-/// all further measurements are in `borrowed` (from `controls.jsonl`). Records with equal keys belong to the
-/// same control point, even if they come from different machines. Records without a median, and records with
-/// launches from several machines, are left out.
+/// blocks. The record of one block's measurement is in `records` (from `records.jsonl`), and the records of
+/// all further blocks' measurements are in `borrowed` (from `controls.jsonl`). Records with equal keys belong
+/// to the same control point, even if they come from different machines. Records without a median, and
+/// records with launches from several machines, are left out.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control = |record: &&Record| {
         let is_itself = record.control.as_ref() == Some(&record.key);
@@ -98,7 +98,8 @@ fn name(record: &Record) -> String {
 }
 
 /// Returns one note for each machine that takes clearly longer for a control point than the fastest machine
-/// (see [`AtHost::differs`]). The note names the control point with the largest ratio.
+/// (see [`AtHost::differs`]). A machine's note names the control point for which the ratio of the machine's
+/// time to the fastest machine's time is largest.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
     for control in controls(records, borrowed) {

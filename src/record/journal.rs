@@ -1,5 +1,6 @@
 //! Journals: files with one JSON object per line. raycl waits until appended lines are on the disk before it
-//! appends further lines. If a crash interrupts a write, only the lines of this write are lost.
+//! appends further lines. If a crash interrupts a write, only the lines that this write was appending are
+//! lost.
 
 use std::fs::{File, OpenOptions};
 use std::io::{
@@ -175,7 +176,7 @@ pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
     let unreadable = |error: std::io::Error| match error.kind() {
-        // These four kinds of error mean that no journal is at the path.
+        // An error of one of these four kinds means that no journal is at the path.
         InvalidInput | IsADirectory | NotADirectory | NotFound => {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
         }
@@ -301,7 +302,7 @@ mod tests {
         let path = PathBuf::from("pipe");
         let mut journal = JsonLines { path, file, is_recognised: true, line_type: PhantomData };
         assert!(journal.append(&record("a")).is_err());
-        // The function writes all lines first, and then waits for the disk once.
+        // `append_all` first writes all lines, and then waits for the disk once.
         assert!(journal.append_all(&["b", "c", "d"].map(record)).is_err());
         drop(journal);
         let mut text = String::new();

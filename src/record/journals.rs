@@ -1,7 +1,7 @@
 //! The names of the journals and other files in a folder of results. Each journal contains one JSON object
 //! per line.
 
-/// The journal of records, which are the results of the points.
+/// The journal of records; a record is the result of one point of the experiment.
 pub const RECORDS: &str = "records.jsonl";
 /// The journal of samples (single measured times of points), in the order in which they were measured.
 pub const SAMPLES: &str = "samples.jsonl";
@@ -19,14 +19,14 @@ pub const SHARDS: &str = "shards.json";
 pub const ENVIRONMENT: &str = "environment.json";
 /// The summary of the records in Markdown.
 pub const SUMMARY: &str = "summary.md";
-/// The folder of the points' pictures.
+/// The folder in which the pictures that the points cast are saved.
 pub const IMAGES: &str = "images";
 
 /// The beginning of the name of a file that describes the machine and inputs of an earlier session.
 const EARLIER_ENVIRONMENT: &str = "environment-";
 
 /// Returns the name of the file that describes the machine and inputs of an earlier session of the run. The
-/// first session has the number 1.
+/// first session in a folder has the number 1.
 pub fn earlier_environment(number: usize) -> String {
     format!("{EARLIER_ENVIRONMENT}{number}.json")
 }

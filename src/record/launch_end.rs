@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 /// worker process, has no line in `launches.jsonl`, and a later session repeats such a launch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaunchEnd {
-    /// The launch's number in the folder.
+    /// The launch's number, which is unique in the folder of results.
     pub launch: u32,
-    /// The rule that ended the sampling in this launch.
+    /// The rule because of which no further samples were taken in this launch.
     pub stop_reason: StopReason,
     /// For each point that did not fail: the point's key and its number of samples.
     pub samples: BTreeMap<String, usize>,

@@ -35,8 +35,8 @@ const LEFT: [usize; 2] = [0, 10];
 /// The indices of the columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
-/// Returns the summary as Markdown. The function uses only its arguments, so the same records always yield the same
-/// summary.
+/// Returns the summary as Markdown. The summary depends only on the function's arguments, so the same records
+/// always yield the same summary.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {}\n", markdown(question));
     if !expectation.is_empty() {

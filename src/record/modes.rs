@@ -18,8 +18,8 @@ pub(crate) fn to_mind(record: &Record) -> Option<String> {
 }
 
 /// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per launch".
-/// The note contains "one mode per launch" if each launch has a single mode. Returns `None` if the samples do
-/// not show two modes.
+/// The words "one mode per launch" are added if each launch has a single mode. Returns `None` if the samples
+/// do not show two modes.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes = Modes::of(&record.samples_ms, &record.sample_launches)?;

@@ -18,18 +18,18 @@ use std::collections::HashSet;
 pub struct Noise {
     /// The device's name.
     pub device: String,
-    /// Number of launches.
+    /// Number of launches in which the device's points were measured.
     pub launches: usize,
     /// Number of samples of all points together.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show, computed in the same way as
-    /// `between_launches`. The value is the median over all launches.
+    /// The smallest difference between two points that a single launch can show (the median over all
+    /// launches), computed in the same way as `between_launches`.
     pub within_launch: Option<f64>,
-    /// The smallest difference between two points that all launches together can show. The value is the largest over
-    /// all groups of points.
+    /// The smallest difference between two points that all launches together can show (the largest value of
+    /// all groups of points).
     pub between_launches: Option<f64>,
-    /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
-    /// of the median time. The value is the median over all points.
+    /// The distance from a point's median time to the upper end of its 95% interval, as a fraction of the
+    /// median time (the median of this distance over all points).
     pub own_time: Option<f64>,
     /// A text with the number of points that were not compared with other points, and the reason for the
     /// first of these points; `None` if all points were compared.
@@ -58,7 +58,7 @@ pub struct Causes {
     pub device_clock_mhz: Option<f64>,
     /// Number of samples that were left out because other programs used the processors at the same time.
     pub preempted_samples: Option<u32>,
-    /// Number of samples that were measured while the device throttled.
+    /// Number of samples that were measured while the device throttled its clock.
     pub throttled_samples: Option<u32>,
     /// Number of threads with which the device executed kernels.
     pub threads: Option<u32>,
@@ -93,7 +93,7 @@ impl Noise {
 
 /// Returns a text that says how many points were not compared with other points, and the reason for the first
 /// of these points. If `records` contains only one point, the text says that a difference needs two points.
-/// Returns `None` if all points were compared.
+/// Returns `None` if all points of the device were compared with each other.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),

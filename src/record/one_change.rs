@@ -13,7 +13,7 @@ use crate::words::counted_are;
 use column::Column;
 use pairs::{Pair, pairs};
 
-/// The largest number of changes that are shown for a device.
+/// The largest number of changes of a single axis (pairs of strategies) that are shown for a device.
 const MOST: usize = 40;
 
 /// The explanation of the tables of changes, for every page that has such tables.
@@ -42,9 +42,9 @@ pub struct Changes<'a> {
 pub struct Change<'a> {
     /// The axis whose value changes.
     pub axis: &'a str,
-    /// The axis's value in each strategy.
+    /// The value that the axis has in each of the two strategies.
     pub values: [&'a str; 2],
-    /// The name of each strategy.
+    /// The names of the two strategies, in the order of the records.
     pub names: [&'a str; 2],
     /// The result of the change for each scene and image size.
     pub results: Vec<Compared>,
@@ -65,7 +65,7 @@ pub enum Compared {
     },
     /// The ratio of the strategies' times is unknown.
     Nothing {
-        /// The reason why the ratio is unknown.
+        /// The reason why the ratio of the strategies' times is unknown.
         why: String,
     },
 }
@@ -94,7 +94,7 @@ impl Effect {
         }
     }
 
-    /// Returns the effect as a word.
+    /// Returns the effect as a word, such as "faster" or "tie".
     pub fn name(self) -> &'static str {
         match self {
             Self::Faster => "faster",
@@ -142,8 +142,8 @@ impl Change<'_> {
         self.names.join(" → ")
     }
 
-    /// Returns the largest effect of the change in any group. The effect is the absolute value of the ratio's
-    /// logarithm, and 0 for a tie.
+    /// Returns the largest effect that this change of an axis has in any group of points. The effect is the
+    /// absolute value of the ratio's logarithm, and 0 for a tie.
     fn largest_effect(&self) -> f64 {
         let effect = |result: &Compared| match result {
             Compared::Times { effect: Effect::Tie, .. } | Compared::Nothing { .. } => 0.0,
@@ -153,8 +153,8 @@ impl Change<'_> {
     }
 }
 
-/// Formats the local sizes of two points: "8 x 8" if they are equal, and otherwise "8 x 8 → 4 x 4". Returns an empty
-/// text if the points have no local size.
+/// Formats the local sizes of two points: "8 x 8" if both points have this size, and "8 x 8 → 4 x 4" if the
+/// sizes differ. Returns an empty text if the points have no local size.
 pub(crate) fn both_sizes([first, second]: [Option<[u32; 2]>; 2]) -> String {
     match (first, second) {
         (Some(first), Some(second)) if first != second => format!("{} → {}", by(first), by(second)),

@@ -23,8 +23,8 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     parameters
 }
 
-/// Joins the parameters' values with commas into one key, in the order of `names`. The value of a missing
-/// parameter is empty.
+/// Joins the parameters' values with commas into one key, in the order of `names`. A parameter that is
+/// missing from `parameters` has an empty text in the key.
 pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
     let text = |name: &String| match parameters.get(name) {
         Some(Value::String(text)) => text.clone(),

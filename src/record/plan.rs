@@ -16,7 +16,7 @@ const FILE: &str = "plan.json";
 /// The points of the latest run in a folder, in the run's order and without repetitions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CurrentPlan {
-    /// The points of the run.
+    /// The points of the experiment that the run measures.
     pub points: Vec<PlannedPoint>,
 }
 
@@ -25,7 +25,7 @@ pub struct CurrentPlan {
 /// the planned point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlannedPoint {
-    /// The record's key.
+    /// The key that the point's record has.
     pub key: String,
     /// The scene's name.
     pub scene: String,
@@ -58,8 +58,9 @@ impl PlannedPoint {
         Self { key, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of }
     }
 
-    /// Gives a record the names and notes of this planned point. The notes on a scene may differ between runs
-    /// although the scene is the same, since the notes also name other scenes with the same content.
+    /// Replaces a record's names and notes by those of this planned point. The notes on a scene may differ
+    /// between runs although the scene is the same, since the notes also name other scenes with the same
+    /// content.
     fn name(&self, record: &mut Record) {
         let Self { key: _, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of } =
             self.clone();

@@ -17,8 +17,8 @@ pub(super) const TIE: f64 = 0.01;
 /// longer. A record with too few samples, or with times of 0, has no rank.
 ///
 /// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Records
-/// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls such a
-/// family a set of comparable points; a kernel family is something else. The ratio of the times of two
+/// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls a family
+/// of records a set of comparable points; a kernel family is something else. The ratio of the times of two
 /// records of different families is the ratio of their medians (see [`ratio`]). The levels of each family are
 /// therefore shifted by a constant, so that the mean of the levels equals the mean of the logarithms of the
 /// family's medians.
@@ -44,8 +44,9 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
 }
 
 /// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.
-/// The smallest difference is computed for each set of records that were measured together. The function
-/// returns the least and the greatest of the results, or `None` if no set has a result.
+/// The smallest difference is computed for each set of records that were measured together. Returns the least
+/// and the greatest of the sets' smallest differences, or `None` if the smallest difference is unknown for
+/// every set.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
@@ -118,7 +119,7 @@ mod tests {
         // Samples of the same rounds can be paired, so points of the same rounds are ranked by the means.
         let same = [session("wide", 0, [1.2; 3]), session("naive", 0, [1.0, 1.0, 4.0])];
         assert_eq!(ranking(&judged(same.clone())).ranked[0].name, "wide");
-        // An additional point from another session does not change the order of the two points.
+        // A third point, which another session measured, does not change the order of `wide` and `naive`.
         let records = judged([&same[..], &[session("tile", 3, [5.0; 3])]].concat());
         let ranked = ranking(&records).ranked;
         let names: Vec<_> = ranked.iter().map(|record| record.name.as_str()).collect();

@@ -7,8 +7,8 @@ use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Relative, Stan
 /// Returns the time of `slow` divided by the time of `fast`. If the records were measured together, the ratio
 /// compares samples that were measured close in time. If the records were measured in different blocks that
 /// share a control point, the ratio is computed from the ratios of both times to the control point's time. If
-/// the records share neither rounds nor a control point, the ratio is that of [`ratio_apart`]. Returns `None`
-/// if either record has too few samples, or times of 0.
+/// the records share neither rounds nor a control point, the function returns the ratio of the records'
+/// medians (see [`ratio_apart`]). Returns `None` if either record has too few samples, or times of 0.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.relative_times.as_ref()?, fast.relative_times.as_ref()?);
     if slow.together == fast.together {
@@ -72,8 +72,9 @@ pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<
 
 /// Returns the ratio of the times of two passes of a record's frames, with its interval. `ratios` contains
 /// the launch of each sample, and the sample's ratio of the two times. A pass is treated like a point: from
-/// run to run, its time changes by a factor of its own, and by a factor that all points share. The shared
-/// factor cancels in the ratio. Returns `None` if the record has too few samples.
+/// run to run, its time changes by a factor of its own, and by a factor that all points share. The factor
+/// that all points share cancels in the ratio of two passes. Returns `None` if the record has too few
+/// samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();

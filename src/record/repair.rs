@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 /// A journal that was repaired.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Repaired {
-    /// The repaired file.
+    /// The path of the repaired journal.
     pub file: PathBuf,
-    /// The copy of the original file.
+    /// The path of the copy of the original journal.
     pub copy: PathBuf,
-    /// Number of lines that were removed.
+    /// Number of damaged lines that were removed from the journal.
     pub damaged: usize,
-    /// Number of lines that remain.
+    /// Number of lines that remain in the repaired journal.
     pub kept: usize,
 }
 

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 /// long enough to measure the load.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundLoad {
-    /// The launch's number in the folder.
+    /// The launch's number, which is unique in the folder of results.
     pub launch: u32,
     /// The number of the last round that the line describes.
     pub round: u32,
@@ -43,7 +43,7 @@ const LEAST_OF_MEDIAN: usize = 3;
 pub(crate) const MOVED: f64 = 1.5;
 
 /// Other processes and virtual machines that together used more than this fraction of the machine may have
-/// disturbed the measurements. The note of [`disturbance`] states the same number.
+/// disturbed the measurements. The note that [`disturbance`] returns states this fraction as a percentage.
 const DISTURBED: f64 = 0.05;
 
 impl RoundLoad {
@@ -151,7 +151,7 @@ fn moved_launches(records: &[Record]) -> u32 {
 /// Returns a note on the launches and samples that were left out because this virtual machine's processors
 /// ran on cores further apart than in other samples, or shared a core. If nothing was left out, but the
 /// core-to-core latency changed while these records were measured, returns a note on this change. Returns
-/// `None` if neither is the case.
+/// `None` if nothing was left out and the latency did not change.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;
@@ -328,8 +328,8 @@ mod tests {
     #[test]
     fn what_processes_and_guests_take_adds_up() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
-        // The worst launch is the launch in which other processes and virtual machines together used the most
-        // processors.
+        // The note names the worst launch: the launch in which other processes and virtual machines together
+        // used the most processors.
         let launches = [line(0, 0.3), RoundLoad { stolen: 0.4, ..line(1, 0.2) }];
         let both = [Record { sample_launches: vec![0, 1], ..Record::default() }];
         let said = disturbance(&launches, &both).unwrap();
@@ -339,9 +339,8 @@ mod tests {
             ),
             "{said}"
         );
-        // Other virtual machines alone use too little of the machine to count as a disturbance. The same is
-        // true of other processes alone. But other virtual machines and other processes together count as a
-        // disturbance.
+        // Neither other virtual machines alone nor other processes alone use enough of the machine to count
+        // as a disturbance. Together, other virtual machines and other processes count as a disturbance.
         let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
         assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));
         assert!(disturbance(&[RoundLoad { stolen: 0.08, ..line(0, 0.08) }], &records).is_some());

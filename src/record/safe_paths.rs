@@ -1,5 +1,5 @@
-//! Checks the paths in a folder of results. Such a folder may come from a stranger, so paths in it must not
-//! lead out of the folder or to a device file.
+//! Checks the paths in a folder of results. A folder of results may come from a stranger, so paths in the
+//! folder must not lead out of the folder or to a device file.
 
 use crate::reader;
 use std::io::{Error as IoError, ErrorKind};
@@ -41,7 +41,8 @@ pub fn ordinary(path: &Path) -> std::io::Result<()> {
 /// # Errors
 ///
 /// Fails if the path leads, after links are followed, out of the folder or to something that is not an
-/// ordinary file. Also fails if the file cannot be read, or if it is larger than reports allow for a picture.
+/// ordinary file. Another cause of failure is a file that cannot be read, or that is larger than reports
+/// allow for a picture.
 pub fn read_inside(folder: &Path, path: &str) -> std::io::Result<Vec<u8>> {
     let resolved = folder.join(path).canonicalize()?;
     match resolved.starts_with(folder.canonicalize()?) {

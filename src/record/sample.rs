@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 /// absent if the value was not measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
-    /// The point's key.
+    /// The key of the point whose time was measured.
     pub key: String,
     /// The launch's number in the folder; 0 in files of earlier versions of raycl, which store no launch.
     #[serde(default)]
     pub launch: u32,
-    /// The launch's round, counted from 0.
+    /// The round of the launch in which the sample was taken, counted from 0.
     pub round: u32,
     /// When the sample was measured, in milliseconds since the launch's rounds began.
     #[serde(default)]
@@ -27,7 +27,7 @@ pub struct Sample {
     /// Time of the frame's shading pass, if shading is separate from shadow rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shade_ms: Option<f64>,
-    /// The frame's time on the host's clock.
+    /// The time of the frame by the host's clock.
     pub host_ms: Option<f64>,
     /// The processor time that the process used for the frame; absent if the frame was cast by a device
     /// other than a CPU.
@@ -54,7 +54,8 @@ pub struct Sample {
     /// device, but the identifier always belongs to the same device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_by: Option<String>,
-    /// The attempt and the launch that measured the sample, if a later attempt copied the sample from there.
+    /// If this line is a copy in the folder of a later attempt: the attempt and the launch that measured the
+    /// sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
 }

@@ -12,9 +12,9 @@ struct Names {
     /// Names from the scene's path: the file's name alone, the file's name after one folder, the file's name
     /// after two folders, and so on.
     paths: Vec<String>,
-    /// Names for scenes whose paths differ in the file's extension at most. The first of these names contains
-    /// the file's extension, the second the values that the config changed in the scene, and the third the
-    /// hash of the scene.
+    /// Names for scenes whose paths differ in the file's extension at most. The first name in `others`
+    /// contains the file's extension, the second the values that the config changed in the scene, and the
+    /// third the hash of the scene.
     others: [String; 3],
 }
 
@@ -29,8 +29,8 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns a map with new names for different scenes that have the same name in the records. The key of a new
-/// name in the map is the hash of the scene's content.
+/// Returns a map with new names for different scenes that have the same name in the records. The keys of the
+/// map are the hashes of the scenes' contents.
 pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<String, String> {
     let mut contents: HashMap<&str, Vec<Content<'_>>> = HashMap::new();
     for record in records {
@@ -74,8 +74,9 @@ impl Content<'_> {
     }
 }
 
-/// Divides contents of the same name into scenes. Each inner list of the result has the contents of one
-/// scene.
+/// Sorts contents with the same scene name by scenes: contents that differ only in the camera that raycl
+/// placed for images of another shape belong to one scene. Each inner list of the result has the contents of
+/// one scene.
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {
@@ -85,8 +86,8 @@ fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     scenes
 }
 
-/// Returns one name per scene. All names are made by the same rule (see [`Names::at`]): the first rule by
-/// which all names differ. If all names differ by no rule, returns the names with hashes.
+/// Returns one name per scene. All names are made by the same rule (see [`Names::at`]): the first rule that
+/// makes all names differ. If no rule makes all names differ, returns the names with hashes.
 fn distinct(scenes: &[Names]) -> Vec<&str> {
     let depth = scenes.iter().map(|names| names.paths.len()).max().unwrap_or(0);
     let mut kinds = (0..depth + 3).map(|kind| scenes.iter().map(|names| names.at(kind, depth)).collect());
@@ -99,8 +100,8 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // A suffix such as "+triangles=80" states a value that the config changed in the scene. Such a suffix
-        // remains at the end of the new name.
+        // A suffix such as "+triangles=80" states a value that the config changed in the scene. A suffix with
+        // changed values remains at the end of the new name.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);

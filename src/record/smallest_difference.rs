@@ -36,9 +36,9 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     notes
 }
 
-/// Returns the note on the smallest difference that can be shown between two points. The smallest difference
-/// that can be shown between baselines says nothing about kernels, so baselines are used only if the records
-/// contain no kernels. Returns `None` if the smallest difference is unknown.
+/// Returns the note on the smallest difference between the times of two points that the samples can show. The
+/// smallest difference that can be shown between baselines says nothing about kernels, so baselines are used
+/// only if the records contain no kernels. Returns `None` if the smallest difference is unknown.
 pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
     let judged = records.into_iter().filter(|record| record.relative_times.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
@@ -94,8 +94,8 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
 
 /// Names the properties on which the smallest difference between points depends: "scene", "scene and device",
 /// "when the points were measured". A property is named if the smallest difference varies among points that
-/// are equal in all other properties. The rule finds no property if, for example, points of different scenes
-/// also have different devices. If the properties found by the rule do not explain why the smallest
+/// are equal in all other properties. By this rule, no property is named if, for example, points of different
+/// scenes also have different devices. If the properties that the rule names do not explain why the smallest
 /// difference varies, the function names all properties in which the points differ.
 fn what_it_depends_on(points: &[&Record]) -> String {
     let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();

@@ -75,8 +75,8 @@ fn sort_key(record: &Record) -> (usize, NameKey<'_>, Option<u32>, Option<[u32; 2
     (preset, (parts(&record.name), record.name.as_str()), work_items, record.local_size)
 }
 
-/// Splits a name into parts, each a text and the number that follows the text (0 if no number follows). By
-/// these parts, "width=2" is sorted before "width=16".
+/// Splits a name into parts, each a text and the number that follows the text (0 if no number follows). Names
+/// are sorted by their parts, so that "width=2" comes before "width=16".
 fn parts(name: &str) -> Vec<(&str, u64)> {
     let mut parts = Vec::new();
     let mut rest = name;
@@ -224,8 +224,8 @@ pub mod tests {
         Record { samples_ms: vec![ms; n], sample_launches: vec![0; n], ..measured(device, name, side, ms) }
     }
 
-    /// Returns a measured record with the given samples. Each sample is a pair of the launch's number and the
-    /// time.
+    /// Returns a measured record with the given samples. A sample is given as a launch's number and a time in
+    /// milliseconds.
     pub fn sampled(name: &str, samples: impl Iterator<Item = (u32, f64)> + Clone) -> Record {
         let times: Vec<f64> = samples.clone().map(|(_, ms)| ms).collect();
         let middle = crate::measure::median_of(&times).expect("samples");

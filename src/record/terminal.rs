@@ -144,10 +144,11 @@ fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
 
-/// Returns a short text that says why a record has no time. The text is the name of the record's outcome. If the
-/// outcome is "infeasible", the text is instead the part of the reason before the first colon, without underscores at
-/// its beginning and " memory" at its end: "local" for "__local memory: ...". If the host has too little memory, the
-/// text is "host". If the reason has no colon, or if the text would be longer than 16 bytes, the text is "infeasible".
+/// Returns a short text that says why a record has no time. For every outcome except "infeasible", the text
+/// is the outcome's name. For the outcome "infeasible", the text is the part of the reason before the first
+/// colon, without underscores at its beginning and " memory" at its end: "local" for "__local memory: ...".
+/// If the host has too little memory, the text is "host". If the reason has no colon, or if the text would be
+/// longer than 16 bytes, the text is "infeasible".
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
@@ -222,8 +223,8 @@ fn meaning(record: &Record) -> &'static str {
     }
 }
 
-/// Returns in general words why an infeasible point could not run. The function searches the text of the
-/// record's reason, since a record contains no other data about the cause.
+/// Returns in general words why the kernels of an infeasible point could not run. The cause is found in the
+/// text of the record's reason, since a record contains no other data about it.
 fn obstacle(reason: &str) -> &'static str {
     if reason.ends_with(Infeasible::EMULATED) {
         "the device that `[emulate]` in the config imitates has too little memory"

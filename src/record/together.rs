@@ -141,8 +141,8 @@ pub(super) fn between_runs(record: &Record) -> BetweenRuns {
 }
 
 /// Returns true if a record's device is a CPU, or the host without OpenCL. Records of earlier versions of
-/// raycl do not contain the device's kind. If such a record contains a number of threads, the device is a
-/// CPU.
+/// raycl do not contain the kind of device. If a record has no kind of device but a number of threads, its
+/// device is a CPU.
 fn is_on_processors(record: &Record) -> bool {
     match record.device_kind.as_deref() {
         Some(kind) => kind == DeviceKind::Cpu.name(),

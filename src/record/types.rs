@@ -318,13 +318,13 @@ impl Record {
             // A wrong image comes first, so that the record of another attempt cannot hide the error.
             Outcome::WrongImage => 0,
             Outcome::Measured => 1,
-            // A lack of memory at one moment or in one session must not hide that another attempt had enough memory and
-            // failed.
+            // If one attempt lacked memory at one moment or in one session, its record must not hide that
+            // another attempt had enough memory and failed.
             Outcome::Infeasible if self.is_of_the_session() || !self.is_final() => 4,
             // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
             Outcome::Infeasible | Outcome::BuildFailed => 2,
             Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
-            // This attempt did not try the point, but another attempt may have tried it.
+            // The attempt did not try to measure the point, but another attempt may have tried.
             Outcome::OtherKind => 5,
         }
     }
@@ -343,19 +343,20 @@ impl Record {
         Traversal::all().into_iter().find(|traversal| traversal.name() == name)
     }
 
-    /// Returns true if the point tests every ray against every triangle, so that the number of tests per
-    /// frame is known.
+    /// Returns true if the point's strategy or baseline tests every ray against every triangle, so that the
+    /// number of tests per frame is known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.traversal().is_some_and(Traversal::tests_every_triangle)
     }
 
-    /// Returns true if the point's rays traverse a tree, each ray separately or the rays of a tile together.
+    /// Returns true if rays traverse a tree in the point's strategy, each ray separately or the rays of a
+    /// tile together.
     pub fn walks_tree(&self) -> bool {
         self.traversal().is_some_and(Traversal::walks_tree)
     }
 
-    /// Returns true if the point's primary rays are rasterised: each triangle's pixels are found by one
-    /// work-item.
+    /// Returns true if the point's strategy rasterises primary rays: one work-item finds the pixels that a
+    /// triangle covers.
     pub fn rasterises(&self) -> bool {
         self.traversal().is_some_and(Traversal::rasterises)
     }
@@ -379,9 +380,10 @@ impl Record {
         Some(self.primary_rays() / positive(self.primary_ms)? * 1e3)
     }
 
-    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in seconds.
-    /// This rate can be compared between all strategies. Returns `None` if the shadow rays were not counted,
-    /// as for baselines in records of earlier versions of raycl.
+    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in seconds. The
+    /// rate of all rays of a frame can be compared between all strategies, whether or not their passes are
+    /// fused. Returns `None` if the shadow rays were not counted, as for baselines in records of earlier
+    /// versions of raycl.
     pub fn frame_rays_per_s(&self) -> Option<f64> {
         Some((self.primary_rays() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }
@@ -407,7 +409,7 @@ impl Record {
         self.preset.as_deref() == Some("naive")
     }
 
-    /// Returns true if the record is of a baseline, a caster on the host.
+    /// Returns true if the record is the result of a baseline (a caster on the host that uses no OpenCL).
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }

@@ -12,8 +12,8 @@ use crate::words::counted_of_were;
 pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
-        // Records of earlier versions of raycl do not state how many pixels' rays hit something. In these
-        // records, all pixels count.
+        // Records of earlier versions of raycl do not state how many pixels' rays hit something. In records
+        // without the number of hits, all pixels of the image count.
         let hits = [record.uncertain_hits, record.hits].map(|count| count.unwrap_or(0) as usize);
         hardly_verified([record.uncertain_pixels? as usize, record.pixels() as usize], hits)
     };
@@ -47,7 +47,8 @@ mod tests {
         let start =
             "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
         assert!(note.starts_with(start), "{note}");
-        // If the number of pixels whose rays hit something is known, only these pixels count.
+        // If the number of pixels whose rays hit something is known, only pixels whose rays hit something
+        // count.
         let hits = |uncertain, hits| Record {
             uncertain_hits: Some(uncertain),
             hits: Some(hits),

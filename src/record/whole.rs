@@ -27,7 +27,7 @@ pub fn write_json(path: &Path, value: &(impl Serialize + ?Sized)) -> Result<()> 
 }
 
 /// Writes a file completely or not at all like [`write_whole`], for contents that are too large for memory.
-/// The function `write` writes the contents piece by piece.
+/// The argument `write` writes the file's contents piece by piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
         let mut file = std::io::BufWriter::new(file);
@@ -128,7 +128,8 @@ pub fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Creates a temporary file in a folder. The caller will rename it to a file in the same folder.
+/// Creates a temporary file in a folder. The caller will rename the temporary file to another name in the
+/// same folder.
 pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMPORARY_PREFIX);

@@ -13,19 +13,19 @@ use std::path::{Path, PathBuf};
 
 /// The name of the folder that contains the folders of all attempts.
 const PARTS: &str = "parts";
-/// The file that describes an attempt.
+/// The name of the file that describes an attempt, in the attempt's folder.
 const ABOUT: &str = "attempt.json";
-/// The file that says how an attempt ended.
+/// The name of the file that says how an attempt ended, in the attempt's folder.
 const END: &str = "end.json";
 
-/// The description of an attempt.
+/// The description of an attempt (one process that measures a shard).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct About {
     /// The shard's number, from 1.
     pub shard: u32,
-    /// Number of shards.
+    /// The number of shards into which the experiment is divided.
     pub of: u32,
-    /// The machine's name.
+    /// The name of the machine on which the attempt runs.
     pub host: String,
     /// The job's number in the scheduler; "0" if no scheduler sets one.
     pub job: String,
@@ -33,7 +33,7 @@ pub struct About {
     /// sets the count. If an attempt of the same shard, machine and job with this count exists, `restart` is
     /// the next free number.
     pub restart: u32,
-    /// The process's ID.
+    /// The ID of the attempt's process on its machine.
     pub process: u32,
     /// The time limit for one step of the measurement, in seconds.
     pub hang_limit_s: f64,
@@ -47,7 +47,7 @@ pub struct About {
     pub folder: Option<String>,
     /// The word in the variable `RAYCL_DEVICE` or in the user's settings that selected the devices. Null if
     /// no such word was used: the command or the config names the devices, or the variable and the settings
-    /// name none. In files of earlier versions, the value is also null.
+    /// name none. The field is also null in files that earlier versions of raycl wrote.
     pub device: Option<String>,
     /// The environment variables that the user had set and that a repetition of the command needs, each as
     /// `NAME=VALUE`; missing in files of earlier versions.
@@ -65,8 +65,8 @@ pub enum End {
     Done,
     /// The user, or a signal of the scheduler, ended the attempt.
     Interrupted,
-    /// The attempt's launcher, or a process between the launcher and the attempt, has ended. The text names the
-    /// process that has ended.
+    /// The attempt's launcher, or a process between the launcher and the attempt, has ended. `LauncherLost`
+    /// contains a text that names the process that has ended.
     LauncherLost(String),
     /// The attempt failed with this error.
     Failed(String),
@@ -181,7 +181,7 @@ impl Attempt {
         self.read(END)
     }
 
-    /// Writes how the attempt ended.
+    /// Writes into the attempt's folder how the attempt ended.
     pub fn ended(&self, end: &End) -> Result<()> {
         self.write(END, end)
     }

@@ -16,7 +16,7 @@ pub(super) const FOLDER: &str = "kinds";
 /// that affects times. The host's processors are a kind of device too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kind {
-    /// The kind's name in records.
+    /// The name that records give to devices of this kind.
     pub device: String,
     /// The platform, the device, the driver, and every property of the device that affects times.
     pub identity: String,
@@ -29,7 +29,7 @@ pub struct Kind {
 pub struct KindPoint {
     /// The point's index in the plan.
     pub point: usize,
-    /// The point's key and names.
+    /// The key of the point on this kind of device, and the point's names.
     #[serde(flatten)]
     pub planned: PlannedPoint,
 }
@@ -45,7 +45,7 @@ impl Kind {
         out.join(FOLDER).join(format!("{}-{}.jsonl", words.join("-").to_lowercase(), &hash[..8]))
     }
 
-    /// Writes the kind's file, unless another shard has done so.
+    /// Writes the file of this kind of device, unless another shard has already written it.
     pub fn write(&self, path: &Path) -> Result<()> {
         let failed =
             |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));

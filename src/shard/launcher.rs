@@ -8,10 +8,10 @@ use crate::error::{Error, Result};
 /// A function that reads an environment variable.
 type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 
-/// The numbers that a launcher assigned.
+/// The numbers that a launcher assigned to this process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Assignment {
-    /// The launcher and its variables, for messages.
+    /// The names of the launcher and of its environment variables, for messages.
     launcher: &'static str,
     /// The process's number, from 0. If `number` is not `None`, raycl uses `number` instead of `rank`.
     rank: u32,
@@ -62,7 +62,7 @@ const INNER: [Ranks; 3] = [
 ];
 
 /// Launchers that number whole jobs. Slurm's arrays, which [`array()`] reads, are not in this table. The user
-/// chooses the numbers of a HyperQueue array; for raycl, they must begin at 1.
+/// chooses the numbers of a HyperQueue array; raycl needs numbers that begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",

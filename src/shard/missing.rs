@@ -14,14 +14,15 @@ const AGAIN: [&str; 2] = ["--resume", "--retry-failed"];
 /// The missing points and the failed points of all kinds of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
-    /// Kinds with missing points.
+    /// The kinds of device on which points are missing: no record of these points exists.
     pub kinds: Vec<MissingKind>,
-    /// Kinds with failed points, which are not missing.
+    /// The kinds of device on which points failed. A failed point has a record, so it is not missing.
     pub failed: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
     /// The names of the kinds that took part, if a selected kind did not take part; otherwise `None`. The
-    /// user may have misspelt the selected kind's name, and can compare it with these names.
+    /// user may have misspelt the name of the selected kind, and can compare the misspelt name with the names
+    /// in `took_part`.
     pub took_part: Option<String>,
 }
 
@@ -35,19 +36,19 @@ pub struct MissingKind {
     pub points: Vec<String>,
     /// The number of points that the plan has for the kind.
     pub of: usize,
-    /// The shards that contain these points.
+    /// The shards that contain the missing points, or the failed points.
     pub shards: Vec<u32>,
-    /// The command that measures all these points.
+    /// The command that measures all missing points, or all failed points, of the kind.
     pub command: String,
 }
 
 impl Missing {
-    /// Returns true if nothing is missing.
+    /// Returns true if no point is missing on any selected kind of device.
     pub fn is_empty(&self) -> bool {
         self.kinds.is_empty() && !self.nothing_began
     }
 
-    /// Returns the number of missing points.
+    /// Returns the number of missing points on all kinds of device together.
     pub fn count(&self) -> usize {
         self.kinds.iter().map(|kind| kind.points.len()).sum()
     }
@@ -56,7 +57,7 @@ impl Missing {
 /// The kinds of device whose points are looked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted<'a> {
-    /// All kinds that took part.
+    /// All kinds of device that took part in the experiment.
     pub all: &'a [Kind],
     /// The kinds that took part and are selected. The host's kinds are always selected.
     pub kinds: &'a [Kind],
@@ -67,10 +68,10 @@ pub struct Wanted<'a> {
 /// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no
 /// shard has begun on a selected kind, all points except casters on the host are missing on this kind. A
 /// caster on the host is missing only if it has no record on any kind of host. If no shard with casters on
-/// the host has begun, all casters on the host are missing. Also returns the points that failed. The commands
-/// that measure the points write to the folder `out`, and are made from the commands of the attempts that
-/// `abouts` describe. `outcome` returns the outcome of the record with a key; `None` if there is no such
-/// record.
+/// the host has begun, all casters on the host are missing. The points that failed are returned too, in
+/// `Missing::failed`. The commands that measure the points write to the folder `out`, and are made from the
+/// commands of the attempts that `abouts` describe. `outcome` returns the outcome of the record with a key;
+/// `None` if there is no such record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,
@@ -146,9 +147,9 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
     format!("{}{label}", kind.device)
 }
 
-/// Returns the plan's casters on the host and the plan's other points, as indices. The function takes the
-/// first kind of device that is not the host: the points that this kind measures are the points that are not
-/// casters on the host.
+/// Returns the plan's casters on the host and the plan's other points, as indices. The casters on the host
+/// are the points that the first kind of device other than the host does not measure. If only hosts took
+/// part, the casters on the host are the points that these hosts measure.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -335,7 +336,7 @@ mod tests {
         }
     }
 
-    /// Returns the missing points of kinds that are all selected.
+    /// Returns what is missing on the kinds of device `kinds`, all of which are selected.
     fn lacks(kinds: &[Kind], not_begun: &[String], has: &dyn Fn(&str) -> bool) -> Missing {
         let outcome = |key: &str| has(key).then_some(Outcome::Measured);
         missing(Path::new("o"), &plan(), Wanted { all: kinds, kinds, not_begun }, &[], &outcome)

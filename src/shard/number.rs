@@ -32,13 +32,13 @@ impl Shard {
 }
 
 impl fmt::Display for Shard {
-    /// Formats as "3/16".
+    /// Formats shard 3 of 16 as "3/16".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.number, self.of)
     }
 }
 
-/// The value of `--shard`.
+/// The value of the option `--shard`: which shard this process computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// A shard by its number.

@@ -9,17 +9,18 @@ use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The data that shards compare. The number of shards, the config, its overrides, the scenes and the kernels
-/// must be equal for all shards; the config's path and the version of raycl may differ.
+/// The data by which each shard checks that its inputs equal those of the other shards. The number of shards,
+/// the config, its overrides, the scenes and the kernels must be equal for all shards; the config's path and
+/// the version of raycl may differ.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
-    /// Number of shards.
+    /// The number of shards into which the experiment is divided.
     pub shards: u32,
     /// The config's path as given to the shard that started first, for messages.
     pub config: String,
     /// The hash of the config's text and its overrides.
     pub config_hash: String,
-    /// The overrides, each as a line of TOML.
+    /// The values of the config that the option `--set` changed, each as a line of TOML.
     pub overrides: Vec<String>,
     /// The hash of each scene's content, in the config's order. If raycl places a scene's camera, and the
     /// images have several shapes, the scene has a hash for each shape. The hashes of a scene are joined with
@@ -63,8 +64,8 @@ impl ShardPlan {
         if write_new(&path(out), &text)? {
             return Ok(plan);
         }
-        // Another shard wrote its plan first. All shards must use the plan that was written first, since the
-        // plans of two shards may have different blocks, because the expected times may differ.
+        // Another shard wrote its plan first. All shards must use the plan that was written first: two shards
+        // may expect different times, and then cut their plans into different blocks.
         let first = Self::read(out)?.ok_or_else(|| {
             Error::run(format!(
                 "{SHARDS} was deleted from {} while this shard started; start the shard again",
@@ -95,12 +96,12 @@ impl ShardPlan {
         Ok(blake3::hash(&blocks).to_hex().to_string())
     }
 
-    /// Returns the blocks of a shard.
+    /// Returns the blocks of points that a shard measures.
     pub fn of_shard(&self, number: u32) -> Vec<Block> {
         self.blocks.iter().filter(|block| block.shard == number).cloned().collect()
     }
 
-    /// Returns the block to which a point belongs; `None` if no block contains the point.
+    /// Returns the block to which a point of the plan belongs; `None` if no block contains the point.
     pub fn block_of(&self, point: usize) -> Option<&Block> {
         self.blocks.iter().find(|block| block.points.contains(&point))
     }

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// The name of the file that contains the counter.
 const FILE: &str = "pulse";
-/// The time between two counts.
+/// The time between two counts of the attempt's process.
 const BEAT: Duration = Duration::from_secs(1);
 /// The time between two checks whether the attempt has ended.
 const LOOK_UP: Duration = Duration::from_millis(50);
@@ -22,7 +22,7 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// The contents of the counter's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// The number of counts so far. The attempt's process counts once per second.
+    /// How often the attempt's process has counted so far. The attempt's process counts once per second.
     pub beats: u64,
     /// The number of counts since the last step, or since the attempt last waited for another process (a
     /// process that uses the device, or that measures the device's peak rates for the attempt).
@@ -40,7 +40,8 @@ impl Beat {
         Some(Self { beats: numbers.next()??, quiet: numbers.next()??, steps: numbers.next()?? })
     }
 
-    /// Returns the next count. `waits` is true if the attempt has waited for another process since the last count.
+    /// Returns the counter's contents after one more count. `waits` is true if the attempt has waited for
+    /// another process since the last count.
     fn after(self, steps: u64, waits: bool) -> Self {
         let quiet = if steps == self.steps && !waits { self.quiet + 1 } else { 0 };
         Self { beats: self.beats + 1, quiet, steps }

@@ -5,7 +5,7 @@ use crate::words::quote;
 use std::fmt::Write as _;
 use std::time::Duration;
 
-/// The inputs of the scripts.
+/// The inputs from which the Slurm scripts are made.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wishes {
     /// The experiment's name.
@@ -14,7 +14,7 @@ pub struct Wishes {
     pub shards: u32,
     /// The command of a shard without its number: the program, "run", the config, options.
     pub command: Vec<String>,
-    /// The folder of results.
+    /// The folder of results, to which all shards write.
     pub out: String,
     /// True if a shard needs a GPU, false if it needs processors; `None` if this is unknown.
     pub on_gpu: Option<bool>,

@@ -17,8 +17,8 @@ pub enum State {
     /// made progress or has waited for another process (a process that uses the device, or that measures the
     /// device's peak rates for the attempt).
     Going,
-    /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
-    /// The value is the number of seconds without progress.
+    /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit
+    /// of a step. `Hung` contains the number of seconds without progress.
     Hung(u64),
     /// The attempt's counter does not increase, and the attempt did not report its end: it was killed, or its machine
     /// is down.

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::printer;
 use std::time::Duration;
 
-/// The time between two checks of the launcher.
+/// The time between two checks whether the launcher is alive.
 const LOOK_UP: Duration = Duration::from_millis(500);
 /// Launchers, and programs that start processes on a machine for a launcher. A launcher need not be the
 /// parent of this process: the launcher may have started a shell that started this process.

@@ -1,6 +1,7 @@
-//! The axes of a strategy. If a value is code, each kernel family that supports the value has a file for the
-//! value under `cl/`, and the file's header describes the value. This Rust file lists the names and
-//! descriptions of all other values.
+//! The axes of a strategy (the choices of which a way to cast rays consists), and their values. If a value is
+//! code, each kernel family that supports the value has a file for the value under `cl/`, and the file's
+//! header describes the value. All values that are not code are listed here, with their names and
+//! descriptions.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
@@ -11,14 +12,14 @@ use crate::error::{Error, Result, meant};
 pub struct AxisInfo {
     /// The axis's name in configs.
     pub name: &'static str,
-    /// The axis's meaning.
+    /// What the axis decides, in a few words.
     pub about: &'static str,
     /// The name and the meaning of each value that is not a file.
     pub listed: &'static [(&'static str, &'static str)],
 }
 
 impl AxisInfo {
-    /// Returns each value's name and meaning.
+    /// Returns the name and the meaning of each value of the axis.
     pub fn values(&self) -> Vec<(&'static str, &'static str)> {
         let files = values_of(self.name).map(|header| (header.name.as_str(), header.meaning.as_str()));
         self.listed.iter().copied().chain(files).collect()
@@ -27,10 +28,10 @@ impl AxisInfo {
 
 /// A type whose values are the values of one axis.
 pub trait Axis: Sized + Copy + Eq + 'static {
-    /// The axis's name and meaning.
+    /// The name, the meaning and the listed values of the axis.
     const INFO: AxisInfo;
 
-    /// Returns every value.
+    /// Returns every value of the axis.
     fn all() -> Vec<Self>;
 
     /// Returns the value's name in configs and records.
@@ -84,9 +85,9 @@ macro_rules! axis {
     };
 }
 
-/// Declares an axis whose values are files. In the declared type, a value consists only of its name, so that strategies
-/// can be constants and can be copied. The value's other properties are in its file. The type's constants are the
-/// values that presets use.
+/// Declares an axis whose values are files. In the declared type, a value consists only of its name, so that
+/// strategies can be constants and can be copied. All other properties of a value are stated in the header of
+/// the value's file. The type's constants are the values that presets use.
 macro_rules! file_axis {
     ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
         $($value:ident $name:literal,)+
@@ -98,7 +99,7 @@ macro_rules! file_axis {
         impl $type {
             $(#[doc = concat!("`", $name, "`")] pub const $value: Self = Self($name);)+
 
-            /// Returns the header of the value's file.
+            /// Returns the header of the kernel file of this value.
             pub(super) fn header(self) -> &'static Header {
                 header_of($axis, self.0)
             }
@@ -212,7 +213,7 @@ axis! {
     }
 }
 axis! {
-    /// The number of children of a tree node.
+    /// The largest number of children of a tree node.
     NodeWidth "node_width" "the largest number of children of a tree node" {
         N2 "2" "two children",
         N4 "4" "four children: the fastest for single rays on a GPU",
@@ -248,8 +249,8 @@ axis! {
     }
 }
 
-/// Each of these methods has a `match` that names every traversal. The compiler therefore reports
-/// each method that does not handle a new traversal.
+/// Each method of this block has a `match` that names every traversal. If a traversal is added, the compiler
+/// therefore reports each method that does not handle the new traversal.
 impl Traversal {
     /// Returns true if each primary ray is tested against every triangle.
     pub fn tests_every_triangle(self) -> bool {
@@ -285,7 +286,7 @@ impl Traversal {
 }
 
 impl NodeWidth {
-    /// Returns the number of children of a tree node.
+    /// Returns the largest number of children of a tree node.
     pub fn children(self) -> usize {
         2 << (self as usize)
     }

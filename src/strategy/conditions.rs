@@ -31,8 +31,8 @@ impl Strategy {
     }
 
     /// Returns true if the strategy with this workload has the property `fact`. The manifest (the table of
-    /// kernels) uses these properties as conditions. A scene's textures, cut-outs and soft light count only if
-    /// the strategy's family supports them.
+    /// kernels) uses the properties as conditions for kernels, parameters and defines. A scene's textures,
+    /// cut-outs and soft light count only if the strategy's family supports them.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         let supports = |property| self.family().takes(property);
         match fact {
@@ -59,10 +59,11 @@ impl Strategy {
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
             // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from
-            // the eye is cast per pixel at a time. Otherwise, a separate kernel casts these shadow rays. Even
-            // with many samples, two kinds of pictures have one ray per pixel at a time: pictures with soft
-            // light, and pictures of more than 2^23 pixels (see `Workload::shared_subpixel_bits`). For the
-            // large pictures, the program contains the separate kernel, but frames do not run it.
+            // the eye is cast per pixel at a time. In all other cases, a separate kernel casts the leftover
+            // shadow rays. Even with many samples, two kinds of pictures have one ray per pixel at a time:
+            // pictures with soft light, and pictures of more than 2^23 pixels (see
+            // `Workload::shared_subpixel_bits`). For the large pictures, the program contains the separate
+            // kernel, but frames do not run it.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
         }
     }

@@ -5,18 +5,19 @@ use super::{Intersector, Layout, Shading, Triangles, Vectors};
 /// The memory of working vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WorkingMemory {
-    /// Private memory.
+    /// The private memory of a work-item.
     Private,
-    /// `__local` memory.
+    /// The `__local` memory of a work-group.
     Local,
-    /// A buffer that the host allocates for all work-items.
+    /// A buffer in global memory that the host allocates for the working vectors of all work-items.
     Scratch,
-    /// The heap: a buffer from which the kernel allocates.
+    /// The heap: a buffer in global memory from which each work-item of the kernel allocates its working
+    /// vectors.
     Heap,
 }
 
 impl Vectors {
-    /// Returns the memory of the working vectors.
+    /// Returns the memory in which a ray's nine working vectors are.
     pub fn memory(self) -> WorkingMemory {
         match self.header().word("memory") {
             "local" => WorkingMemory::Local,
@@ -37,7 +38,7 @@ impl Vectors {
 pub enum Copied {
     /// Nothing: triangles are read from the memory in which the host put them.
     Nothing,
-    /// The whole scene.
+    /// The whole scene: positions, normals and materials.
     Scene,
     /// The mesh's positions.
     Vertices,
@@ -49,7 +50,7 @@ pub enum Copied {
 }
 
 impl Triangles {
-    /// Returns the data that is copied to `__local` memory.
+    /// Returns the data that each work-group copies to `__local` memory.
     pub fn copied(self) -> Copied {
         match self.header().word("copied") {
             "scene" => Copied::Scene,
@@ -60,7 +61,7 @@ impl Triangles {
         }
     }
 
-    /// Returns true if triangles are in `__constant` memory.
+    /// Returns true if kernels read triangles from `__constant` memory.
     pub fn are_constant(self) -> bool {
         self.header().word("read_from") == "constant"
     }
@@ -107,8 +108,8 @@ impl Intersector {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Returns true if the directions of primary rays are given in pixel coordinates. In this case, the
-    /// planes for primary rays are linear in the pixel coordinates, and t is the depth.
+    /// Returns true if the directions of primary rays are given in pixel coordinates. If they are, the planes
+    /// for primary rays are linear in the pixel coordinates, and the distance t along a ray is the depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }

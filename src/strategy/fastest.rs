@@ -38,8 +38,9 @@ impl Task {
         }
     }
 
-    /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one sample, lights
-    /// with a radius make the task soft. With one sample, these lights count as points.
+    /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one
+    /// sample, lights with a radius make the task soft. With one sample, lights with a radius count as
+    /// points.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.has_soft_lights();
@@ -55,8 +56,8 @@ impl Task {
     }
 }
 
-/// A way to cast. raycl chooses the fastest of all candidates. A candidate's preset depends on the kind of
-/// device.
+/// A way to cast a picture. raycl chooses the fastest of several candidates. The preset that a candidate
+/// stands for depends on the kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Candidate {
     /// Every ray is tested against every triangle.
@@ -88,13 +89,14 @@ pub enum Class {
 }
 
 /// From this number of triangles on, devices that do not support tiles traverse a tree with single rays. With
-/// fewer triangles, testing all triangles is faster. The number was measured on an H200 (`single` and
+/// fewer triangles, testing all triangles is faster. `TREE_TRIANGLES` was measured on an H200 (`single` and
 /// `exhaustive` in docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
-/// The limits at which another candidate becomes the fastest one, for one class of devices that support tiles. Some
-/// limits are compared with the number of pixels multiplied or divided by a root of the number of triangles. These
-/// roots were fitted to the times of 346 pictures on an H200 (docs/results/rule/h200.json).
+/// The limits at which another candidate becomes the fastest one, for one class of devices that support
+/// tiles. Some limits are compared with the number of pixels multiplied or divided by a root of the number of
+/// triangles. Which root suits a limit was found from the times of 346 pictures on an H200
+/// (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
@@ -102,28 +104,28 @@ pub struct Constants {
     /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and single rays
     /// are faster.
     pub single_triangles_a_pixel: f64,
-    /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye. In these
-    /// scenes, more triangles lie behind each other than in other scenes.
+    /// The limit that is used in place of `single_triangles_a_pixel` if surfaces lie all around the eye. In
+    /// scenes with surfaces all around the eye, more triangles lie behind each other than in other scenes.
     pub single_triangles_a_pixel_inside: f64,
-    /// This limit is compared with the number of covered pixels per compute unit, divided by the square root of the
-    /// number of triangles. Below the limit, there are too few tiles to keep a unit busy until the slowest tile is
+    /// A limit for the number of covered pixels per compute unit, divided by the square root of the number of
+    /// triangles. Below the limit, there are too few tiles to keep a unit busy until the slowest tile is
     /// finished, and single rays are faster.
     pub single_pixels_a_unit: f64,
     /// With fewer triangles than this limit, the rays of a tile have little work to share. With so few
     /// triangles, single rays are faster in small pictures (below `few_pixels_a_unit`).
     pub few_triangles: f64,
-    /// This limit is compared with the number of pixels per compute unit, times the fourth root of the number of
-    /// triangles. Below the limit, a picture of few triangles is small.
+    /// A limit for the number of pixels per compute unit, times the fourth root of the number of triangles.
+    /// Below the limit, a picture of few triangles is small.
     pub few_pixels_a_unit: f64,
-    /// This limit is compared with the number of pixels per compute unit, divided by the fourth root of the
-    /// number of triangles. For this limit, the number of pixels is the geometric mean of the number of all
-    /// pixels and the number of covered pixels. Large tiles share more work, but the slowest tile takes
-    /// longer, in particular if there are many triangles. From the limit on, there are enough large tiles to
-    /// keep a unit busy until the slowest tile is finished, and large tiles are faster.
+    /// A limit for the number of pixels per compute unit, divided by the fourth root of the number of
+    /// triangles, where the number of pixels is the geometric mean of the number of all pixels and the number
+    /// of covered pixels. Large tiles share more work, but the slowest tile takes longer, in particular if
+    /// there are many triangles. From the limit on, there are enough large tiles to keep a unit busy until
+    /// the slowest tile is finished, and large tiles are faster.
     pub large_pixels_a_unit: f64,
     /// From this number of covered pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
-    /// The value of `separate_pixels` for scenes in which surfaces lie all around the eye.
+    /// The limit that is used in place of `separate_pixels` if surfaces lie all around the eye.
     pub separate_pixels_inside: f64,
 }
 
@@ -160,7 +162,7 @@ impl Constants {
             self.of(task, units).map(|(_, least, value)| value >= *least);
         let dense = if inside { dense_inside } else { dense };
         let small = !unit || !many && !few_pixels;
-        // Without triangles there is no tree.
+        // A scene without triangles has no tree.
         let tree = tree && task.triangles > 0;
         match (tree, dense || small) {
             (false, _) => Candidate::Exhaustive,
@@ -173,7 +175,7 @@ impl Constants {
 }
 
 impl Class {
-    /// Returns the class of a device.
+    /// Returns the class of a device with these limits.
     pub fn of(limits: &DeviceLimits) -> Self {
         match (limits.is_cpu, widest(limits.native_width)) {
             (true, Width::W16) => Self::TilesInVectors,
@@ -203,7 +205,7 @@ impl Class {
         }
     }
 
-    /// Returns the candidates for devices of this class.
+    /// Returns the ways to cast among which raycl chooses on devices of this class.
     pub fn candidates(self) -> Vec<Candidate> {
         let tiles = |large, separate| Candidate::Tiles { large, separate };
         let tiles = match self {
@@ -284,7 +286,7 @@ impl Candidate {
 /// per work-item, and streams triangles through `__local` memory.
 ///
 /// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in
-/// these vectors. On a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU
+/// vectors of rays. On a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU
 /// without PTX's lane operations casts single rays, because tiles have not been measured on it; scenes with
 /// fewer than `TREE_TRIANGLES` triangles are cast exhaustively on this GPU. A CPU that reports no vectors
 /// casts in the same way as a GPU without PTX's lane operations. In soft light, every GPU, and every CPU that
@@ -373,7 +375,7 @@ mod tests {
             EXAMPLE.choice(&Task { covered_pixels, inside, ..Task::covering(triangles, pixels) }, 10)
         };
         let large = Candidate::Tiles { large: true, separate: false };
-        // Checks the limit of triangles per covered pixel.
+        // Checks the limit for the number of triangles per covered pixel.
         assert_eq!(
             [1_000_001, 1_000_000].map(|covered| of(2_000_000, 4_000_000, covered, false)),
             [TILES, Candidate::Single]

@@ -23,16 +23,16 @@ pub struct Header {
 /// A value of another axis that cannot be combined with the header's value.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Contradiction {
-    /// The other axis.
+    /// The axis of the value that cannot be combined with the header's value.
     pub axis: &'static str,
-    /// The value of the other axis.
+    /// The name of the value that cannot be combined with the header's value.
     pub value: String,
     /// The reason for the contradiction, if the header states one.
     pub because: Option<String>,
 }
 
 impl Header {
-    /// An empty header.
+    /// The header of a value that has no file; it states no properties.
     pub(super) const NONE: Self = Self {
         axis: "",
         name: String::new(),
@@ -125,9 +125,9 @@ impl Reader<'_> {
         }
     }
 
-    /// Returns the error for a file whose header does not state the value's meaning. There are two usual
-    /// reasons: the header is not at the file's start, or the file is only meant to be included by other
-    /// files.
+    /// Returns the error for a file whose header does not state the value's meaning. The meaning is usually
+    /// missing for one of two reasons: the header is not at the file's start, or the file is only meant to be
+    /// included by other files.
     fn no_meaning(&self, text: &str) -> Error {
         let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
         let further_down = text.lines().position(bare).map(|row| row + 1);
@@ -194,7 +194,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Parses `axis=value, axis=value because reason`. The reason applies to all pairs.
+    /// Parses `axis=value, axis=value because reason`. The reason applies to all pairs of an axis and a
+    /// value.
     fn contradictions(&self, line: usize, text: &str) -> Result<Vec<Contradiction>> {
         let (pairs, because) = match text.split_once(" because ") {
             Some((pairs, because)) => (pairs, Some(because.trim().to_owned())),
@@ -264,8 +265,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Refuses a header with `exact_signs: yes` if the file does not include [`EXACT_SIGNS`]: compilers would contract
-    /// products and sums to fma. The families with tiles of rays include that file themselves.
+    /// Refuses a header with `exact_signs: yes` if the file does not include [`EXACT_SIGNS`]: compilers would
+    /// contract products and sums to fma. The families with tiles of rays include [`EXACT_SIGNS`] themselves.
     fn check_exact_signs(&self, parsed: &Entries, folders: &[&str]) -> Result<()> {
         let is_yes = |key: &str, said: &Said| key == "exact_signs" && matches!(said, Said::Word("yes"));
         let yes = parsed.facts.iter().find(|(_, key, said)| is_yes(key, said));
@@ -315,8 +316,8 @@ const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 /// The folder of the ray-triangle tests of the families that have no tiles of rays.
 const NO_TILES: &str = "cast/intersect/";
 
-/// The file that forbids compilers to contract expressions to fma. The file affects only the code after the
-/// `#include` of the file.
+/// The file that forbids compilers to contract expressions to fma. The file `EXACT_SIGNS` affects only the
+/// code after the line that includes it.
 const EXACT_SIGNS: &str = "common/exact_signs.cl";
 
 /// Returns the entries `// key: value` of the comment that a file begins with, up to the comment's first empty line.

@@ -11,14 +11,14 @@ use crate::scene::{Mapped, Material, Mesh};
 /// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1,
 /// casting a scene of one triangle took 258 to 305 MB (2026-11-27), in runs in which LLVM 15 compiled the
 /// kernels. The preset `tile-group` needed most. A process that lists all devices also starts the drivers of
-/// other devices. This constant leaves the drivers of other devices out: on a machine with an NVIDIA GPU,
+/// other devices. `PROGRAM_BYTES` leaves the drivers of other devices out: on a machine with an NVIDIA GPU,
 /// pictures that the CPU cast took up to 84 MB more.
 const PROGRAM_BYTES: u64 = 305_000_000;
 /// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
 /// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
 const PROGRAM_BYTES_BESIDE_GPU: u64 = 432_000_000;
-/// An upper bound of the bytes per triangle in the reference's tree. The sum assumes 80 bytes for the triangle,
-/// although a triangle takes only 44 bytes, and 72 bytes for two nodes.
+/// An upper bound of the bytes per triangle in the reference's tree. `REFERENCE_BYTES` assumes 80 bytes for
+/// the triangle, although a triangle takes only 44 bytes, and 72 bytes for two nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, the alpha, and whether the pixel
 /// is certain.
@@ -49,11 +49,12 @@ pub struct Afterwards {
     pub layers: bool,
 }
 
-/// The bytes of the host's memory in use at several moments. The largest of these amounts is the memory that casting
-/// needs.
+/// The bytes of the host's memory in use at several moments. The memory that casting needs is the largest of
+/// the moments' sums.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
-    /// The bytes that the program, its libraries and the driver need. The sum of every moment includes these bytes.
+    /// The bytes that the program, its libraries and the driver need. The sum of every moment includes
+    /// `program_bytes`.
     program_bytes: u64,
     moments: Vec<(&'static str, Sum)>,
 }
@@ -70,8 +71,8 @@ impl HostNeeds {
         if strategy.needs_tree() {
             let mut sum = base.clone();
             // The sum assumes that the binary tree has small leaves. With fewer than 32 children per node,
-            // `WideBvh::of_mesh` builds such a binary tree. With 32 children, the binary tree may have larger leaves,
-            // and then needs less memory than the sum assumes.
+            // `WideBvh::of_mesh` builds a binary tree with small leaves. With 32 children, the binary tree
+            // may have larger leaves, and then needs less memory than the sum assumes.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);
@@ -109,7 +110,7 @@ impl HostNeeds {
         Self { program_bytes, moments }
     }
 
-    /// Returns the largest number of bytes in use at any moment.
+    /// Returns the largest number of bytes of the host's memory that are in use at any moment.
     pub fn bytes(&self) -> u64 {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
@@ -142,7 +143,8 @@ fn own_bytes(resident_bytes: Option<u64>, other_bytes: u64) -> u64 {
     resident_bytes.unwrap_or(0).saturating_sub(other_bytes)
 }
 
-/// Returns the memory that is in use at every moment.
+/// Returns the part of the host's memory that is in use at every moment: the program, the driver and the
+/// scene's data.
 fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
     let mut base = Sum::default();
     base.add("program and driver", &[(program_bytes, " B")]);
@@ -164,10 +166,11 @@ fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
     base
 }
 
-/// Returns the memory in use while a picture's layers are computed, and while they are written. The buffers of the
-/// caster's frame are freed before the layers are computed, but a device that shares the host's memory still holds the
-/// scene. raycl also builds another tree, to find out how many tests each ray needs. This tree is freed before the
-/// reference's tree is built, and is smaller than the reference's tree, so the sum leaves it out.
+/// Returns the memory in use while a picture's layers are computed, and while they are written. The buffers
+/// of the caster's frame are freed before the layers are computed, but a device that shares the host's memory
+/// still holds the scene. raycl also builds another tree, to find out how many tests each ray needs. The tree
+/// for counting tests is freed before the reference's tree is built, and is smaller than the reference's
+/// tree, so the sum leaves it out.
 fn with_layers(strategy: &Strategy, w: &Workload, shared: bool, base: &Sum) -> [(&'static str, Sum); 2] {
     let mut computing = base.clone();
     if shared {

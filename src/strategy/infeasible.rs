@@ -23,8 +23,8 @@ pub enum Cause {
     /// The local size: a work-group of this size needs more memory than a limit allows, but a smaller
     /// work-group fits.
     LargeGroup,
-    /// The strategy: it does not support something that the scene contains. Neither the device nor a size is
-    /// the cause.
+    /// The strategy, which does not support something that the scene contains, whatever the device and the
+    /// sizes.
     Lacking,
 }
 
@@ -37,7 +37,7 @@ impl Infeasible {
     pub const GLOBAL_MEMORY: &'static str = "global memory";
     /// The words with which a reason begins if the stacks of a CPU's threads are too small.
     pub const CPU_STACK: &'static str = "a CPU thread's stack";
-    /// The words by which a reason mentions memory that other points of the run hold.
+    /// The words by which a reason mentions memory that other points of the run hold on the device.
     pub const BESIDE_OTHERS: &'static str = "that other points hold";
     /// The words with which a reason ends if the experiment's config sets the limit, not the device itself.
     pub const EMULATED: &'static str = "the limit in [emulate]";
@@ -49,10 +49,10 @@ impl Infeasible {
     }
 
     /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads'
-    /// stacks, and the reason does not hold only for a moment. In another session, these three limits of the
-    /// same device may be larger, for example if a variable of its driver or `ulimit -s` changes. A device's
-    /// other limits cannot change in this way, since everything that determines them is part of a point's
-    /// key.
+    /// stacks, and the reason does not hold only for a moment. In another session, the limits of the same
+    /// device's global memory, buffers and stacks may be larger, for example if a variable of its driver or
+    /// `ulimit -s` changes. If any other limit of a device changes, the point's key changes too, since
+    /// everything that determines the other limits is part of the key.
     pub fn is_of_the_session(reason: &str) -> bool {
         let limits = [Self::LARGEST_BUFFER, Self::GLOBAL_MEMORY, Self::CPU_STACK];
         !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))

@@ -4,20 +4,21 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// The value of a key.
+/// The value that a header states for a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Said {
     /// One of the key's allowed words.
     Word(&'static str),
-    /// A number.
+    /// A number in the key's allowed range.
     Number(u32),
 }
 
 /// The allowed values of a key.
 pub(super) enum Takes {
-    /// One of these words.
+    /// The value must be one of these words.
     Words(&'static [&'static str]),
-    /// A number that lies in the range in the first field and is a multiple of the second field.
+    /// The value must be a number that lies in the range in the first field and is a multiple of the second
+    /// field.
     Numbers(RangeInclusive<u32>, u32),
 }
 
@@ -25,7 +26,7 @@ pub(super) enum Takes {
 pub(super) struct Key {
     pub axis: &'static str,
     pub name: &'static str,
-    /// The key's meaning.
+    /// What the key states about a value of the axis.
     pub about: &'static str,
     pub takes: Takes,
     pub optional: bool,
@@ -93,7 +94,7 @@ pub(super) static KEYS: [Key; 10] = [
 ];
 
 impl Takes {
-    /// Returns the allowed words; empty for numbers.
+    /// Returns the words that are allowed as the key's value; empty if the value must be a number.
     pub fn words(&self) -> &'static [&'static str] {
         match self {
             Self::Words(words) => words,

@@ -1,4 +1,5 @@
-//! Strategies. A strategy is one value of every axis. Presets are named strategies, among them the paper's.
+//! Strategies: ways to cast rays. A strategy has one value on every axis (one choice, such as the layout of
+//! triangles). Presets are named strategies, among them those of the student paper that raycl reproduces.
 
 mod axis;
 mod conditions;
@@ -36,7 +37,7 @@ use crate::error::{Error, Result, meant};
 /// Declares [`Strategy`], [`AXES`] and the functions that go through all axes.
 macro_rules! strategy {
     ($($(#[$doc:meta])* $field:ident: $type:ident,)+) => {
-        /// One value of every axis.
+        /// A strategy, or way to cast rays: one value on every axis.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub struct Strategy {
             $($(#[$doc])* pub $field: $type,)+
@@ -67,11 +68,11 @@ macro_rules! strategy {
 strategy! {
     /// How the triangles that a ray may hit are found.
     traversal: Traversal,
-    /// The memory of the nine working vectors.
+    /// The memory of a ray's nine working vectors (origin, direction, normal, ...).
     vectors: Vectors,
     /// The memory from which triangles are read.
     triangles: Triangles,
-    /// The layout of triangles.
+    /// The layout of the triangles in memory.
     layout: Layout,
     /// When hits are shaded.
     shading: Shading,
@@ -81,13 +82,13 @@ strategy! {
     intersector: Intersector,
     /// The time at which a triangle's data for the ray-triangle test is computed.
     records: Records,
-    /// Which faces are visible.
+    /// Whether rays hit the back faces of triangles.
     culling: Culling,
     /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
     epsilons: Epsilons,
-    /// Rays per work-item.
+    /// The number of rays that a work-item casts side by side.
     width: Width,
-    /// The number of children of a tree node.
+    /// The largest number of children of a tree node.
     node_width: NodeWidth,
     /// The largest number of triangles in a leaf.
     leaf_size: LeafSize,
@@ -128,15 +129,15 @@ impl Strategy {
     }
 
     /// Returns true if the strategy's kernels read whole triangles in the strategy's layout. Kernels for
-    /// tiles read corners only from the tree. For these kernels, the layout decides only where normals are
-    /// read.
+    /// tiles read corners only from the tree. For kernels that cast tiles, the layout decides only where
+    /// normals are read.
     pub fn reads_mesh(&self) -> bool {
         !self.traversal.casts_tiles()
     }
 
     /// Returns true if the strategy's kernels read lists of the mesh: its normals, and its triangles, which
-    /// contain the normals' indices. Only kernels that cast tiles and read indexed normals do so. A device
-    /// that shares the host's memory reads these lists in place.
+    /// contain the normals' indices. Only kernels that cast tiles and read indexed normals read lists of the
+    /// mesh. A device that shares the host's memory reads the lists in place, without a copy.
     pub fn reads_lists_of_mesh(&self) -> bool {
         self.traversal.casts_tiles() && self.layout.index_bits().is_some()
     }

@@ -1,4 +1,4 @@
-//! Named strategies: the paper's strategies and the fast ones.
+//! Presets, which are named strategies: those of the student paper that raycl reproduces, and faster ones.
 
 use super::{
     Culling, Epsilons, Intersector, LISTED, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading,
@@ -12,17 +12,17 @@ use crate::error::{Error, Result, meant};
 pub struct Preset {
     /// The preset's name in configs.
     pub name: &'static str,
-    /// The preset's meaning.
+    /// A short description of the preset.
     pub about: &'static str,
-    /// The value of every axis.
+    /// The strategy that the preset names: a value on every axis.
     pub strategy: Strategy,
     /// The kind of device that the preset is meant for; on other kinds, the preset is only measured if requested.
     /// `None` means all kinds.
     pub meant_for: Option<DeviceKind>,
 }
 
-/// The strategy of the paper's first kernel. The presets of the paper's other kernels differ from this
-/// strategy in a few axes.
+/// The strategy of the first kernel in the paper that raycl reproduces. The presets of the paper's other
+/// kernels differ from this strategy in a few axes.
 const PAPER: Strategy = Strategy {
     traversal: Traversal::Exhaustive,
     vectors: Vectors::HEAP,
@@ -41,8 +41,8 @@ const PAPER: Strategy = Strategy {
     math: Math::Strict,
 };
 
-/// The base of the presets that are not the paper's. Each of these presets differs from this base in a few
-/// axes.
+/// The base of the presets for kernels that the paper does not have; each of these presets differs from the
+/// base in a few axes.
 const MODERN: Strategy = Strategy {
     vectors: Vectors::PRIVATE,
     shading: Shading::DEFERRED,
@@ -51,8 +51,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// The base of presets that cast tiles of rays in wide vectors. There is a single pass, since a tile's hits
-/// are best shaded while the tile's triangles are in the caches.
+/// The base of presets that cast tiles of rays in wide vectors. Tiles in wide vectors have a single pass,
+/// since a tile's hits are best shaded while the tile's triangles are in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,

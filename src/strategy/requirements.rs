@@ -1,6 +1,6 @@
-//! Computes, before anything is compiled, what a strategy needs of a device: above all, bytes of each kind of memory.
-//! The bytes of one kind of memory are a sum. The terms of each sum are kept, so that messages can show the arithmetic,
-//! for example "vectors 108 B x 24 x 24 = 62208 B".
+//! Computes, before anything is compiled, what a strategy needs of a device: above all, bytes of each kind of
+//! memory. The bytes of one kind of memory are a sum whose terms are stored, so that messages can show the
+//! arithmetic, for example "vectors 108 B x 24 x 24 = 62208 B".
 
 mod fits;
 
@@ -36,8 +36,8 @@ fn emission_bytes(w: &Workload) -> u64 {
     if w.emissive { Material::EMISSION_FLOATS as u64 * 4 } else { 0 }
 }
 
-/// Bytes of an entry of the stack with which work-items that share a tile traverse a tree: the word that identifies a
-/// child node, and the distance at which the child's box is entered.
+/// Bytes of an entry of the stack with which work-items that share a tile traverse a tree: the word that
+/// identifies a child node, and the distance at which rays enter the child's box.
 const STACK_ENTRY_BYTES: u64 = 8;
 /// Bytes of an array in `__local` memory with two words per lane. Lanes exchange values through this array if the
 /// device has no faster way.
@@ -63,7 +63,7 @@ fn cpu_stack_bytes(thread_stack_bytes: u64) -> u64 {
 pub struct Requirements {
     /// Bytes of `__local` memory per work-group.
     pub local_bytes: u64,
-    /// Bytes of `__constant` memory.
+    /// Bytes of `__constant` memory that the kernels read.
     pub constant_bytes: u64,
     /// Bytes of global memory for working vectors (a scratch buffer or a heap), in addition to the memory for the scene
     /// and the image.
@@ -88,7 +88,7 @@ impl Requirements {
         }
     }
 
-    /// Returns the bytes of all buffers.
+    /// Returns the bytes of all buffers in the device's global memory.
     pub fn buffer_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         buffers(strategy, workload).recorded()
     }
@@ -114,8 +114,9 @@ impl Requirements {
         sum.recorded()
     }
 
-    /// Returns the bytes of the lists of the mesh that the strategy's kernels read; 0 if they read none. A device that
-    /// shares the host's memory reads these lists in place.
+    /// Returns the bytes of the lists of the mesh (normals and triangles) that the strategy's kernels read; 0
+    /// if they read none. A device that shares the host's memory reads lists of the mesh in place, without a
+    /// copy.
     pub fn mesh_list_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         let mut sum = Sum::default();
         add_lists_of_mesh(&mut sum, strategy, workload);
@@ -185,7 +186,8 @@ fn add_corners(sum: &mut Sum, strategy: &Strategy, w: &Workload, [own, shared]: 
     }
 }
 
-/// Adds the bytes of the whole scene. All parts of the scene lie in the same kind of memory.
+/// Adds the bytes of the whole scene (positions, normals, triangles and materials), all of which lie in the
+/// same kind of memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.layout.index_bits().is_none() {
         sum.add("scene", &[(soup_floats(w.emissive) as u64 * 4, " B"), (w.triangles as u64, " triangles")]);
@@ -295,8 +297,8 @@ pub(super) fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns the same memory as [`scene`], but without lists of the mesh. A device that shares the host's memory reads
-/// these lists in place.
+/// Returns the same memory as [`scene`], but without lists of the mesh, which a device that shares the host's
+/// memory reads in place.
 pub(super) fn scene_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.reads_mesh() {
@@ -337,7 +339,7 @@ fn add_tree(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Returns the memory of all buffers. Each term of the sum is one buffer.
+/// Returns the global memory that all buffers take; each term of the sum is one buffer.
 fn buffers(strategy: &Strategy, workload: &Workload) -> Sum {
     let mut all = global(strategy, workload);
     all.join(scratch(strategy, workload));
@@ -352,8 +354,8 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns the same memory as [`global`], but without lists of the mesh. A device that shares the host's memory reads
-/// these lists in place.
+/// Returns the same memory as [`global`], but without lists of the mesh, which a device that shares the
+/// host's memory reads in place.
 pub(super) fn global_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = scene_beside_mesh(strategy, w);
     add_frame(&mut sum, strategy, w);
@@ -399,10 +401,10 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate starts from full
-/// nodes, and leaves that are half full but have at least four triangles. The resulting number of nodes is
-/// multiplied by three, because leaves are usually smaller: a leaf is split if a node would otherwise have
-/// unused slots.
+/// Returns the bytes of a tree node, and an estimate of the number of nodes. The number of nodes is first
+/// computed for full nodes, and for leaves that are half full but have at least four triangles. The resulting
+/// number of nodes is multiplied by three, because leaves are usually smaller: a leaf is split if a node
+/// would otherwise have unused slots.
 fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

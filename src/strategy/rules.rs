@@ -18,9 +18,9 @@ impl Strategy {
         Err(error.with_help(format!("{change}; `raycl strategies` lists the values of each axis")))
     }
 
-    /// If two values contradict each other, returns the axes that have exactly one value with which the combination
-    /// would be allowed, each with this value. Returns nothing if the strategy's family does not support a value, since
-    /// the reason then names the supported values.
+    /// If two values contradict each other, returns the axes that have exactly one value with which the
+    /// combination would be allowed, each with this value. If the contradiction is that the strategy's family
+    /// does not support a value, returns no axes, since the reason then names the supported values.
     pub fn sole_remedies(&self) -> Vec<(&'static str, &'static str)> {
         let is_refused = self.family().rules.iter().any(|rule| self.refusal(rule).is_some());
         if is_refused || self.contradiction().is_none() {
@@ -254,7 +254,7 @@ mod tests {
                 let reason = of("triangles", value).unwrap_or_default();
                 assert!(reason.contains("order of its tree"), "{name} triangles={value}: {reason}");
             }
-            // Tiles in vectors can read indexed normals.
+            // The kernels that cast tiles in vectors of rays can read indexed normals.
             let has_file = |value: &str| name == "tile" && value == "indexed32";
             assert_eq!(of("layout", "indexed32").is_none(), has_file("indexed32"), "{name}");
             for value in others(Layout::INFO, "soup").filter(|value| !has_file(value)) {
@@ -307,7 +307,7 @@ mod tests {
         assert!(reason("private", &eager).contains("passes must be fused"), "{}", reason("private", &eager));
     }
 
-    /// Returns a preset with these values.
+    /// Returns the strategy of a preset with some values replaced by `values`.
     fn with(base: &str, values: &[(&str, &str)]) -> Strategy {
         let mut strategy =
             preset(base).map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
@@ -329,7 +329,8 @@ mod tests {
         assert!(math.starts_with("`math=strict` allows it; "), "{math}");
         let passes = help("private", &[("passes", "separate")]);
         assert_eq!(passes, format!("`shading=deferred` or `passes=fused` allows it; {lists}"));
-        // Tiles support two ray-triangle tests. The message already names both, so the help does not.
+        // Tiles support two ray-triangle tests. The error's message already names both tests, so the help
+        // does not name them.
         let tile = help("tile", &[("intersector", "moller-trumbore")]);
         assert_eq!(tile, format!("change one of these axes; {lists}"));
         // Kernels that walk a tree read triangles only from global memory. The message already names the

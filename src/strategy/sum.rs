@@ -6,7 +6,7 @@ use super::infeasible::Infeasible;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,
-    /// Each term's bytes, and its arithmetic as text.
+    /// The terms of the sum: each term's bytes, and the term's arithmetic as text.
     terms: Vec<(u128, String)>,
 }
 
@@ -19,7 +19,7 @@ impl Sum {
         self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
     }
 
-    /// Adds another sum's terms.
+    /// Adds all terms of another sum to this sum.
     pub fn join(&mut self, other: Self) {
         self.bytes = self.bytes.saturating_add(other.bytes);
         self.terms.extend(other.terms);
@@ -46,7 +46,8 @@ impl Sum {
         Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
-    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. Each term is a buffer.
+    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. Each term of the
+    /// sum stands for one buffer, which must not exceed the device's largest buffer.
     pub fn each_within(&self, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

@@ -6,9 +6,9 @@ use crate::manifest::GROUP_LANES;
 
 impl Strategy {
     /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is
-    /// nearly square, so that its rays hit the same triangles. There is one exception: if the ray-triangle
-    /// test uses planes that are linear in the pixel's coordinates, blocks of 16 rays are wider and lower,
-    /// because the rays of a row share terms.
+    /// nearly square, so that its rays hit the same triangles. If the ray-triangle test uses planes that are
+    /// linear in the pixel's coordinates, blocks of 16 rays are wider and lower instead, because the rays of
+    /// a row of pixels share terms.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,
@@ -32,20 +32,20 @@ impl Strategy {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
-    /// Returns the number of lights in a round. Work-items that share a tile cast the shadow rays to all
-    /// lights of a round at the same time. The number is limited because each work-item stores its results in
-    /// a word of 32 bits. Each pair of a light and a ray of the work-item has one bit. Bit 31 is reserved to
-    /// mark leftover shadow rays.
+    /// Returns the number of lights in a round of lights (the lights to which work-items that share a tile
+    /// cast shadow rays at the same time). Each work-item stores, in a word of 32 bits, one bit for each pair
+    /// of a light of the round and a ray of the work-item, so the number of lights is limited. Bit 31 is
+    /// reserved to mark leftover shadow rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;
         (u32::BITS as usize - 1) / rays.max(1)
     }
 
-    /// Returns a local size for the strategy on a device with these limits. If 32 work-items share a tile, the local
-    /// size is 32 x N, where N is the number of tiles per work-group with which kernels are fastest
-    /// ([`LaneOperations::usual_groups`]). Otherwise, it is `other` or, if the device does not allow `other`, a smaller
-    /// one ([`DeviceLimits::fitting`]).
+    /// Returns a local size for the strategy on a device with these limits. If 32 work-items share a tile,
+    /// the local size is 32 x N, where N is the number of tiles per work-group with which kernels are fastest
+    /// ([`LaneOperations::usual_groups`]). If work-items share no tiles, the local size is `other` or, if the
+    /// device does not allow `other`, a smaller size ([`DeviceLimits::fitting`]).
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
         let groups = limits.lane_operations.usual_groups();
         if self.shares_tiles() { [GROUP_LANES, groups] } else { limits.fitting(other) }

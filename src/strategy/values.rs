@@ -22,13 +22,13 @@ use unused::refuse_unused;
 
 type Headers = &'static [Header];
 
-/// The headers of all built-in values.
+/// The headers of all values that are built-in kernel files.
 static BUILT_IN: LazyLock<Headers> = LazyLock::new(built_in);
 
 /// The headers of all values. The headers are constant for the process, which reads its `--cl-dir` before it
-/// parses any name of a value. If a run compares two folders of kernels, these are the headers of the second
-/// folder (see [`Values`]). The headers live as long as the process, so that a strategy can hold their names
-/// and be copied.
+/// parses any name of a value. If a run compares two folders of kernels, `KNOWN` has the headers of the
+/// second folder (see [`Values`]). The headers live as long as the process, so that a strategy can hold their
+/// names and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| RwLock::new(*BUILT_IN));
 
 thread_local! {
@@ -52,7 +52,8 @@ fn known() -> Headers {
 pub struct Values(Headers);
 
 impl Values {
-    /// Calls `work`. During this call, values have the properties that these headers state, in this thread.
+    /// Calls `work`. During the call, and only in this thread, the values of axes have the properties that
+    /// the headers in `self` state.
     pub fn during<R>(self, work: impl FnOnce() -> R) -> R {
         let before = INSTEAD.replace(Some(self.0));
         let result = work();
@@ -94,8 +95,8 @@ pub(super) fn replacing(header: &Header) -> Option<String> {
 
 impl Sources {
     /// Returns the kernel files for a command: the built-in files, and the files in `folder` (the option
-    /// `--cl-dir`), which replace built-in files or are additional ones. From then on, `values_of` returns
-    /// the values that are files in these sources.
+    /// `--cl-dir`), which replace built-in files or are additional ones. After this call, `values_of` returns
+    /// the values that are files in the returned sources.
     pub fn of(folder: Option<PathBuf>) -> Result<Self> {
         let sources = folder.map_or(Self::Embedded, Self::Folder);
         refuse_names(&sources)?;
@@ -112,8 +113,8 @@ impl Sources {
     }
 }
 
-/// Replaces the known headers if any of them differs. Equal headers are not replaced, since the memory of
-/// replaced headers is never freed.
+/// Replaces the known headers of values by `headers` if any header differs. Equal headers are not replaced,
+/// since the memory of replaced headers is never freed.
 fn replace(known: &mut Headers, headers: Vec<Header>) {
     if *known != headers {
         *known = headers.leak();

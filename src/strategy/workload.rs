@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
 /// The largest number of rays in a frame with sub-pixels in which work-items share tiles. Each ray takes 16
-/// bytes in the buffers between kernels, so that these buffers take at most 512 MiB. The limit is enough for
-/// 16 samples of 1920 x 1080 pixels.
+/// bytes in the buffers that pass data between kernels, so these buffers take at most 512 MiB.
+/// `MOST_SHARED_RAYS` is enough for 16 samples of each of 1920 x 1080 pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
 /// The properties of a scene, an image and a work-group that determine which program and how much memory a strategy
@@ -32,7 +32,7 @@ pub struct Workload {
     pub texture_words: usize,
     /// True if textures have mip levels.
     pub mip_levels: bool,
-    /// True if textures make holes in triangles.
+    /// True if the alpha channels of textures make holes in triangles (cut-outs).
     pub cut_outs: bool,
     /// True if the corners of triangles have colours.
     #[serde(default)]
@@ -45,9 +45,9 @@ pub struct Workload {
     /// True if a light has an area.
     #[serde(default)]
     pub area_lights: bool,
-    /// True if there is a sky.
+    /// True if the scene has a sky (light from all directions).
     pub sky: bool,
-    /// True if hits are lit on a smooth surface above their triangles.
+    /// True if a hit is lit as if it lay on a smooth surface above its triangle, rather than on the triangle.
     #[serde(default)]
     pub smooth_shadows: bool,
     /// True if pixels get several samples.
@@ -152,21 +152,22 @@ impl Workload {
         self.soft_lights || self.sky
     }
 
-    /// Returns the number of blocks across and down. All pixels of a block get the same number of samples.
+    /// Returns the numbers of blocks of pixels across and down the picture. All pixels of a block get the
+    /// same number of samples.
     pub fn sampled_blocks(&self) -> [u32; 2] {
         self.image_size.map(|pixels| pixels.div_ceil(SAMPLED_BLOCK))
     }
 
-    /// Returns the workload of a half picture, in which soft light is cast. A half picture has no half pictures of its
-    /// own.
+    /// Returns the workload of a half picture: a picture of half the width and height, in which soft light is
+    /// cast. A half picture has no half pictures of its own.
     #[must_use]
     pub fn halved(&self) -> Self {
         Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), half_light: false, ..*self }
     }
 
     /// Returns the number of work-items across and down, rounded up to whole work-groups. If work-items share
-    /// tiles, there are 32 work-items for each tile. Otherwise, there is one work-item for each block of
-    /// pixels.
+    /// tiles, there are 32 work-items for each tile. If work-items share no tiles, there is one work-item for
+    /// each block of pixels.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
         if strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
@@ -201,11 +202,11 @@ impl Workload {
         }
     }
 
-    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are each shared
-    /// by 32 work-items. With several sub-pixels, several samples of each pixel are cast at the same time. The number
-    /// of rays is limited, since each ray needs its own entry in the buffers between kernels. With soft light or a sky,
-    /// the result is 0: soft light is cast for one sample at a time, and the kernel that adds the picture of a sky
-    /// supports only whole pixels.
+    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are
+    /// each shared by 32 work-items. With several sub-pixels, several samples of each pixel are cast at the
+    /// same time. The number of sub-pixels is limited, since each of their rays needs its own entry in the
+    /// buffers that pass data between kernels. With soft light or a sky, the result is 0: soft light is cast
+    /// for one sample at a time, and the kernel that adds the picture of a sky supports only whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;

@@ -1,4 +1,4 @@
-//! The processes that compile programs before points need them.
+//! The child processes that compile OpenCL programs before points of the experiment need these programs.
 
 use super::Order;
 use crate::experiment::protocol::{Built, Reply, Request};
@@ -75,7 +75,8 @@ impl Pool {
 }
 
 impl Patience<'_> {
-    /// Returns a process's reply; `None` if the process is dead or hangs, or if the user has ended the run.
+    /// Waits for a process's reply and returns it. Returns `None` if the process is dead or hangs, or if the
+    /// user has ended the run.
     fn wait(&self, worker: &mut dyn Worker) -> Option<Reply> {
         reply_of(worker, self.limit, Some(self.interrupted))?.ok()
     }
@@ -140,8 +141,8 @@ mod tests {
         Wait::Reply(Reply::Built(Some(Built { build_ms, from_cache: false, key: None, lacks_log: false })))
     }
 
-    /// Builds the programs of these points for these jobs, and returns the build times in the replies. Each order
-    /// consists of a job's number and a point's number.
+    /// Builds the programs of these orders one after another, and returns the build times that the processes
+    /// reply. Each order consists of a job's number and a point's number.
     fn build(processes: &Scripted, orders: &[(usize, usize)], limit: Duration) -> Vec<Option<f64>> {
         let (mut pool, interrupted) = (Pool::new(Box::new(processes.clone())), AtomicBool::new(false));
         let patience = Patience { limit, interrupted: &interrupted };

@@ -1,10 +1,10 @@
-//! How many builders fit into memory.
+//! Computes how many builders (groups of child processes that compile programs) fit into memory.
 
 use crate::device::DeviceLimits;
 use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 
-/// How many builders fit into memory. The processes of a builder hold a point's scene while they compile
-/// programs.
+/// How many builders fit into memory. The processes of a builder hold a scene of the experiment while they
+/// compile programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
     /// The largest number of builders that may build programs for the scene at the same time; at least 1.
@@ -15,7 +15,7 @@ pub struct Room {
 }
 
 impl Room {
-    /// The room for builders whose memory is not limited.
+    /// The numbers of builders if memory is not limited.
     pub const UNLIMITED: Self = Self { builders: usize::MAX, scenes: usize::MAX };
 
     /// Returns how many builders of programs for `workload` fit into memory. The workload describes the

@@ -15,8 +15,8 @@ use std::sync::atomic::AtomicUsize;
 /// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Builders that record the points for which they build programs. A builder that builds for the point `deadly`
-/// dies.
+/// Builders that record the points for which they build programs. A builder dies when it builds the program
+/// of the point `deadly`.
 #[derive(Clone, Default)]
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
@@ -81,8 +81,9 @@ fn builder(usual: &Noting, without_driver_cache: &Noting) -> Builder {
     Builder { usual: Box::new(usual.clone()), without_driver_cache: Box::new(without_driver_cache.clone()) }
 }
 
-/// Requests the programs of groups of points, one group after the other. Returns the points that builders worked for,
-/// the points that received a result, and the counts of the programs built.
+/// Requests the programs of groups of points, one group after the other. Returns three results: for which
+/// points builders built programs, which points received a built program, and the counts of the programs
+/// built.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
     built_by(&Ahead::default(), deadly, groups)
 }

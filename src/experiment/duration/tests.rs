@@ -235,7 +235,7 @@ fn launches_that_are_complete_are_not_expected_again() {
     let earlier: Vec<Record> = groups.iter().flatten().map(timed).collect();
     let times = FrameTimes::whole(1.0, 1.0);
     let sample = |launch: u32| Taken { launch, at_ms: 0.0, core_to_core_ns: None, times };
-    // The second point lacks a sample of the last launch.
+    // In the last of these launches, the second point lacks one sample.
     let expected = |launches: &[u32]| {
         let all: Vec<Taken> =
             launches.iter().flat_map(|launch| std::iter::repeat_n(sample(*launch), 5)).collect();
@@ -250,7 +250,7 @@ fn launches_that_are_complete_are_not_expected_again() {
     let (half_s, frames_of_half) = expected(&[3, 5, 6]);
     assert!((half_s / all_s - 0.5).abs() < 1e-6, "{half_s} of {all_s} s");
     assert_eq!([frames, frames_of_half], [20, 10]);
-    // Even if no sample is missing, the points are checked once more, in one launch.
+    // Even if earlier sessions have taken all samples, the points are checked once more, in one launch.
     let (least_s, _) = expected(&[0, 1, 2, 3, 4, 5, 6]);
     assert!((least_s / all_s - 0.25).abs() < 1e-6, "{least_s} of {all_s} s");
 }

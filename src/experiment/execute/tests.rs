@@ -1,5 +1,5 @@
-//! Tests of whole runs whose workers answer at once: what the observer hears, what is stored, and what a later session
-//! measures.
+//! Tests of whole runs whose workers answer every request at once: of which events the observer is informed,
+//! what is stored, and what a later session measures.
 
 use super::*;
 use crate::config;
@@ -30,7 +30,7 @@ struct Answering {
     /// When the workers have received `interrupts_at` requests, the user interrupts the run.
     interrupts_at: usize,
     interrupted: Arc<AtomicBool>,
-    /// The outcome of every check, and its reason.
+    /// The outcome that every check of a point has; `reason` is the check's reason for this outcome.
     outcome: Outcome,
     reason: Option<String>,
     /// True if a point passes its check in the first launch, whatever the outcome of later checks is.
@@ -276,7 +276,8 @@ fn a_record_of_another_device_counts_only_if_points_are_distributed_over_the_dev
     let (one, locks) = (asleep::device(1.0), fixtures::own_locks());
     let two = DeviceInfo { twins_before: 1, ..asleep::device(1.0) };
     let devices = [&one, &two];
-    // Returns how many points need not be measured if `measured_on` has measured the first point.
+    // Returns how many points need not be measured if the device `measured_on` has already measured the first
+    // point.
     let done = |spread: bool, measured_on: Option<String>| {
         let run = Run { spread, ..fixtures::run(&experiment, &devices, &locks) };
         let plan = run.plan();
@@ -472,7 +473,7 @@ fn a_run_on_two_devices_stores_and_tells_what_a_run_on_one_does() {
     assert!(heard.works.iter().any(|work| work.starts_with("timing ")), "{:?}", heard.works);
     let anchors: Vec<AnchorSample> = read_lines(&folder.path().join("anchors.jsonl")).unwrap().lines;
     assert!(!anchors.is_empty() && anchors.iter().all(|anchor| anchor.ms == 1.0));
-    // A later session measures nothing again.
+    // A later session in the same folder measures no point again, and sends no request to a worker.
     let before = workers.requests.load(Ordering::Relaxed);
     let (_, heard) = session(folder.path(), &lines, &workers, |run| Run { spread: true, ..run });
     assert_eq!((workers.requests.load(Ordering::Relaxed), heard.resumed), (before, vec![[3, 6]]));
@@ -656,7 +657,7 @@ fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
     let ordered = |kind: DeviceKind| {
         let ahead: &'static Ahead = Box::leak(Box::default());
         let workers = Answering::default();
-        // There are no builders, and the user ends the run while it waits for the first group's program.
+        // There are no builders, so the run waits for the first group's program until the user ends the run.
         workers.interrupted.store(true, Ordering::Relaxed);
         let device = DeviceInfo { kind, ..asleep::device(1.0) };
         let (records, _) = on_devices(&lines, &[&device], &workers, |run| Run { ahead: Some(ahead), ..run });
@@ -685,7 +686,8 @@ fn after_an_error_no_other_group_is_visited() {
         let mut supervisor = Supervisor::new(&mut workers, &interrupted, run.limit);
         serve(&run, &waiting, Some(0), &mut supervisor, &mut sink).is_ok()
     };
-    // The first device ends with an error, and then the second device finds nothing to do.
+    // The first call of `serve` ends with an error, since the run is interrupted. The second call then finds
+    // no group to measure.
     assert!(!served(true) && served(false));
     assert_eq!(workers.requests.load(Ordering::Relaxed), 0);
 }

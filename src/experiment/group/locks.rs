@@ -9,8 +9,9 @@ use crate::experiment::pending::PendingPoint;
 use crate::experiment::result_sink::ResultSink;
 use std::sync::atomic::AtomicBool;
 
-/// Returns one name of a lock per point: the lock of the point's device. Baselines and points on CPUs share
-/// the lock of the host's processors. Devices that only tests use ([`asleep`]) have no lock.
+/// Returns one name of a lock per point: the lock of the point's device. Baselines and points that are
+/// measured on CPUs share the lock of the host's processors. Devices that only tests use ([`asleep`]) have no
+/// lock.
 pub(super) fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     let awake = points
         .iter()

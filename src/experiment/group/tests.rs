@@ -1,5 +1,5 @@
-//! Tests that a launch is used only if every point was sampled in it. Also tests which workers are started for a group,
-//! and which locks of devices the group takes.
+//! Tests that a launch is used only if every point was sampled in it. Other tests check which workers are
+//! started for a group of points, and which locks of devices the group takes.
 
 use super::*;
 use crate::device::Hardware;
@@ -21,13 +21,14 @@ use std::time::Duration;
 /// The frame at which a worker dies: the last frame of the third round, if rounds have two points.
 const DEADLY: usize = 6;
 
-/// Collects records, and returns the samples of an earlier session.
+/// A sink for tests: collects the run's records, and returns the samples in `past` as those of an earlier
+/// session.
 #[derive(Default)]
 struct Noting {
     past: HashMap<String, Vec<Taken>>,
     /// The device that measured each earlier launch.
     measured_on: HashMap<u32, MeasuredOn>,
-    /// The ends of all launches.
+    /// The ends of launches that the run has stored in this sink.
     ends: Vec<LaunchEnd>,
     /// For each sample, the UUID or the PCI address of the device that took the sample; `None` if both are
     /// unknown.
@@ -119,7 +120,8 @@ impl ResultSink for Noting {
     }
 }
 
-/// Starts workers, and counts the workers and their frames.
+/// Starts workers, one of which dies at the frame `DEADLY`, and counts the workers and the frames that all
+/// workers cast.
 #[derive(Default)]
 struct Mortals {
     started: Rc<Cell<usize>>,

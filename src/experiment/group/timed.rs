@@ -35,8 +35,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
     /// For each job (the task of the workers of one device): the number of samples since the device's anchor
-    /// was last run. The number of samples determines when the anchor is run again. A job whose anchor has
-    /// not been run yet has no entry.
+    /// was last run. The anchor is run again when enough samples were taken since its last run. A job whose
+    /// anchor has not been run yet has no entry.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -89,17 +89,18 @@ impl Latency {
     }
 }
 
-/// What a run says while it waits for near processors.
+/// The message of a run that waits until this virtual machine's processors run on cores at their usual
+/// distance from each other.
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
-/// A device's anchor is run at least once for `CASTS_PER_ANCHOR` samples of points. The number is small
-/// enough that the anchor's time is known more precisely than a point's time, and large enough that the
+/// A device's anchor is run at least once for `CASTS_PER_ANCHOR` samples of points. `CASTS_PER_ANCHOR` is
+/// small enough that the anchor's time is known more precisely than a point's time, and large enough that the
 /// anchor takes little time compared with the samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
     fn at_ms(&self) -> f64 {
-        // The time is rounded to microseconds, which is enough to order samples.
+        // The time since the launch began is rounded to microseconds, which is enough to order samples.
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
@@ -110,11 +111,11 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
     }
 
-    /// Runs the anchor of a point's device if the anchor is due. The anchor is first run after the device's
-    /// first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has fewer than
-    /// [`CASTS_PER_ANCHOR`] samples on the device, the anchor is run once in every round. A launch has at
-    /// least five rounds, so the anchor is run at least five times, as often as an interval needs. The
-    /// function does nothing in a run with a single launch, which is too short to need the anchor. If the
+    /// Runs the anchor (a fixed kernel) of a point's device if the anchor is due. The anchor is first run
+    /// after the device's first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has
+    /// fewer than [`CASTS_PER_ANCHOR`] samples on the device, the anchor is run once in every round. A launch
+    /// has at least five rounds, so the anchor is run at least five times, as often as an interval needs.
+    /// Does not run the anchor in a run with a single launch, which is too short to need the anchor. If the
     /// anchor fails, the user is told why, and new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
@@ -131,9 +132,9 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         }
         self.casts.insert(pending.job, 0);
         // If points are distributed over devices of the same model, these devices do equal work. The anchors
-        // of these devices therefore all have the name of the first device's anchor, just as the points on
-        // these devices have equal keys. If the anchors had different names, blocks that different devices
-        // measured could not be compared by their anchors.
+        // of all devices of the model therefore have the name of the first device's anchor, just as the
+        // points on these devices have equal keys. If the anchors had different names, blocks that different
+        // devices measured could not be compared by their anchors.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,

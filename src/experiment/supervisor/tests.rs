@@ -11,8 +11,8 @@ use std::rc::Rc;
 /// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Starts workers. Stores their jobs, the requests to all workers, and the number of workers that were
-/// dismissed.
+/// Starts workers. Stores the numbers of the workers' jobs, the requests to all workers, and the number of
+/// workers that were dismissed.
 #[derive(Clone, Default)]
 struct Noting {
     jobs: Rc<RefCell<Vec<usize>>>,
@@ -26,7 +26,7 @@ struct Noting {
     at_start: Option<Wait>,
     /// The time limit of every wait for a worker.
     limits: Rc<RefCell<Vec<Duration>>>,
-    /// How long a wait takes that ends without a reply.
+    /// If a worker sends no reply: how long the wait for the reply takes.
     silence: Duration,
     /// The number of workers that were started before each call of `compile_afresh`.
     afresh: Rc<RefCell<Vec<usize>>>,
@@ -87,7 +87,7 @@ fn check(point: usize) -> Request {
     Request::Check { point, key: "key".into(), verified: Some("hash".into()) }
 }
 
-/// Checks a point that must pass.
+/// Checks a point, and asserts that the point passes the check.
 fn passes(supervisor: &mut Supervisor<'_>, task: Task<'_>) {
     assert!(matches!(supervisor.check(task), Ok(Ok((_, true)))));
 }

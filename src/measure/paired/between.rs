@@ -19,11 +19,11 @@ pub struct BetweenRuns {
 
 impl BetweenRuns {
     /// The variation of times on CPUs from run to run. The values of `ON_PROCESSORS` apply to kernels that an
-    /// OpenCL driver runs on a CPU, and to baselines, which run on the host without OpenCL. The values were
-    /// measured with two experiments. Each experiment was run several times on quiet virtual machines of two
-    /// cores (docs/log.md, 2026-11-23 and 2026-11-25).
+    /// OpenCL driver runs on a CPU, and to baselines, which run on the host without OpenCL. `shared` and
+    /// `own` were measured with two experiments, each of which was run several times on quiet virtual
+    /// machines of two cores (docs/log.md, 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// The variation of times on all other devices from run to run. The values were measured with one
+    /// The variation of times on all other devices from run to run. `shared` and `own` were measured with one
     /// experiment, in four series of runs on GPUs (docs/log.md, 2026-11-23 and 2026-11-25). Records of
     /// earlier runs, which were made on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
@@ -50,15 +50,15 @@ impl BetweenRuns {
     }
 
     /// Returns the variance that the differences between runs add to all ratios to the same reference time,
-    /// which is the mean time of `points` points. The variance comes from the own factors of the `points`
-    /// points and, if `reference` is another kind of device, from the shared factors of both kinds.
+    /// which is the mean time of `points` points. The variance comes from the own factor of each of the
+    /// `points` points and, if `reference` is another kind of device, from the shared factors of both kinds.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }
 
-    /// Returns the variance of the logarithm of a quotient: the shared factor of one kind of device, divided by the
-    /// shared factor of another kind. If the values of both kinds are equal, the kinds are taken to be the same, so
-    /// their shared factor cancels.
+    /// Returns the variance of the logarithm of a quotient: the shared factor of one kind of device, divided
+    /// by the shared factor of another kind. If `self` and `other` are equal, both kinds of device are taken
+    /// to be the same kind, so their shared factor cancels.
     fn shared_variance(self, other: Self) -> f64 {
         if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) }
     }

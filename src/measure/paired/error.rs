@@ -5,9 +5,9 @@ use crate::measure::student::t_quantile;
 /// A standard error, and its degrees of freedom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Error {
-    /// The standard error.
+    /// The standard error of the estimate.
     pub error: f64,
-    /// Degrees of freedom of Student's t.
+    /// The degrees of freedom with which Student's t gives an interval from the standard error.
     pub degrees: f64,
 }
 

@@ -11,11 +11,11 @@ const LEAST_ERROR: f64 = 1e-6;
 /// A value and its 95% interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// The estimate.
+    /// The estimated value.
     pub middle: f64,
-    /// The interval's lower end.
+    /// The lower end of the 95% interval.
     pub low: f64,
-    /// The interval's upper end.
+    /// The upper end of the 95% interval.
     pub high: f64,
     /// The standard error of the estimate's logarithm.
     pub error: f64,
@@ -42,8 +42,8 @@ impl Interval {
     /// of a value's bias is added to its variance. The variances are only estimates, which makes the mean
     /// less certain. The error of the result includes the uncertainty of the variances, by equation 1 of
     /// Meier, "Variance of a weighted mean" (Biometrics 9, 1953). The biases of the values may all have the
-    /// same sign, so they do not average out. The bias of the mean is therefore the weighted mean of these
-    /// biases.
+    /// same sign, so they do not average out. The bias of the mean is therefore the weighted mean of the
+    /// values' biases.
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without `LEAST_ERROR`, a value with neither error nor bias would have an infinite weight.
         let weight = |one: &Self| one.error.hypot(one.bias).max(LEAST_ERROR).powi(-2);

@@ -24,20 +24,20 @@
 //!    Student's t gives the interval ([`spread`]). If an anchor runs on processors (CPUs), only the pair's
 //!    own variance is used for a point's ratio to this anchor.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the
-//!    ratio of two points, effects that are equal for all points cancel. Each group of points has a table of
-//!    its own. The point's own spread between launches is averaged first with the spread of all points in the
-//!    point's own table, and then with the spread between launches in the tables of other groups of the same
-//!    run. Only the tables of groups that were measured on the same machine and devices, in the same number
-//!    of launches (at least two), are used. The degrees of freedom of a median's interval are the number of
-//!    launches less one, plus at most six from all other tables together. The other points of the point's own
-//!    table add no degrees of freedom. As in step 2, the point's own variance is not averaged with another
-//!    variance that is less than half as large.
+//!    ratio of the times of two points, effects that are equal for all points cancel. Each group of points
+//!    has a table of its own. The point's own spread between launches is averaged first with the spread of
+//!    all points in the point's own table, and then with the spread between launches in the tables of other
+//!    groups of the same run. Only the tables of groups that were measured on the same machine and devices,
+//!    in the same number of launches (at least two), are used. The degrees of freedom of a median's interval
+//!    are the number of launches less one, plus at most six from all other tables together. The other points
+//!    of the point's own table add no degrees of freedom. As in step 2, a point's own variance is not
+//!    averaged with a variance that is less than half as large.
 //! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
 //!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
 //!    every interval ([`between`]).
 //!
 //! If there is only one launch, the samples of each point are split into five consecutive parts, and each
-//! part is treated as a launch. The result of a single launch is preliminary: its intervals do not include
+//! part is treated as a launch. The intervals of a single launch are preliminary, since they do not include
 //! differences between launches.
 
 mod between;
@@ -87,9 +87,9 @@ pub struct Paired {
 /// A point's times, as logarithms of milliseconds.
 #[derive(Clone, Debug, PartialEq)]
 struct Point {
-    /// The median over all launches.
+    /// The median of the point's samples of all launches.
     median: f64,
-    /// The median of each launch, or of each part of a single launch.
+    /// The median of the point's samples in each launch, or in each part of a single launch.
     plain: Vec<f64>,
     /// Like `plain`, but the medians of samples from which the drift was subtracted.
     relative: Vec<f64>,
@@ -109,7 +109,7 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// Returns the number of launches.
+    /// Returns the number of launches in which the point was measured.
     pub fn launches(&self) -> usize {
         self.launches
     }
@@ -138,9 +138,9 @@ impl Standing {
         interval(self.level() - other.level(), Error::of_sum([self.error_within_run(other), between]))
     }
 
-    /// Returns the ratio like [`Self::ratio`]. The time of `reference` differs from run to run, which adds
-    /// the same error to all ratios to `reference`. The error that `reference` adds is stored separately (see
-    /// [`Relative`]).
+    /// Returns the ratio of this point's time to the time of `reference`, like [`Self::ratio`]. The time of
+    /// `reference` differs from run to run, which adds the same error to all ratios to `reference`. The error
+    /// that `reference` adds is stored separately (see [`Relative`]).
     pub fn relative_to(&self, reference: &Self) -> Relative {
         let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
         let common = self.between.variance_of_reference(reference.between, reference.points);
@@ -150,7 +150,7 @@ impl Standing {
     /// Returns the error of a ratio without the part that the differences between runs add. If an anchor runs
     /// on processors, other programs may delay the anchor far more than the points. A few launches cannot
     /// show whether other programs delayed the anchor. The usual spread of all points therefore has no part
-    /// in the error of a ratio to such an anchor.
+    /// in the error of a ratio to an anchor that runs on processors.
     fn error_within_run(&self, other: &Self) -> Error {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -192,7 +192,8 @@ impl Standing {
         Some(Self { point, points: points.iter().map(|one| one.points).sum(), ..first.clone() })
     }
 
-    /// Returns the relative difference above which two points can be distinguished, like [`Paired::resolution`].
+    /// Returns the relative difference above which the times of two points can be distinguished, like
+    /// [`Paired::resolution`].
     pub fn resolution(&self) -> Option<f64> {
         resolution(&self.pooled, self.between)
     }
@@ -215,11 +216,11 @@ impl Paired {
         Self::with_anchors(samples, &vec![true; points], &[])
     }
 
-    /// Compares points that were measured together with anchors; otherwise, this function is like
-    /// [`Self::of`]. `are_typical` has one value per point. The spread of times is estimated from the points
-    /// for which `are_typical` is true. If fewer than two typical points have enough samples, the spread is
-    /// estimated from all points. `on_processors` has one value per anchor: true if the anchor runs on
-    /// processors (CPUs). In the samples, the indices of the anchors follow the indices of the points.
+    /// Compares points like [`Self::of`], but the samples may include samples of anchors that were measured
+    /// together with the points. `are_typical` has one value per point. The spread of times is estimated from
+    /// the points for which `are_typical` is true. If fewer than two typical points have enough samples, the
+    /// spread is estimated from all points. `on_processors` has one value per anchor: true if the anchor runs
+    /// on processors (CPUs). In the samples, the indices of the anchors follow the indices of the points.
     pub fn with_anchors(samples: &[PairedSample], are_typical: &[bool], on_processors: &[bool]) -> Self {
         let points = are_typical.len() + on_processors.len();
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
@@ -258,10 +259,10 @@ impl Paired {
     }
 
     /// Improves the estimates of several tables. A table has the points that were measured together. All
-    /// tables must come from one run, on the same devices of one machine. Each table also uses the spread
-    /// between launches in the other tables that have the same number of launches. A table with a single
-    /// launch uses no other table, and is used by none, because parts of one launch do not show how much
-    /// launches differ.
+    /// tables must come from one run, on the same devices of one machine. The estimates of each table also
+    /// use the spread between launches in those other tables that have the same number of launches. A table
+    /// with a single launch uses no other table, and is used by none, because parts of one launch do not show
+    /// how much launches differ.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let lenders: Vec<(usize, Pooled)> = all.iter().map(|one| (one.launches, one.pooled)).collect();
         for (index, one) in all.iter_mut().enumerate().filter(|(_, one)| one.launches > 1) {

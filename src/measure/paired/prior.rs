@@ -1,5 +1,5 @@
-//! Estimates how much the variances of points differ from each other. The less the variances differ, the more
-//! the variances of all points show about the variance of one point.
+//! Estimates how much the variances of the measured points' times differ from each other. The less the
+//! variances differ, the more the variances of all points show about the variance of one point.
 
 use statrs::function::gamma::digamma;
 
@@ -22,13 +22,13 @@ const DEGREES: [f64; 2] = [1e-2, 1e4];
 /// are known with a relative error below a millionth.
 const HALVINGS: usize = 44;
 
-/// The distribution of the true variances of points: a scaled inverse chi-square distribution, estimated from the
-/// observed variances. The method is that of Smyth, "Linear models and empirical Bayes methods for assessing
-/// differential expression in microarray experiments" (Statistical Applications in Genetics and Molecular Biology 3,
-/// 2004), section 6.2.
+/// The distribution of the true variances of the points' times: a scaled inverse chi-square distribution,
+/// estimated from the observed variances. The method is that of Smyth, "Linear models and empirical Bayes
+/// methods for assessing differential expression in microarray experiments" (Statistical Applications in
+/// Genetics and Molecular Biology 3, 2004), section 6.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prior {
-    /// The variance of a point of which nothing is known.
+    /// The variance that a point is taken to have before its own samples are known.
     pub variance: f64,
     /// The weight of `variance` beside a point's own variance, in degrees of freedom. The weight is small if some
     /// points vary far more than others, and large if all points vary alike.

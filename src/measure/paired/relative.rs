@@ -4,13 +4,13 @@ use super::between::known;
 use super::error::Error;
 use super::interval::{Interval, biased};
 
-/// A ratio whose error is stored in two parts. One part belongs to this ratio only; the other part is common
-/// to several ratios. For example, the ratios of several groups of points to the time of the same anchor all
-/// contain the error of this anchor. The mean over several groups contains the anchor's error as well,
-/// however many groups there are.
+/// A ratio whose error is stored in two parts. The first part is an error of this ratio alone; the second
+/// part is an error that several ratios have in common. For example, the ratios of several groups of points
+/// to the time of the same anchor all contain the error of this anchor. The mean over several groups contains
+/// the anchor's error as well, however many groups there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relative {
-    /// The ratio. Its error does not include `common`.
+    /// The ratio of two times, with an error that does not include `common`.
     pub(super) ratio: Interval,
     /// The variance of the part of the error that ratios have in common.
     pub(super) common: f64,

@@ -3,11 +3,11 @@
 /// One measured time of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairedSample {
-    /// The point's index among the points that are compared.
+    /// The index of the measured point among the points that are compared.
     pub point: usize,
-    /// The number of the launch.
+    /// The number of the launch in which the time was measured.
     pub launch: u32,
-    /// The time in milliseconds.
+    /// The measured time of a frame in milliseconds.
     pub ms: f64,
 }
 

@@ -26,7 +26,7 @@ struct Machine {
     launch: f64,
     /// By how much a launch changes the time of a single point.
     launch_of_point: f64,
-    /// Autocorrelated noise of a point; every third point has twice as much.
+    /// Autocorrelated noise of a point's times; every third point has twice as much noise.
     noise: f64,
     /// Probability that a slow phase begins at a sample; a slow phase lasts tens of samples.
     regime: f64,

@@ -58,15 +58,15 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// Returns the error of the mean of `differences`. There is one difference per column, between the mean
-    /// of some rows and the mean of other rows. `rows` has the numbers of rows in these two means.
+    /// Returns the error of the mean of `differences`. Each column has one difference, between the mean of
+    /// `rows[0]` rows and the mean of `rows[1]` other rows.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let parts: f64 = rows.iter().map(|rows| 1.0 / *rows as f64).sum();
         self.moderated(parts, variance(differences))
     }
 
-    /// Returns a copy in which the common spread of differences (`apart`) has no weight. In this copy, the
-    /// error of a difference follows only from the rows of the difference.
+    /// Returns a copy in which the common spread of differences (`apart`) has no weight. The error of a
+    /// difference between two rows then follows from the values of these two rows only.
     pub(super) fn alone(self) -> Self {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }
@@ -201,8 +201,8 @@ fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
 
 /// Returns the indices of the rows that change most alike from column to column: a third of all rows, but at
 /// least [`LEAST_STEADY`] rows if the table has so many. Each row forms a set with its nearest rows (by the
-/// sum of squared differences). The function returns the set whose farthest row is nearest to the row that
-/// formed the set.
+/// sum of squared differences). The set that is returned is the one whose farthest row is nearest to the row
+/// that formed the set.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);

@@ -18,8 +18,8 @@ pub(super) const TORN: &str = "The last record is incomplete, for example becaus
 pub(super) const NO_ENVIRONMENT: &str =
     "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown.";
 
-/// Returns notes on the certainty of the times and images: how small differences can be shown, which machines differ,
-/// and what disturbed the measurement.
+/// Returns notes on the certainty of the times and images: how small a difference between two points can be
+/// shown, which machines differ in speed, and what disturbed the measurement.
 pub(super) fn certainty(records: &[Record], controls: &[Record], rounds: &[RoundLoad]) -> Vec<String> {
     let mut notes = how_sure(records);
     notes.extend(hosts_that_differ(records, controls));
@@ -49,8 +49,9 @@ pub(super) fn of_merge(folder: &Path) -> Vec<String> {
 }
 
 /// Returns a note on the records that come from a raycl program built from uncommitted sources. Nobody can
-/// build such a program again. For a record without a revision, the revision in `environment` (the contents
-/// of `environment.json`) decides. Returns `None` if no record comes from such a program.
+/// build a program again from uncommitted sources. For a record without a revision, the revision in
+/// `environment` (the contents of `environment.json`) decides. Returns `None` if no record is known to come
+/// from a program built from uncommitted sources.
 pub(super) fn dirty(records: &[Record], environment: Option<&Value>) -> Option<String> {
     let revision = environment.and_then(|environment| environment["git_revision"].as_str());
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);

@@ -11,9 +11,9 @@ use crate::record::summary::Group;
 use crate::record::types::Record;
 use std::collections::HashMap;
 
-/// Returns the text of the section, with a table for each device. The text is empty if no two strategies
-/// differ in a single axis. `groups` are the groups of `records`, and `names` contains the name to show for
-/// each device.
+/// Returns the text of the section "One change at a time", with a table for each device. The text is empty if
+/// no two strategies differ in a single axis. `groups` are the groups of `records`, and `names` contains the
+/// name to show for each device.
 pub(super) fn section(records: &[Record], groups: &[Group<'_>], names: &HashMap<&str, String>) -> String {
     let changes = changes(records, groups);
     if changes.is_empty() {

@@ -17,7 +17,7 @@ pub(super) struct Identity<'a> {
 }
 
 impl<'a> Identity<'a> {
-    /// Returns the identity of a record's strategy.
+    /// Returns the properties by which a record's strategy is distinguished from other strategies.
     pub(super) fn of(record: &'a Record) -> Self {
         let mut axes: Vec<_> = axes(&record.strategy).collect();
         axes.sort_unstable();
@@ -29,7 +29,7 @@ impl<'a> Identity<'a> {
 pub(super) struct Pair<'a> {
     /// The axis in which the two strategies differ.
     pub(super) axis: &'a str,
-    /// The axis's value in each strategy.
+    /// The value that the axis has in each of the two strategies.
     pub(super) values: [&'a str; 2],
     /// The two strategies.
     pub(super) strategies: [Identity<'a>; 2],

@@ -171,8 +171,8 @@ fn a_noisy_baseline_does_not_hide_differences_between_kernels() {
     assert!(how_sure(&one).len() == 1 && how_sure(&one) != how_sure(&alone), "{:?}", how_sure(&one));
 }
 
-/// In each launch, one sample of the point or of the anchor is 0. The other nine samples of the launch would
-/// be enough.
+/// In each launch, one sample of the point or of the anchor is 0. The launch's other nine samples would be
+/// enough samples for a comparison.
 #[test]
 fn a_sample_of_zero_is_no_time_of_a_point_or_an_anchor() {
     let zero = |index: u32| index.is_multiple_of(10);

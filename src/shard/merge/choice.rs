@@ -14,7 +14,7 @@ use std::path::Path;
 /// The chosen record of each point, and all outcomes of points with several records.
 #[derive(Debug, Default)]
 pub struct Chosen {
-    /// For each point, by its key: the chosen record.
+    /// The chosen record of each point, by the point's key.
     best: HashMap<String, Measured>,
     /// For each point with several records, by its key: the index of each attempt that has a record, and the outcome
     /// of that record.
@@ -27,11 +27,11 @@ pub struct Chosen {
 /// equally good by these rules, the record of the preferred attempt is used. All points of a block have the
 /// same preferred attempt, because points of different attempts were not measured in the same rounds. To find
 /// the preferred attempt, raycl counts, for each attempt, those points of the block for which no other
-/// attempt has a better record. The preferred attempt is the one with the largest count. Between attempts
-/// with equal counts, the attempt with the most samples of the counted points is preferred. Between attempts
-/// that also have equally many samples of these points, the attempt whose name sorts first is preferred.
-/// Times of day are never compared, since the clocks of two machines may differ. If an attempt has several
-/// records of a point, its last record is used, as for a run without shards.
+/// attempt has a better record. The attempt with the largest count is preferred. Between attempts with equal
+/// counts, the attempt with the most samples of the counted points is preferred. Between attempts that also
+/// have equally many samples of these points, the attempt whose name sorts first is preferred. Times of day
+/// are never compared, since the clocks of two machines may differ. If an attempt has several records of a
+/// point, its last record is used, as for a run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -44,7 +44,8 @@ pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     Ok(offered.chosen())
 }
 
-/// All records of each point, by its key: at most one record of each attempt, in the order of the attempts.
+/// All records of each point, by the point's key: at most one record of each attempt, in the order of the
+/// attempts.
 #[derive(Default)]
 struct Offered(BTreeMap<String, Vec<Measured>>);
 
@@ -69,7 +70,7 @@ impl Offered {
         self.0.entry(record.key.clone()).or_default().push((attempt, record));
     }
 
-    /// Chooses one record of each point.
+    /// Chooses one of the records that the attempts offer for each point.
     fn chosen(self) -> Chosen {
         let shares = self.shares();
         let mut chosen = Chosen::default();

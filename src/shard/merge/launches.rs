@@ -10,7 +10,8 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 #[derive(Clone, Debug, Default)]
 pub struct Launches {
     origins: Origins,
-    /// The new number of each launch. If a launch was copied, the map contains only its original.
+    /// The new number of each launch. If a launch was copied to the folder of a later attempt, the map
+    /// contains only the original launch.
     numbers: BTreeMap<Launch, u32>,
 }
 
@@ -23,7 +24,7 @@ impl Launches {
         Self { numbers: all.into_iter().zip(0..).collect(), origins }
     }
 
-    /// Returns the attempts that measured the launches.
+    /// Returns which attempts measured the launches, and which launches are copies.
     pub fn origins(&self) -> &Origins {
         &self.origins
     }

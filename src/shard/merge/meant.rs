@@ -71,7 +71,7 @@ mod tests {
         Kind { device: device.into(), identity: identity.into(), ..Kind::default() }
     }
 
-    /// Returns the names of the selected kinds, and the words that match none.
+    /// Returns the names of the selected kinds of device, and the words that match no kind.
     fn selected(all: &[Kind], types: &Types, words: &[&str]) -> (Vec<String>, Vec<String>) {
         let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
         let (kinds, not_begun) = meant_kinds(all, types, &words);

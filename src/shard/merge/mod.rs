@@ -1,6 +1,6 @@
-//! Merges attempts into one folder of results, like that of a single run. A merge needs no device, and its results
-//! depend on no clock: the same attempts always result in the same folder. A merge does not change the attempts'
-//! folders.
+//! Merges the results of attempts (processes that each measured a shard) into one folder, like the folder of
+//! a run without shards. A merge needs no device, and its results depend on no clock: the same attempts
+//! always result in the same folder. A merge does not change the attempts' folders.
 
 mod again;
 mod choice;
@@ -37,10 +37,10 @@ use std::time::Duration;
 /// younger temporary file. The results of a merge do not depend on `ABANDONED`.
 const ABANDONED: Duration = Duration::from_secs(3600);
 
-/// The result of a merge.
+/// What a merge of attempts has written, and what is still missing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Merged {
-    /// Number of attempts.
+    /// Number of attempts at the experiment's shards, with or without records.
     pub attempts: usize,
     /// Number of merged records, one for each point with a record on each selected kind of device.
     pub records: usize,
@@ -311,7 +311,7 @@ fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::
     file.write_all(&text)
 }
 
-/// Returns the lines of a journal that can be read.
+/// Returns the readable lines of a journal (a file with one JSON object per line).
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     Ok(read_lines_if_any(path)?.lines)
 }

@@ -13,7 +13,7 @@ use std::collections::{BTreeSet, HashMap};
 /// A launch (of worker processes): the index of an attempt, and the launch's number in this attempt.
 pub type Launch = (usize, u32);
 
-/// The attempts that measured the launches.
+/// Which attempt measured each launch, and on which machine.
 #[derive(Clone, Debug, Default)]
 pub struct Origins {
     /// The original of each copied launch.
@@ -47,7 +47,7 @@ impl Origins {
         Ok(Self { originals, hosts })
     }
 
-    /// Returns `launch` or, if this launch was copied, its original.
+    /// Returns `launch` or, if `launch` is a copy, the launch that was copied.
     pub fn of(&self, launch: Launch) -> Launch {
         self.originals.get(&launch).copied().unwrap_or(launch)
     }
@@ -83,8 +83,8 @@ fn parsed(origin: &str) -> Option<(&str, u32)> {
 pub trait OfLaunch: DeserializeOwned {
     /// The launch's number in the attempt.
     fn launch(&mut self) -> &mut u32;
-    /// The key of the point, or the name of the device, that the line is about. Empty if the journal's lines are about
-    /// neither.
+    /// The key of the point, or the name of the device, that the line is about. Empty if the journal's lines
+    /// are neither about a point nor about a device.
     fn subject(&self) -> &str;
 }
 

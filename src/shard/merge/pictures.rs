@@ -1,4 +1,4 @@
-//! Copies the pictures of records.
+//! Copies the pictures that records name from the attempts' folders to the merged folder.
 
 use crate::error::{Error, Result, shortened};
 use crate::printer;
@@ -17,11 +17,12 @@ pub struct Lost {
     why: IoError,
 }
 
-/// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the picture is
-/// not copied again. If a different file of that name exists, a hash of the picture's bytes is added to the copy's
-/// name, also in the record. The attempt may come from a stranger, so a picture is left out if its path leads out of
-/// the attempt's folder, even if only through a link. A picture that cannot be read is left out, too. Returns all
-/// pictures that were left out. Fails if a folder into which it copies is a link.
+/// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the
+/// picture is not copied again. If a different file of that name exists, a hash of the picture's bytes is
+/// added to the copy's name, also in the record. The attempt may come from a stranger, so a picture is left
+/// out if its path leads out of the attempt's folder, even if only through a link. A picture that cannot be
+/// read is left out, too. Returns all pictures that were left out. Fails if a folder into which a picture
+/// would be copied is a link.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>> {
     let pictures = [
         &mut record.image,

@@ -1,11 +1,12 @@
-//! The points of a merged folder, with their names. The points of every selected kind of device are included.
+//! The points of the experiment that a merged folder contains, with their names. The points of every selected
+//! kind of device are included.
 
 use super::Measured;
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// The points of a merge.
+/// The points of a merged folder: all points of the plan, on every selected kind of device.
 pub struct Planned {
     /// The points, each once, sorted by scene and image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
@@ -41,7 +42,7 @@ impl Planned {
         Self { points: points.filter(|point| seen.insert(point.key.clone())).collect(), hosts }
     }
 
-    /// Returns the points' keys, in the order of the points.
+    /// Returns the keys of all points of the merged folder, in the order of the points.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.points.iter().map(|point| point.key.as_str())
     }

@@ -48,7 +48,8 @@ fn prose_may_have_colons_and_addresses() {
     assert_eq!(read("intersector", &text).map(|header| header.meaning).unwrap_or_default(), "mine");
 }
 
-/// Replaces a line of the correct header; checks the message, its line, and the remedy.
+/// Replaces a line of the correct header by a mistake; checks the error's message, its line number, and its
+/// remedy.
 fn mistake(line: &str, by: &str, said: &str, help: &str) {
     let text = RIGHT.replacen(line, by, 1);
     assert_ne!(text, RIGHT, "{line} is not in it");

@@ -141,7 +141,7 @@ fn indices_of_16_bits_reach_65536_entries() {
     }
 }
 
-/// The device of these tests has enough memory for any image.
+/// The device in this test has enough memory for any image.
 #[test]
 fn a_heap_has_no_more_values_than_its_counter_counts() {
     let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };

@@ -1,12 +1,12 @@
-//! Makes the checks that do not depend on numbers of bytes: checks of work-groups, of indices, of counters, and of
-//! features of the scene.
+//! Checks whether a strategy can cast a scene on a device, apart from the bytes of memory: work-groups,
+//! indices, counters, and features of the scene.
 
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{Fact, GROUP_LANES};
 use crate::strategy::{Infeasible, Strategy, WorkingMemory, Workload};
 
-/// The largest number to which the counters in kernels count. Their type is `uint`.
+/// The largest number to which the counters in kernels, which have the type `uint`, can count.
 const MOST_COUNTED: u128 = u32::MAX as u128;
 
 /// Checks that the device supports a work-group of this shape.

@@ -48,7 +48,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
     }
 }
 
-/// Returns the needs on the paper's device.
+/// Returns what a strategy needs of the device that the paper used.
 pub(super) fn needs_of(strategy: &Strategy, workload: &Workload) -> Requirements {
     Requirements::of(strategy, workload, PAPER_DEVICE.lane_operations)
 }
@@ -251,8 +251,8 @@ fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
 
 fn workloads() -> impl proptest::strategy::Strategy<Value = Workload> {
     let counts = [(); 6].map(|()| magnitudes(64));
-    // The sides of an image have up to 30 bits. Such an image may have far more pixels than raycl supports, but the
-    // number of its pixels still fits into `usize`.
+    // The sides of an image have up to 30 bits. An image with sides of 30 bits has far more pixels than raycl
+    // supports, but the number of pixels still fits into `usize`.
     let side = |bits| magnitudes(bits).prop_map(|side| (side as u32).max(1));
     (counts, [side(30), side(30)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
         let counts = counts.map(|count| count as usize >> 1);
@@ -294,7 +294,7 @@ fn better(one: &DeviceLimits, other: &DeviceLimits) -> DeviceLimits {
     }
 }
 
-/// Returns the numbers of a text, in order.
+/// Returns the numbers that occur in a text, in the text's order.
 fn numbers(text: &str) -> Vec<u128> {
     text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }

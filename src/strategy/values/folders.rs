@@ -1,4 +1,4 @@
-//! The folders of values, and the values whose files lie in these folders.
+//! The folders of kernel files that are values of axes, and the values whose files lie in these folders.
 
 use crate::entry::entry;
 use crate::error::{Error, Result};
@@ -6,7 +6,8 @@ use crate::sources::Sources;
 use crate::strategy::AXES;
 
 /// The folders of values, each with the axis to which its files belong. A value may have files in several
-/// folders, for different kernel families. The first of these files contains the header.
+/// folders, for different kernel families. Of a value's files, the one in the first folder contains the
+/// header.
 pub const FOLDERS: [(&str, &str); 8] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
@@ -26,7 +27,7 @@ pub struct Named {
 }
 
 impl Named {
-    /// Returns the value's files. The first one contains the header.
+    /// Returns the value's files. The value's first file contains the header.
     pub fn files(&self) -> impl Iterator<Item = String> {
         self.folders.iter().map(move |folder| format!("{folder}{}.cl", self.name.replace('-', "_")))
     }

@@ -1,13 +1,13 @@
-//! The lines `#include "path"` of kernel files.
+//! Reads the lines `#include "path"` of kernel files.
 
 use crate::error::{Result, nearest};
 use crate::sources::{SourceLine, Sources, lines, stem};
 
 /// A line `#include "path"` of a kernel file.
 pub struct Include {
-    /// The path in this line.
+    /// The path of the included file, as the line states it.
     pub path: String,
-    /// The file that has this line.
+    /// The kernel file in which the line occurs.
     pub file: String,
     /// The file that has this line, and the number of the line, as messages show them.
     pub location: String,
@@ -27,8 +27,8 @@ impl Include {
     }
 }
 
-/// Returns the lines with which kernel files include other files. The kernel files are the built-in ones and those in
-/// the user's folder.
+/// Returns the lines with which kernel files include other files. Both the built-in kernel files and those in
+/// the user's folder are read.
 pub fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
     let files = sources.files()?;
     let mut all = Vec::new();
@@ -52,8 +52,9 @@ fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
     Ok(lines.filter_map(include).collect())
 }
 
-/// Returns true if a kernel file includes the file `other`, directly or through other files. Also returns true if a
-/// path contains an axis in braces, since it may be the path of any file.
+/// Returns true if a kernel file includes the file `other`, directly or through other files. A path that
+/// contains an axis in braces may be the path of any file, so the function also returns true if it finds such
+/// a path.
 pub fn includes_file(sources: &Sources, file: &str, other: &str) -> Result<bool> {
     let mut files = vec![(file.to_owned(), sources.read(file)?)];
     let mut done = 0;

@@ -7,8 +7,8 @@ use crate::reader::folder_of;
 use crate::sources::{Sources, meant_file};
 use std::path::Path;
 
-/// Refuses a file that is neither a value nor included by a file with an effect. Such a file would silently
-/// have no effect.
+/// Refuses a file that is neither a value nor included by a file with an effect. Without this refusal, the
+/// file would silently have no effect.
 pub fn refuse_unused(sources: &Sources) -> Result<()> {
     let Sources::Folder(folder) = sources else { return Ok(()) };
     let mut unknown = sources.own_files()?;
@@ -56,8 +56,8 @@ fn is_known(file: &str) -> bool {
     Sources::names().contains(&file) || FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some())
 }
 
-/// Returns the error about a file without effect. `is_included` means that another file includes this file; that other
-/// file has no effect either.
+/// Returns the error about a file without effect. `is_included` means that another file includes this file;
+/// the including file has no effect either.
 fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) -> Error {
     let (path, folder_name) = (folder.join(file), folder.display());
     let by = if is_included { "only files without effect include it" } else { "no file includes it" };
@@ -89,9 +89,9 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
     })
 }
 
-/// Returns the folder that the user should have named with `--cl-dir` instead of `folder`. The returned
-/// folder contains `folder`. Relative to the returned folder, the file's path is the path of a value or of a
-/// built-in file. Returns `None` if there is no such folder.
+/// Returns the folder that the user should have named with `--cl-dir` instead of `folder`. The folder that is
+/// returned contains `folder`. Relative to the returned folder, the file's path is the path of a value or of
+/// a built-in file. Returns `None` if there is no such folder.
 fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     let (mut outer, mut inner) = (folder, file.to_owned());
     while !is_known(&inner) {
@@ -155,7 +155,8 @@ mod tests {
             let help = error.remedy();
             assert!(help.contains(&line) && help.ends_with("write #include \"cast/helper.cl\""), "{help}");
         }
-        // The user may mean another file than the one with the similar name, so the help only asks.
+        // The user may mean another file than the one with the similar name, so the help only asks whether
+        // the similar name is meant.
         let error = refused_of(&[(value, "int a;\n#include \"cast/helpr.cl\"\n"), ("cast/helper.cl", "")]);
         let asked =
             "line 2 includes \"cast/helpr.cl\", which does not exist: did you mean \"cast/helper.cl\"?";
