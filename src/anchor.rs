@@ -1,8 +1,9 @@
 //! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run
 //! with several launches times the anchor on each device. In each launch, the anchor runs after the device's
-//! first sample, and then after every six further samples. If a round has fewer than six samples on the
-//! device, the anchor runs once per round instead of after every six samples. Two runs can be compared by the
-//! ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
+//! first sample, and then after every six further samples. If a round, which takes one sample of each point,
+//! has fewer than six samples on the device, the anchor runs once per round instead of after every six
+//! samples. Two runs can be compared by the ratios of their times to the anchor's time, even if the machine's
+//! speed changed between the runs.
 
 use crate::clock::ms_since;
 use crate::device::DeviceInfo;
@@ -15,7 +16,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
 
-/// The kernel's source file.
+/// The source file of the anchor's kernel.
 const FILE: &str = "anchor/spheres.cl";
 /// Number of spheres that each ray is tested against.
 const SPHERES: usize = 1024;
@@ -103,8 +104,9 @@ impl Anchor {
     pub fn run(&self) -> Result<FrameTimes> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: the kernel reads `SPHERES` elements of the first buffer, and writes one element of the second buffer
-        // per work-item. Both buffers have these lengths, and live as long as `self`.
+        // SAFETY: the kernel reads `SPHERES` elements of the first buffer, and writes one element of the
+        // second buffer per work-item. The buffers have at least these numbers of elements, and live as long
+        // as `self`.
         unsafe { self.kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = ms_since(start);

@@ -12,7 +12,7 @@ pub fn output_within(child: Child, limit: Duration) -> std::io::Result<Option<Ou
     output_unless(child, Duration::from_millis(5), &mut || start.elapsed() > limit)
 }
 
-/// Waits until a process ends, and returns its output. While it waits, the function calls `is_over` once per
+/// Waits until a process ends, and returns its output. During the wait, the function calls `is_over` once per
 /// `interval`. If `is_over` returns true, the function kills the process and returns `None`. The function
 /// also kills the process if the system refuses a thread that would read the process's output; the function
 /// then returns an error.

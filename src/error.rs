@@ -18,8 +18,8 @@ use thiserror::Error;
 /// The result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An error that ends the command. A failure of a single point of an experiment is not an error but an
-/// [`Outcome`](crate::record::Outcome).
+/// An error that ends the command. A failure of a single measured point of an experiment is not an error but
+/// an [`Outcome`](crate::record::Outcome).
 #[derive(Debug, Error, Diagnostic)]
 pub enum Error {
     /// A user error: exit code 2.
@@ -226,7 +226,7 @@ impl Error {
         }
     }
 
-    /// Sets the remedy.
+    /// Sets the error's remedy: a next step for the user.
     #[must_use]
     pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
         let remedy = plain(&remedy.into()).into_owned();
@@ -296,7 +296,7 @@ impl Error {
 
     /// Returns the message as one line, for places that cannot show an excerpt of a file, such as a window's
     /// title. If the mistake is in a file, the returned line begins with the file's name and the line's
-    /// number. If the message has several lines, returns its first line and the number of the other lines.
+    /// number. If the message has several lines, returns its first line and the number of further lines.
     pub fn in_a_line(&self) -> String {
         let message = first_line(&self.to_string());
         let Self::Input(error) = self else { return message };

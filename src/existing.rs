@@ -1,7 +1,7 @@
 //! Finds out whether files and folders exist. Only a few of the system's errors mean that nothing is at a
 //! path ([`is_missing`]). After any other error, such as that of a network disk that does not answer, it is
-//! unknown whether something is at the path. The functions of this module then return the error. If they
-//! reported a missing file, raycl would ignore results that exist.
+//! unknown whether something is at the path. The functions of this module then return the error. If the
+//! functions reported a missing file instead, raycl would ignore results that exist.
 
 use crate::error::{Error, Result, limit_advice};
 use crate::reader;

@@ -60,9 +60,9 @@ fn wait_for_streams() {
 
 /// On systems with `/proc`, closes all files that this process inherited, except its standard streams. If
 /// these files stayed open, a lock or a pipe of the process that started this one would stay in use as long
-/// as this process lives. Then replaces standard output by `/dev/null`, which tells the process that reads
-/// standard output that the files are closed. When this function is called, no code of this process may be
-/// using any file other than the standard streams.
+/// as this process lives. After that, the function replaces standard output by `/dev/null`, which tells the
+/// process that reads standard output that the files are closed. When this function is called, no code of
+/// this process may be using any file other than the standard streams.
 #[cfg(unix)]
 pub(crate) fn leave_files() {
     let listed = std::fs::read_dir("/proc/self/fd").into_iter().flatten();

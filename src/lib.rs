@@ -37,11 +37,12 @@
 //! pages. All remaining modules are private.
 //!
 //! The following sentences, up to `measure`, name the modules in the order in which an experiment uses them.
-//! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`] plans the
-//! points; each point is a [`strategy`] on a [`device`] at a local size. [`program`] assembles the source of kernels
-//! from the files of `cl/` in `sources`, according to the table of kernels in `manifest`, and builds the kernels.
-//! [`launch`] runs the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference).
-//! [`experiment`] also times the kernels, together with the `anchor`, and `measure` computes statistics of these times.
+//! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`]
+//! plans the points of the experiment; each point is a [`strategy`] on a [`device`] at a local size.
+//! [`program`] assembles the source of kernels from the files of `cl/` in `sources`, according to the table
+//! of kernels in `manifest`, and builds the kernels. [`launch`] runs the kernels. [`verify`] compares the
+//! kernels' image with the [`reference`](mod@reference). [`experiment`] also times the kernels, together with
+//! the `anchor`, and `measure` computes statistics of these times.
 //!
 //! [`printer`] replaces control characters in text that is printed to terminals. `reader` opens the files
 //! that users name, `existing` finds out whether files exist, and `filetype` recognises their formats.

@@ -34,7 +34,7 @@ static SERVES: AtomicBool = AtomicBool::new(false);
 /// A scene and an open device, ready to cast pictures.
 pub struct Raycaster {
     device: Device,
-    /// `None` after the driver has failed.
+    /// The scene on the open device; `None` after the driver has failed.
     session: Option<Session>,
     scene: Arc<Scene>,
 }
@@ -56,17 +56,18 @@ impl Raycaster {
     /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
     /// devices with the same name. The first device that matches is used. If `device` is `None`, the device
     /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used
-    /// if there is one, else an accelerator, else a CPU. If there are several devices of this kind, the
-    /// device with the most compute units is used.
+    /// if there is one, else a CPU, else an accelerator. Of several GPUs, those with memory of their own are
+    /// preferred and, among these, those with a vendor's driver. Of devices that are still equal, the device
+    /// with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). A program that calls
     /// [`serve_if_worker`] first limits these threads to the processors on which the program may run, as
     /// `raycl render` does.
     ///
     /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics into
-    /// errors. For this purpose, the first call of `open` sets a panic hook, which hides these panics; all
-    /// other panics reach the hook that was set before. A program that sets a panic hook of its own should
-    /// set the hook before the first call of `open`.
+    /// errors. To turn panics into errors, the first call of `open` sets a panic hook, which hides panics of
+    /// `ocl`; all other panics reach the hook that was set before. A program that sets a panic hook of its
+    /// own should set the hook before the first call of `open`.
     ///
     /// # Errors
     ///
@@ -272,10 +273,10 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 }
 
 /// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an
-/// interrupted run. Worker processes measure the points. Each worker process is the calling program, started
-/// again; therefore the program's `main` must begin with [`serve_if_worker`]. raycl sets the environment
-/// variable `RAYCL_WORKER` for its workers. In a process with this variable, `run_experiment` fails, since a
-/// program without `serve_if_worker` would start itself again and again. For the same reason,
+/// interrupted run. Worker processes measure the experiment's points. Each worker process is the calling
+/// program, started again; therefore the program's `main` must begin with [`serve_if_worker`]. raycl sets the
+/// environment variable `RAYCL_WORKER` for its workers. In a process with this variable, `run_experiment`
+/// fails, since a program without `serve_if_worker` would start itself again and again. For the same reason,
 /// `run_experiment` fails in a program that has not called `serve_if_worker`.
 ///
 /// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or on devices
@@ -290,8 +291,8 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
 /// are not results, or if the environment variable `RAYCL_LOCK_DIR` is not an absolute path. Also fails if
 /// `out` is empty, if one of the two paths is not UTF-8, if the run is interrupted, if the calling process is
-/// a worker, or if the calling process has not called `serve_if_worker`. A point that fails is not an error:
-/// its record states the reason.
+/// a worker, or if the calling process has not called `serve_if_worker`. A failure of a single point of the
+/// experiment is not an error: the point's record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -311,8 +312,8 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;
     let measured = printer::muted(|| run::measure_resumably(&arguments, &mut ()));
-    // The caller learns of the interruption from this error, so the stored interruption is cleared: it must
-    // not end the next run as well.
+    // The caller learns of the interruption from this error, so the stored interruption is cleared: the
+    // interruption must not end the next run as well.
     if matches!(measured, Err(Error::Interrupted { .. })) {
         run::forget_interruption();
     }

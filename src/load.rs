@@ -1,6 +1,6 @@
-//! Reads from `/proc` how much processor time other processes take while raycl measures. Also measures the
-//! core-to-core latency. raycl measures the processor time of other processes and the core-to-core latency
-//! only on Linux.
+//! Reads from `/proc` how much processor time other processes take while raycl measures. The module also
+//! measures the core-to-core latency. raycl measures the processor time of other processes and the
+//! core-to-core latency only on Linux.
 
 #[cfg(target_os = "linux")]
 mod core_to_core;
@@ -38,10 +38,11 @@ pub struct Load {
     pub stolen: f64,
     /// Number of processors of this machine.
     pub processors: usize,
-    /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
-    /// a disk. `None` if the system does not report it.
+    /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or
+    /// waited for a disk. `None` if the system does not report the load average.
     pub load_1m: Option<f64>,
-    /// Core-to-core latency at the end of the interval, in nanoseconds; `None` if it cannot be measured.
+    /// Core-to-core latency at the end of the interval, in nanoseconds; `None` if this latency cannot be
+    /// measured.
     pub core_to_core_ns: Option<f64>,
 }
 
@@ -56,7 +57,7 @@ pub struct Watch {
 const SHORTEST_MS: f64 = 200.0;
 
 impl Watch {
-    /// Takes the first reading.
+    /// Takes the first reading of the processor times.
     pub fn start() -> Self {
         Self { since: Instant::now(), before: ticks() }
     }

@@ -58,8 +58,8 @@ const STATUS: &str = "/proc/self/status";
 const MEMINFO: &str = "/proc/meminfo";
 const LIMITS: &str = "/proc/self/limits";
 
-/// Returns how many bytes the address space of this process may have (`ulimit -v`); `None` if there is no limit, or if
-/// the system does not report it.
+/// Returns how many bytes the address space of this process may have (`ulimit -v`); `None` if there is no
+/// limit, or if the system does not report the limit.
 pub fn address_space_limit() -> Option<u64> {
     address_space(&read_text(Path::new(LIMITS))?)
 }
@@ -101,12 +101,12 @@ fn address_space(text: &str) -> Option<u64> {
 }
 
 /// Returns the largest amount of memory that this process has used at any time (VmHWM); `None` if the system
-/// does not report it.
+/// does not report this number.
 pub fn peak_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new(STATUS))?, "VmHWM:")
 }
 
-/// Returns the memory that this process uses now (VmRSS); `None` if the system does not report it.
+/// Returns the memory that this process uses now (VmRSS); `None` if the system does not report this number.
 pub fn resident_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new(STATUS))?, "VmRSS:")
 }

@@ -7,15 +7,16 @@ use std::borrow::Cow;
 use std::cell::Cell;
 use std::fmt::Write as _;
 
-/// Returns true if a character could control a terminal or mislead a reader. Such characters are control
-/// characters other than line breaks and tabs, Unicode's separators of lines and paragraphs, characters that
-/// change the direction of text, and invisible characters.
+/// Returns true if a character could control a terminal or mislead a reader. The characters that control a
+/// terminal or mislead a reader are control characters other than line breaks and tabs, Unicode's separators
+/// of lines and paragraphs, characters that change the direction of text, and invisible characters.
 pub fn steers(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || formats(c)
 }
 
-/// Returns true if a character only formats text. Such characters are Unicode's separators of lines and
-/// paragraphs, its format characters (general category Cf), and letters without a shape.
+/// Returns true if a character only formats text. The characters that only format text are Unicode's
+/// separators of lines and paragraphs, its format characters (general category Cf), and letters without a
+/// shape.
 fn formats(c: char) -> bool {
     matches!(
         c,
@@ -71,7 +72,8 @@ pub fn coloured(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown + rest)
 }
 
-/// Returns the length in bytes of the colour code at the start of a text; `None` if there is none.
+/// Returns the length in bytes of the colour code at the start of a text; `None` if the text does not begin
+/// with a colour code.
 fn colour(text: &str) -> Option<usize> {
     let inner = text.strip_prefix("\u{1b}[")?;
     let digits = inner.find(|c: char| !c.is_ascii_digit() && c != ';')?;
@@ -96,7 +98,7 @@ thread_local! {
     static IS_MUTED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Calls `work`. Until it returns or panics, [`tell`] prints nothing in this thread.
+/// Calls `work`. Until `work` returns or panics, [`tell`] prints nothing in this thread.
 pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
     /// The value of `IS_MUTED` before the call of `muted`, which `drop` restores.
     struct Before(bool);

@@ -27,8 +27,8 @@ pub enum Kind {
     Kernel,
     /// A mesh of any format, or a buffer of a glTF file. The file's size is compared with the free memory.
     Mesh,
-    /// A picture that a command compares. The file's size, and the size of the decoded picture, are compared with the
-    /// free memory.
+    /// A picture that the user names for a comparison with another picture. The file's size, and the size of
+    /// the decoded picture, are compared with the free memory.
     Picture,
     /// A file that a run writes about itself (such as `plan.json`), a stored sweep, or one of raycl's documents.
     Results,
@@ -156,8 +156,8 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     if length > limit {
         return Err(too_large);
     }
-    // Files in /proc report a length of 0, and other files may grow while they are read. So the number of
-    // bytes that were read is checked too, not only the reported length.
+    // Files in /proc report a length of 0, and other files may grow while they are read. The number of bytes
+    // that were read is therefore checked too, not only the reported length.
     within(read_on(file, head, limit + 1)?, kind)
 }
 

@@ -108,9 +108,9 @@ fn read(path: &Path) -> Result<Settings> {
     Ok(settings)
 }
 
-/// Returns true if `error`, from opening the settings file, means that this user has no settings file. There
-/// are three cases without a settings file. First, the file does not exist. Second, a part of the file's path
-/// is a file instead of a folder: services often have the home folder /dev/null. Third, the file is in a
+/// Returns true if `error`, from opening the settings file, means that this user has no settings file. The
+/// user has no settings file in three cases. First, the file does not exist. Second, a part of the file's
+/// path is a file instead of a folder: services often have the home folder /dev/null. Third, the file is in a
 /// folder in which this user may not look up files, such as another user's home folder. `metadata` is the
 /// settings file's metadata, or the error from reading the metadata.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {

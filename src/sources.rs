@@ -30,7 +30,7 @@ pub enum Sources {
 }
 
 impl Sources {
-    /// Returns the text of a file, named relative to `cl/`.
+    /// Returns the text of the kernel file `name`, a path relative to `cl/`.
     pub fn read(&self, name: &str) -> Result<String> {
         if let Self::Folder(folder) = self {
             let path = folder.join(name);
@@ -156,9 +156,9 @@ impl Sources {
     }
 
     /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
-    /// instead of their names. Also returns true if the mistake is the user's. Built-in files compile by
-    /// themselves, so the mistake is the user's if the program contains a file that the user added or
-    /// changed. The mistake is the user's even if the compiler finds the error in a built-in file, for
+    /// instead of their names. The second returned value is true if the mistake is the user's. Built-in files
+    /// compile by themselves, so the mistake is the user's if the program contains a file that the user added
+    /// or changed. The mistake is the user's even if the compiler finds the error in a built-in file, for
     /// example where the built-in file calls a function of the user with other arguments. If no error is in a
     /// file of the user, the messages begin with the names of the user's files. The program's text, `text`,
     /// consists of the files `files`. The compiler names a file relative to `cl/` or to the folder, or only
@@ -225,7 +225,8 @@ const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the function
 /// Number of files that a message names. Of all further files, the message states only the number.
 const NAMED_FILES: usize = 3;
 
-/// Returns the names of files for a message: all names, or the first few and the number of the others.
+/// Returns the names of files for a message: all names, or the first few names and the number of further
+/// files.
 pub fn some_of(files: &[String]) -> String {
     let (named, others) = files.split_at(files.len().min(NAMED_FILES));
     match others.len() {
@@ -284,7 +285,7 @@ impl Chain {
         Ok(())
     }
 
-    /// Leaves the file that was entered last.
+    /// Leaves the file that was entered last: removes the file from the list of files that are being joined.
     pub fn leave(&mut self) {
         self.0.pop();
     }
@@ -404,7 +405,7 @@ mod tests {
             ("watertight.cl", Some("cast/intersect/watertight.cl")),
             ("a/folder/that/is/far/away/from/all/others/soft.cl", Some("cast/soft.cl")),
             ("cast/sotf.cl", Some("cast/soft.cl")),
-            // These paths share only the folder with existing files, so no file is meant.
+            // The following paths share only the folder with existing files, so no file is meant.
             ("cast/nosuch.cl", None),
             ("cast/helper.cl", None),
         ] {

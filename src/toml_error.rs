@@ -5,8 +5,8 @@ use serde_json::{Map, Value};
 use std::ops::Range;
 
 /// Returns the part of a message of serde (the library that converts TOML to Rust's types) that states which
-/// value was expected; `None` if the message has no such part. This part quotes nothing of the document, so
-/// even a message that must not quote the document may contain this part.
+/// value was expected; `None` if the message has no such part. The part about the expected value quotes
+/// nothing of the document, so even a message that must not quote the document may contain this part.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let kinds =
@@ -30,7 +30,7 @@ const MESH_READS: &str = "`mesh` reads OBJ, PLY, STL, glTF and GLB files; ";
 /// The message about a table in place of a list.
 pub const NO_LIST: &str = "wrong type: table, expected a list";
 
-/// A mistake in a document, in words for a user.
+/// A mistake in a TOML document, in words for a user.
 pub struct Mistake {
     /// The mistake, with the wrong value and the expected value.
     pub message: String,
@@ -189,7 +189,8 @@ pub fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
     let Some((actual, expected)) = message.rsplit_once(", expected ") else {
         return match message.as_str() {
-            // The crate `toml` sends these words if it expects one of several names.
+            // The message of the crate `toml` is "wanted string or table" if the crate expects one of several
+            // names.
             "wanted string or table" => "wrong type: expected a string".to_owned(),
             // Instead of a string, the crate `toml` also accepts a table with a single key, which it takes as
             // the name. For a table with no key or several keys, the crate sends the message "wanted exactly
@@ -244,7 +245,7 @@ mod tests {
             "entry": { "items": { "properties": { "preset": {}, "seed": {} } } },
             "timing": { "properties": { "seed": {}, "inner": { "properties": { "deep": {} } } } },
         } });
-        // The key in question is the word behind the last line break.
+        // In each text, the unknown key is the word after the last line break.
         let remedy = |text: &str| {
             let at = text.rfind('\n').map_or(0, |end| end + 1);
             let key = text[at..].split([' ', ']']).next().unwrap_or_default().trim_start_matches('[');

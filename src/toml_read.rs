@@ -1,6 +1,6 @@
 //! Reads TOML documents with serde. serde's derived code accepts a list of values in place of a table, in the
 //! order of a struct's fields. In a file that a person writes, a list in place of a table is a mistake, so
-//! the code in this file refuses it.
+//! the code in this file refuses such a list.
 
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, EnumAccess, Error as _, MapAccess, SeqAccess,

@@ -94,8 +94,8 @@ fn escaped(argument: &str) -> String {
     text
 }
 
-/// Joins names with commas. Of more than four names, lists only the first four and the number of the others: "a, b, c,
-/// d, and 2 more".
+/// Joins names with commas. Of more than four names, lists only the first four names and the number of all
+/// further names: "a, b, c, d, and 2 more".
 pub fn few(names: &[impl AsRef<str>]) -> String {
     let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     names.iter().take(4).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")

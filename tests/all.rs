@@ -1,5 +1,5 @@
-//! All tests outside `src/`. These tests form one program, so that only one program is linked, and all cores
-//! stay busy until the last test. `cargo test --test all kernels::` runs the tests of one file.
+//! All tests outside `src/`. All these files form one program of tests, so that only one program is linked,
+//! and all cores stay busy until the last test. `cargo test --test all kernels::` runs the tests of one file.
 #![allow(missing_docs, reason = "a test program has no documentation")]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 

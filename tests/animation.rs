@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 
-/// A pyramid that is read from a file, above a ground.
+/// The text of a scene file: a pyramid that is read from a mesh file, above a ground.
 const STILL: &str = "background = 0.01
 [camera]
 position = [1, 1, 4]

@@ -1,4 +1,4 @@
-//! Area lights (rectangles and discs) in every family.
+//! Area lights (rectangles and discs) in every kernel family.
 
 use crate::binary::{WorkFolder, device, has};
 use crate::common::due;
@@ -34,8 +34,8 @@ material = { k_g = 0.3, shininess = 20 }
 shape = \"ground\"
 ";
 
-/// These strategies cast rays one by one and in vectors, with and without planes through a common origin, with and
-/// without a tree, in fused and in separate passes.
+/// Strategies of several kernel families, which cast rays one by one and in vectors, with and without planes
+/// through a common origin, with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["naive", "wide-common-origin", "bvh", "tile", "tile,passes=separate"];
 
 fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {

@@ -233,7 +233,8 @@ fn a_picture_in_a_deleted_folder_is_refused_before_any_work() {
     bash.args(["-c", "mkdir gone && cd gone && rmdir ../gone && exec \"$@\"", "bash"]);
     bash.arg(raycl.get_program()).arg("render").arg(folder.path("scene.toml")).args(["-o", "t.png"]);
     bash.envs(raycl.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    // In this environment, no driver is found, so a command that began to work would fail with another message.
+    // If `OCL_ICD_VENDORS` names a folder that does not exist, no driver is found, so a command that began to
+    // work would fail with another message.
     let output = run(bash.current_dir(folder.path("")).env("OCL_ICD_VENDORS", "/nonexistent"));
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");

@@ -78,7 +78,7 @@ fn the_architecture_lists_every_file_and_folder_of_src() {
         list.split_whitespace().map(|word| word.trim_end_matches([':', ',', ';'])).collect();
     for entry in read_dir(repository("src")).expect("src") {
         let name = entry.expect("an entry").file_name().into_string().expect("UTF-8");
-        // A file and the folder of its submodules are one entry of the list.
+        // A file and the folder of its submodules are one line of the list in ARCHITECTURE.md.
         let stem = name.trim_end_matches(".rs");
         let forms = [format!("{stem}.rs"), format!("{stem}/")];
         assert!(forms.iter().any(|form| words.contains(form.as_str())), "ARCHITECTURE.md lacks src/{name}");

@@ -1,4 +1,4 @@
-//! The cache between runs: programs are compiled once, and a damaged entry is replaced.
+//! Tests of raycl's cache on disk: programs are compiled once, and a damaged entry of the cache is replaced.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has, until};
 use assert_cmd::Command;
@@ -163,7 +163,8 @@ fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
     has(&summary, &["other-kind", "meant for GPUs"]);
     let named = run("named", &["--set", "strategies=[\"tiled-wide\"]"]);
     assert_eq!(outcomes(&named), ["measured"]);
-    // Points that were skipped are measured if the user requests them, and measured points stay as they are.
+    // Points of the experiment that were skipped are measured if the user requests them, and points that were
+    // measured before are not measured again.
     let resumed = run("out", &["--set", "any_kind=true", "--resume"]);
     assert_eq!(outcomes(&resumed), ["other-kind", "measured", "measured"].map(str::to_owned));
     let dry = folder.output(&["run", "config.toml", "--device", &device(), "--dry-run"]);

@@ -1,5 +1,5 @@
-//! Commands that only print: devices, strategies, occupancy, man pages and completions. Also messages about mistakes,
-//! and colours.
+//! Commands that only print: devices, strategies, occupancy, man pages and completions. The file also tests
+//! messages about mistakes, and colours.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, finish, run};
 use std::process::{Command, Stdio};
@@ -73,7 +73,7 @@ fn the_papers_occupancy_is_contradicted() {
 fn damaged_records_are_reported_beside_json_and_beside_an_error() {
     let path = crate::binary::repository("tests/data/old-results/records.jsonl");
     let records = std::fs::read_to_string(path).expect("records");
-    // The first point was not measured, so its record has no kernels.
+    // The first point of the experiment was not measured, so its record has no kernels.
     let unmeasured = records.lines().next().expect("a record");
     let folder = WorkFolder::with(&[
         ("all/records.jsonl", &format!("{records}damaged\n")),

@@ -90,8 +90,8 @@ fn local_triangles_are_read_from_shared_memory() {
 
 #[test]
 fn volatile_vectors_are_loaded_at_every_test() {
-    // The times of a kernel show the effect of a memory only if the loop over triangles accesses this memory. The
-    // paper's kernel reads the ray at each test.
+    // The times of a kernel show the effect of a memory only if the loop over triangles accesses this memory.
+    // The kernel of the student paper that raycl reproduces reads the ray at each ray-triangle test.
     for name in ["vectors-global", "vectors-local"] {
         for ((file, counts), (_, private)) in stored(name).iter().zip(stored("vectors-private")) {
             let all = |counts: &InstructionCounts| counts.reach("global") + counts.reach("shared");

@@ -1,4 +1,4 @@
-//! Tests of colours that vary between the corners of a triangle, in every family.
+//! Tests of colours that vary between the corners of a triangle, in every kernel family.
 
 use crate::binary::{WorkFolder, apart};
 use crate::common::due;
@@ -99,7 +99,7 @@ fn corners_of_one_colour_give_the_triangle_a_material() {
     folder.write("a.mtl", "newmtl a\nKd 1 1 1\n");
     folder.write("a.obj", &obj(|_, _| [180.0, 90.0, 40.0]));
     let even = folder.picture(&["--verify"]).0;
-    // These reflectances are the linear light of the 8-bit values 180, 90 and 40.
+    // The reflectances in this material are the linear light of the 8-bit values 180, 90 and 40.
     folder.write("a.mtl", "newmtl a\nKd 0.456411 0.102242 0.021219\n");
     let plain: String = obj(|_, _| [0.0; 3])
         .lines()
@@ -134,7 +134,8 @@ fn objects_with_and_without_colours_share_a_scene_and_a_mirrored_object_keeps_it
     assert!(apart(&own, &seen) <= 8);
 }
 
-/// Each changed kernel interpolates the corners' colours wrongly. For example, it swaps channels or corners.
+/// Each changed kernel interpolates the corners' colours wrongly. For example, a changed kernel swaps
+/// channels or corners.
 #[test]
 fn a_broken_interpolation_is_a_wrong_picture() {
     let folder = folder();

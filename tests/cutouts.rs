@@ -1,4 +1,4 @@
-//! Cut-outs: surfaces with holes, in every family that casts them.
+//! Cut-outs: surfaces with holes, in every kernel family that casts such surfaces.
 
 use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::due;
@@ -86,7 +86,7 @@ fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
     let folder = room(MTL);
     let (expected, said) = folder.picture(&["--verify"]);
     assert!(!said.contains("map_d"), "{said}");
-    // Holes show the wall, and let light through to it.
+    // Holes show the wall, and let light through to the wall.
     let whole = MTL.replace("map_d leaf.png\n", "");
     let opaque = room(&whole).picture(&["--verify"]).0;
     assert!(apart(&expected, &opaque) > 300, "{}", apart(&expected, &opaque));
@@ -97,7 +97,7 @@ fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
 }
 
 /// The rays to soft lights and to a sky have no common origin, so other code of the kernels casts these rays.
-/// That code must take account of holes, too.
+/// The code for rays without a common origin must take account of holes, too.
 #[test]
 fn soft_light_falls_through_holes() {
     let folder = room(MTL);
@@ -127,8 +127,8 @@ fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
     let (cut, _) = folder.picture(&["--verify"]);
     let plain = folder.picture(&["--set", "textures=false"]).0;
     assert!(apart(&cut, &plain) > 300, "{}", apart(&cut, &plain));
-    // In the next scene, the alpha of the colour texture defines the holes. This alpha has the same values as
-    // the mask.
+    // In the next scene, the alpha of the colour texture defines the holes. The alpha of the colour texture
+    // has the same values as the mask.
     let coloured = room(MTL).picture(&[]).0;
     let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
     let holes =
@@ -208,10 +208,10 @@ fn a_triangle_of_a_later_tile_has_its_own_holes() {
     }
 }
 
-/// A tree has an order of triangles of its own. In this scene, a ball behind the camera precedes the sheet in the mesh,
-/// but the sheet precedes the ball in the tree. The changed kernels mistake a triangle's place in the tree for its
-/// number in the mesh. Shadow rays (first change) and rays from the eye (second change) then look up the mask of a
-/// triangle of the ball, which has no mask.
+/// The order of triangles in a tree differs from their order in the mesh. In this scene, a ball behind the
+/// camera precedes the sheet in the mesh, but the sheet precedes the ball in the tree. The changed kernels
+/// mistake a triangle's place in the tree for its number in the mesh. Shadow rays (first change) and rays
+/// from the eye (second change) then look up the mask of a triangle of the ball, which has no mask.
 #[test]
 fn a_triangle_has_its_own_holes_at_whichever_place_in_the_tree() {
     let ball =

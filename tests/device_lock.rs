@@ -15,7 +15,7 @@ local_sizes = [2, 4]
 strategies = ["naive", "deferred"]
 baselines = ["serial"]
 "#;
-/// A case for `raycl rule`.
+/// The text of a file with one case (a scene and an image size) for `raycl rule`.
 const CASE: &str = r#"
 [[case]]
 name = "one"
@@ -24,7 +24,7 @@ size = [24, 15]
 kinds = ["few"]
 devices = ["cpu", "gpu"]
 "#;
-/// Options that make a run hang while it times a point of a kernel.
+/// Options that make a run hang while it times a kernel.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
 
 fn new_folder() -> WorkFolder {
@@ -44,7 +44,7 @@ fn run<'a>(out: &'a str, device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["run", "test.toml", "--quiet", "--device", device, "--out", out], more].concat()
 }
 
-/// Starts a run that hangs while it times a point, and therefore keeps the device locked.
+/// Starts a run that hangs while it times a point of its experiment, and therefore keeps the device locked.
 fn holder(folder: &WorkFolder, device: &str) -> Child {
     let holder = start(folder, &run("first", device, &HANGS), "first.txt");
     until("the first hangs", || folder.path("first/.hangs").exists());
@@ -192,12 +192,12 @@ fn a_shard_that_waits_for_its_peak_rates_is_going_and_an_interruption_ends_its_p
     let first = holder(&folder, &device);
     let options = ["--shard", "1/1", "--peak", "--hang-limit", "2"];
     let second = waiter(&folder, &device, &options, &first);
-    // `raycl peak` measures in a child process, so that a driver's crash does not end raycl. This child process waits
-    // for the device.
+    // `raycl peak` measures in a child process, so that a driver's crash does not end raycl. The child
+    // process of `raycl peak` waits for the device.
     let waiting: Vec<u32> = children(second.id()).into_iter().flat_map(children).collect();
     assert_eq!(waiting.len(), 1, "{waiting:?}");
-    // In the five seconds between the two readings of its counter, the shard makes no progress. If it did not report
-    // that it waits, it would count as hung after two seconds (`--hang-limit`).
+    // In the five seconds between the two readings of its counter, the shard makes no progress. If the shard
+    // did not report that it waits for the device, it would count as hung after two seconds (`--hang-limit`).
     let status = ["merge", "second", "--status", "--between", "5", "--json"];
     until("the shard is going", || folder.output(&status).contains("\"going\""));
     // The signal reaches only the run, unlike Ctrl-C in a terminal.

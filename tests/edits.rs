@@ -1,6 +1,6 @@
-//! Edits of the config, a scene, the kernels or the environment, each followed by `--resume`: only points that changed
-//! are measured again. All views of the results (summaries, report, exports and comparisons) show the same points,
-//! medians and winners.
+//! Edits of the config, a scene, the kernels or the environment, each followed by `--resume`: only points of
+//! the experiment that changed are measured again. All views of the results (summaries, report, exports and
+//! comparisons) show the same points, medians and winners.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, repository};
 use serde_json::Value;
@@ -15,18 +15,19 @@ struct Ground {
     variables: Vec<(&'static str, String)>,
 }
 
-/// The name of a point in all views: scene, strategy, local size.
+/// The name of a measured point in all views of the results: scene, strategy, local size.
 type Name = (String, String, String);
 
-/// The contents of a view: the median of each point in ms, and the winners.
+/// The contents of a view (a summary, report, export or comparison): the median of each point in ms, and the
+/// winners.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Shown {
     medians: BTreeMap<Name, f64>,
     winners: BTreeSet<Name>,
 }
 
-/// An edit: its name, its action, the number of points that the run after it measures, and the scenes that the views
-/// then show.
+/// An edit: its name, its action, the number of points that the run after the edit measures, and the scenes
+/// that the views of the results then show.
 type Edit = (&'static str, fn(&mut Ground), usize, &'static [&'static str]);
 
 const TIMING: &str = "[timing]\nlaunches = 1\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n";

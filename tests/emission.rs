@@ -1,4 +1,4 @@
-//! Tests of surfaces that emit light, in every family.
+//! Tests of surfaces that emit light, in every kernel family.
 
 use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::due;
@@ -101,7 +101,7 @@ fn emitted_light_needs_no_other_light_and_is_added_once_if_there_are_many() {
     folder.write("scene.toml", &format!("{gone}{rest}"));
     let dark = agree(&folder, &["naive", "raster", "bvh", "tile", "tile-group"], &[]);
     assert_eq!((dark[(22, 14)].0, dark[(34, 22)].0.map(|channel| channel > 0)), ([0; 3], [true; 3]));
-    // These are more lights than `tile-group` processes in one round.
+    // The scene has more lights than `tile-group` processes together (in one round of lights).
     let lights: String = (0..70)
         .map(|i| format!("[[light]]\nposition = [{}, 1.4, -1]\npower = 0.5\n", f64::from(i) * 0.02))
         .collect();

@@ -1,4 +1,4 @@
-//! Skies that are pictures of all directions, in every family that has a sky.
+//! Skies that are pictures of all directions, in every kernel family that supports a sky.
 
 use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::{due, one_preset_of_each_family};
@@ -204,9 +204,10 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     }
 }
 
-/// If work-items share a tile, the lights are processed in rounds, a fixed number of lights at a time. The sky follows
-/// the last light. In this scene, the lights fill a round, so that the sky has a round of its own.
-/// tests/mutants/kernels.toml has a change that adds the mirrored picture in both rounds.
+/// If work-items share a tile, the lights are processed in rounds, a fixed number of lights at a time. The
+/// sky follows the last light. In this scene, the lights fill a round of lights, so that the sky is processed
+/// in a round of its own. tests/mutants/kernels.toml has a change that adds the mirrored picture in both
+/// rounds.
 #[test]
 fn a_shiny_surface_mirrors_the_sky_once_if_the_lights_fill_a_round() {
     let path = repository("tests/data/mirrors.toml");

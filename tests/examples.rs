@@ -1,5 +1,6 @@
-//! The programs under examples/, which use the stable part of the library, do what their comments say. `cargo
-//! test` builds them. `cargo test --test all` does not, so `cargo build --examples` must be run first.
+//! The programs under examples/, which use the stable part of the library, do what their comments say. The
+//! command `cargo test` builds these programs. `cargo test --test all` does not build them, so
+//! `cargo build --examples` must be run first.
 
 use crate::binary::{NO_SETTINGS, TRIANGLE, WorkFolder, config, device, has};
 use std::path::Path;
@@ -101,8 +102,8 @@ fn an_argument_of_the_users_own_makes_no_worker() {
     has(&text, &["1 of 1 points were measured"]);
 }
 
-/// `raycl run` limits the threads of PoCL, unless the user has set their number. A program that uses the library limits
-/// them, too, so that it measures the same times as `raycl run`.
+/// `raycl run` limits the threads of PoCL, unless the user has set their number. A program that uses the
+/// library limits these threads, too, so that it measures the same times as `raycl run`.
 #[test]
 fn an_experiment_runs_with_the_variables_of_drivers_that_raycl_run_sets() {
     let folder = crate::binary::one_point();

@@ -1,4 +1,5 @@
-//! docs/experiments.md has every key, default, axis and value of an experiment.
+//! docs/experiments.md has every key and default of an experiment, and every axis of strategies with its
+//! values.
 
 use crate::binary::repository;
 use crate::schemas::{mistakes, names, read, schema, table};

@@ -65,10 +65,10 @@ impl Ground {
         self.records().iter().filter(|record| record.outcome == outcome).count()
     }
 
-    /// Checks that every point was measured exactly once, and that no sample is stored twice. Usually, a
-    /// round has one sample of each point. A round has two samples of a point if the first sample does not
-    /// count because the host had moved a virtual machine's processors to other cores. Such a move may happen
-    /// at any time, and only the core-to-core latency shows it.
+    /// Checks that every point of the experiment was measured exactly once, and that no sample is stored
+    /// twice. Usually, a round of the experiment has one sample of each point. A round has two samples of a
+    /// point if the first sample does not count because the host had moved a virtual machine's processors to
+    /// other cores. Such a move may happen at any time, and only the core-to-core latency shows it.
     fn all_measured_once(&self) {
         assert_eq!((self.count(Outcome::Measured), self.records().len()), (POINTS, POINTS));
         let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
@@ -169,8 +169,8 @@ fn every_way_to_die_costs_its_point_only() {
         let lost = ground.records().into_iter().find(|record| record.outcome == outcome);
         let why = lost.and_then(|record| record.reason).unwrap_or_default();
         assert!(why.contains(reason), "{fault}: {why}");
-        // A resumed run leaves the failed point as it is. With `--retry-failed`, the run measures this point
-        // again, but no other point.
+        // A resumed run does not measure the failed point again. With `--retry-failed`, the run measures this
+        // point again, but no other point.
         assert_eq!(ground.run(&["--resume"]).status.code(), Some(1));
         assert_eq!(ground.records().len(), POINTS);
         assert!(ground.run(&["--resume", "--retry-failed"]).status.success());

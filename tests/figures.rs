@@ -1,6 +1,6 @@
-//! Every number in README.md, docs/kernels.md, docs/paper.md and docs/performance.md agrees with the stored records,
-//! and the check notices if any number is changed. The records, docs/results, are in the repository and not in the
-//! package.
+//! Every number in README.md, docs/kernels.md, docs/paper.md and docs/performance.md agrees with the stored
+//! records, and the check of the documents notices if any number is changed. The records, docs/results, are
+//! in the repository and not in the package.
 
 use raycl::documents::{DOCUMENTS, Difference, Documents};
 use raycl::rule::{Sweep, source};
@@ -80,9 +80,9 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
         let numbers = numbers(text);
         assert!(numbers.len() > 20, "{name} has {} numbers", numbers.len());
         for (index, at) in numbers.into_iter().enumerate() {
-            // The check compares a generated part of a document as a whole with the part that it generates from
-            // the records. Any wrong number in the part is then noticed, so the test changes only every 20th
-            // number there.
+            // The check compares a generated part of a document as a whole with the part that it generates
+            // from the records. Any wrong number in the part is then noticed, so the test changes only every
+            // 20th number of generated parts.
             let is_made =
                 text[..at.start].rfind("<!-- figures: ") > text[..at.start].rfind("<!-- end of figures");
             if is_made && index % 20 != 0 {

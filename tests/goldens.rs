@@ -1,8 +1,8 @@
-//! The paper's figures: pictures that are computed here in f64, without raycl's code and scene files, are
-//! compared with the binary's pictures and with raycl's reference.
+//! The figures of the student paper that raycl reproduces: pictures that are computed here in f64, without
+//! raycl's code and scene files, are compared with the binary's pictures and with raycl's reference.
 //!
-//! The formulas and the single triangle are from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
-//! Practice*, 3rd ed., chapter 15. The scenes are the paper's.
+//! The formulas and the single triangle are from Hughes, van Dam, McGuire et al., *Computer Graphics:
+//! Principles and Practice*, 3rd ed., chapter 15. The scenes are those of the student paper.
 
 use crate::binary::{WorkFolder, device, repository};
 use glam::{DVec3, dvec3};
@@ -22,7 +22,7 @@ struct Triangle {
     corners: [DVec3; 3],
     normals: [DVec3; 3],
     lambertian: DVec3,
-    /// The reflectance k_G of the highlight. If it is not 0, the shininess is 100.
+    /// The reflectance k_G of a surface's highlight. If k_G is not 0, the shininess is 100.
     glossy: f64,
 }
 
@@ -107,7 +107,7 @@ impl Figure {
     }
 }
 
-/// Returns the single triangle of the book, *Computer Graphics: Principles and Practice*.
+/// Returns the single triangle of the book *Computer Graphics: Principles and Practice*.
 fn triangle(lambertian: DVec3) -> Triangle {
     Triangle {
         corners: [dvec3(0.0, 1.0, -2.0), dvec3(-1.9, -1.0, -2.0), dvec3(1.6, -0.5, -2.0)],
@@ -132,7 +132,8 @@ fn figure_4() -> Figure {
     Figure::new("figure-4", [&[green, reversed], &ground()[..]].concat())
 }
 
-/// Returns the pyramid of the paper's Figure 3. The camera sees neither its back nor its base, but only their shadow.
+/// Returns the pyramid of the student paper's Figure 3. The camera sees neither the pyramid's back nor its
+/// base, but only the shadow of both.
 fn pyramid(scene: &'static str) -> Figure {
     let (apex, front) = (dvec3(0.0, 2.0, -3.5), dvec3(0.0, -1.0, -2.0));
     let (left, right) = (dvec3(-2.0, -1.0, -3.0), dvec3(2.0, -1.0, -3.0));

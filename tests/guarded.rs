@@ -1,10 +1,10 @@
-//! raycl reads only ordinary files within limits. Its messages show only text of files that the user named, or that
-//! lie in the same folder as the file that names them.
+//! raycl reads only ordinary files within limits. Messages of raycl show only text of files that the user
+//! named, or that lie in the same folder as the file that names them.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
-/// The text of files that the user did not name. No message may show it.
+/// The text of files that the user did not name. No message may show this text.
 const SECRET: &str = "hunter2";
 
 const CONFIG: &str = r#"question = "?"

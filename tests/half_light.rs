@@ -68,8 +68,8 @@ fn a_transparent_background_keeps_its_coverage() {
     );
 }
 
-/// A grey background has no light that could be blocked: it must not change the light of surfaces beside it,
-/// and pixels at a silhouette keep their share of the background.
+/// A grey background has no light that could be blocked: the background must not change the light of surfaces
+/// beside it, and pixels at a silhouette keep their share of the background.
 #[test]
 fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     let folder = WorkFolder::with(&[("mesh.obj", MESH)]);

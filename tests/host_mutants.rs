@@ -64,8 +64,8 @@ fn are_statements(text: &str) -> bool {
         .is_some_and(|block| !block.stmts.iter().any(|statement| matches!(statement, syn::Stmt::Local(_))))
 }
 
-/// The changes of all rows without `apart` are built into one program. In this program, a condition chooses between a
-/// row's original text and its changed text.
+/// The changes of all rows without `apart` are built into one program. In the common program, a condition
+/// chooses between a row's original text and its changed text.
 #[test]
 fn rows_that_share_a_build_are_expressions_or_statements() {
     for Mutant { file, from, to, .. } in mutants().iter().filter(|row| !row.apart && row.reason.is_none()) {

@@ -9,7 +9,7 @@ use std::fs::{read_dir, read_to_string};
 use std::process::Command;
 use yaml_rust2::{Yaml, YamlLoader};
 
-/// The build script.
+/// The crate's build script.
 #[path = "../build.rs"]
 #[allow(dead_code, reason = "the test calls only one of its functions")]
 mod build_script;
@@ -67,7 +67,7 @@ fn every_command_of_the_workflows_exists() {
                 assert!(run.is_some() != uses.is_some(), "{path}, {job}: {step:?}");
                 run.into_iter().for_each(check);
                 // Each use of an action must name a version: GitHub rejects a workflow that uses an action
-                // without one.
+                // without a version.
                 assert!(uses.is_none_or(|action| action.contains('@')), "{path}, {job}: {uses:?}");
             }
         }

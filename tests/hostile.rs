@@ -40,7 +40,8 @@ fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
     );
 }
 
-/// Returns a folder of all drivers of this machine and a broken one.
+/// Returns a folder of all drivers of this machine and of a broken driver, which runs `body` as soon as it is
+/// loaded.
 fn among_good_ones(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
     let vendors = driver(folder, body);
     for icd in std::fs::read_dir("/etc/OpenCL/vendors").expect("PoCL: `make setup`").flatten() {
@@ -58,7 +59,7 @@ fn is_left_out(body: &str, reason: &str) {
     let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--device", "cpu"];
     let check = |arguments: &[&str]| {
         let mut raycl = folder.raycl(arguments);
-        // This time limit is long enough for drivers that work, even on a busy machine.
+        // The time limit of 10 s is long enough for drivers that work, even on a busy machine.
         raycl.env("OCL_ICD_VENDORS", &vendors).env("RAYCL_TEST_DRIVER_LIMIT_MS", "10000");
         let output = raycl.assert().success().get_output().clone();
         let said = String::from_utf8(output.stderr).expect("UTF-8");

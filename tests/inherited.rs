@@ -65,8 +65,8 @@ fn signal_in(unshare: u32, signal: Signal) {
     kill_process(raycl.expect("one process"), signal).expect("the process lives");
 }
 
-/// Starts a container, waits by `wait`, sends the signal to the container's first process, and checks the exit code.
-/// Returns what raycl wrote to standard error.
+/// Starts a container, calls `wait`, sends the signal to the container's first process, and checks the exit
+/// code. Returns what raycl wrote to standard error.
 #[track_caller]
 fn ends_with(signal: Signal, code: i32, mut command: Command, wait: impl Fn()) -> String {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());

@@ -206,7 +206,8 @@ fn sizes_are_those_of_the_scene_and_the_local_size() {
     );
 }
 
-/// The microscope counts the lines of a program from the first line after the comment with which `raycl kernel` begins.
+/// The microscope (the listing of `raycl compile`) counts the lines of a program from the first line after
+/// the comment with which `raycl kernel` begins.
 #[test]
 fn the_kernels_page_has_the_numbers_of_lines_of_naive() {
     let page = std::fs::read_to_string(repository("docs/kernels.md")).expect("a page");

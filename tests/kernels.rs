@@ -1,6 +1,6 @@
-//! Compares every preset at every local size, and a pairwise cover of all axes, with the reference on PoCL.
-//! `make test-long` tests all these points; `make test` tests each preset at 8 x 8 and at a fourth of the
-//! other local sizes, and half of the cover.
+//! Compares every preset at every local size, and a pairwise cover of all axes of strategies, with the
+//! reference on PoCL. `make test-long` tests all these points; `make test` tests each preset at 8 x 8 and at
+//! a fourth of the other local sizes, and half of the cover.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -11,7 +11,7 @@ use raycl::program::Sources;
 use raycl::scene::{Camera, Scene};
 use raycl::strategy::{Layout, PRESETS, Passes, Strategy, Traversal, Vectors, Width, preset};
 
-/// The paper's local sizes, and three that are not square.
+/// The local sizes of the student paper that raycl reproduces, and three local sizes that are not square.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
     [1, 1],
     [2, 2],
@@ -28,14 +28,14 @@ const LOCAL_SIZES: [[u32; 2]; 13] = [
     [3, 5],
 ];
 
-/// The image's size. The width and the height are odd, so that no even number of work-items or rays divides
-/// them.
+/// The size of the tests' images. The width and the height are odd, so that no even number of work-items or
+/// rays divides them.
 const SIZE: [u32; 2] = [45, 29];
 
 type Point = (Strategy, [u32; 2]);
 
-/// Checks points. Panics with a list of all points that are wrong, or that do not fit the device and for
-/// which `may_not_fit` returns false.
+/// Compares the pictures of points (strategies at local sizes) with the reference. Panics with a list of all
+/// points whose pictures are wrong, or that do not fit the device and for which `may_not_fit` returns false.
 fn all_agree(
     stand: &mut Stand,
     points: impl IntoIterator<Item = Point>,
@@ -59,7 +59,7 @@ fn is_too_large(infeasible: &str) -> bool {
     infeasible.contains('>') || infeasible.contains("supports at most")
 }
 
-/// Returns false, so that every point has to fit.
+/// Returns false, so that every point has to fit the device.
 fn none(_: &Point) -> bool {
     false
 }
@@ -147,8 +147,8 @@ fn lit_from_close_by(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Lights are on both sides of the surfaces, and there are more lights than the work-items of a tile process in one
-/// round.
+/// Lights are on both sides of the surfaces, and there are more lights than the work-items of a tile process
+/// together (in one round of lights).
 #[test]
 fn many_lights_on_all_sides() {
     apart!();

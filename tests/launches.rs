@@ -1,5 +1,5 @@
 //! Tests of launches. A launch is one measurement of a group of points. Each launch uses new worker
-//! processes. A launch is repeated completely if it lost a worker or was interrupted.
+//! processes. A launch is repeated completely if one of its workers died or if it was interrupted.
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::experiment::Past;
@@ -33,7 +33,7 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
         assert!(launches.windows(2).all(|pair| pair[0] < pair[1]) && launches != [0, 1, 2], "{launches:?}");
         assert!(record.interval_ms.is_some());
     }
-    // The baseline is measured in the same rounds as the kernels.
+    // The baseline (the caster on the host) is measured in the same rounds of samples as the kernels.
     let samples = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
     for round in samples.chunks(3) {
         assert!(round.iter().all(|one| (one.launch, one.round) == (round[0].launch, round[0].round)));
@@ -46,8 +46,8 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
 fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
     let folder = folder();
     let interrupted: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
-    // When the run is interrupted, both groups have had a launch (42 requests), and the first group has begun its
-    // second launch.
+    // When the run is interrupted, both groups of points have had a launch (42 requests), and the first group
+    // has begun its second launch.
     let mut mock = Mock::new(|scene| {
         interrupted.store(scene.requests >= 52, Ordering::Relaxed);
         Act::Answer

@@ -6,8 +6,8 @@ use flate2::write::GzEncoder;
 use image::RgbImage;
 use std::io::Write as _;
 
-/// The four corners of a tetrahedron, which its faces share. The mesh has no normals. If it is rendered as a bare mesh,
-/// all edges stay sharp, since the faces meet at more than 40 degrees.
+/// The four corners of a tetrahedron, which its faces share. The mesh has no normals. If the tetrahedron is
+/// rendered as a bare mesh, all edges stay sharp, since the faces meet at more than 40 degrees.
 const CORNERS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.25], [1.0, 0.0, -2.0], [1.0, 2.0, -1.0]];
 const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 

@@ -1,10 +1,11 @@
 //! The microscope of `raycl compile`: each source line with the instructions that the device's compiler
 //! generated from it.
 //!
-//! The working vectors are the vectors of a ray, such as its origin and direction. Three adjacent lines write them, one
-//! line for each component, and a single line reads them. These lines show whether instructions are attributed to the
-//! right lines. The lines before and after the stores must have no stores. The line of the loads must have no
-//! stores, and the next line must have no loads.
+//! The working vectors are the vectors of a ray, such as its origin and direction. In the source, three
+//! adjacent lines write a working vector, one line for each component, and a single line reads a working
+//! vector. These four lines show whether instructions are attributed to the right lines. The lines before and
+//! after the stores must have no stores. The line of the loads must have no stores, and the next line must
+//! have no loads.
 
 use crate::binary::{WorkFolder, device, has, repository, run};
 use serde_json::Value;
@@ -130,10 +131,10 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
     assert!(with_line * 100 > all * percent, "{with_line} of {all} instructions have a line");
 }
 
-/// Renders the teapot with these options and with a new folder for PoCL's compiled kernels, which `compile` may use
-/// afterwards. Returns the path of the file with the machine code of the kernel that the frame ran; the file's folder
-/// is named by the local size. Returns `None` if the driver is not PoCL, since it then does not use the folder for
-/// compiled kernels.
+/// Renders the teapot with these options and with a new folder for PoCL's compiled kernels, which `compile`
+/// may use afterwards. Returns the path of the file with the machine code of the kernel that the frame ran;
+/// the file's folder is named by the local size. Returns `None` if the driver is not PoCL, since other
+/// drivers do not use the folder for compiled kernels.
 fn rendered(folder: &WorkFolder, kernel: &str, local_size: &str, options: &[&str]) -> Option<PathBuf> {
     let (scene, device) = (repository("scenes/teapot.toml"), device());
     let scene = scene.to_str().expect("a path");

@@ -1,4 +1,4 @@
-//! Mip levels: textures that are seen from far away, in every family that supports them.
+//! Mip levels: textures that are seen from far away, in every kernel family that supports textures.
 
 use crate::binary::{WorkFolder, apart, has, repository};
 use crate::common::{due, one_preset_of_each_family};

@@ -154,7 +154,7 @@ fn local_size(strategy: &Strategy) -> [u32; 2] {
     }
 }
 
-/// Returns a strategy with other values on some axes.
+/// Returns the strategy `strategy` with the values that `with` lists, such as `width=4`.
 fn with_values(mut strategy: Strategy, with: &str) -> Strategy {
     for assignment in with.split(',') {
         let (axis, value) = assignment.split_once('=').expect("axis=value");
@@ -320,7 +320,8 @@ fn every_file_is_broken_in_every_family_that_is_made_of_it() {
     }
 }
 
-/// Returns a strategy, and every strategy without a contradiction that differs from it in one axis.
+/// Returns the strategy `base`, and every strategy that differs from `base` on one axis and has no values
+/// that contradict each other.
 fn one_value_away(base: Strategy) -> Vec<Strategy> {
     let changed = AXES.iter().flat_map(|axis| axis.values().into_iter().map(|(value, _)| (axis.name, value)));
     let changed = changed.map(|(axis, value)| {

@@ -19,7 +19,8 @@ fn scene(name: &str) -> Scene {
     load_scene(&path).expect("a scene").scene
 }
 
-/// Returns every family, and packets of rays, with each ray-triangle test that they support.
+/// Returns strategies of every kernel family, and of ray packets, with each ray-triangle test that they
+/// support.
 fn strategies() -> Vec<Strategy> {
     let tests = [
         Intersector::MOLLER_TRUMBORE,

@@ -174,8 +174,9 @@ fn triangles_of_no_area_and_needles() {
     finite_everywhere("triangles of no area", scene);
 }
 
-/// Returns a scene of triangles that are about as narrow as a rounding error, each along a row of pixels. `at_points`
-/// is the normal at each triangle's narrow tip; it may make the tips darker than the other corners.
+/// Returns a scene of triangles that are about as narrow as a rounding error, each along a row of pixels.
+/// `at_points` is the normal at each triangle's narrow tip; this normal may make the tips darker than the
+/// other corners.
 fn needles(at_points: Vec3) -> Scene {
     let mut scene = scene("triangle.toml");
     let corners = (0..64).flat_map(|row| {
@@ -230,7 +231,7 @@ fn lit_from(distance: f32) -> Scene {
     scene
 }
 
-/// Returns the share of the pixels of a strategy's image that are at least a tenth darker than expected.
+/// Returns which fraction of the pixels of a strategy's image is at least a tenth darker than expected.
 fn dark_share(stand: &Stand, strategy: &Strategy, expected: &Radiance) -> f64 {
     let image = stand.cast(strategy, LOCAL).expect("it fits");
     let pairs = image.pixels.iter().zip(&expected.pixels);
@@ -284,8 +285,9 @@ fn shadow_rays_of_very_different_lengths_are_right_in_one_tile() {
 }
 
 /// A shadow ray from a distant light ends before the hit, so it does not meet a surface that is nearer to the
-/// hit than this end. A shadow ray that starts at the hit meets this surface. So the shadow near the point
-/// where the sphere touches the ground is uncertain, and a picture is right with this shadow and without it.
+/// hit than this end. A shadow ray that starts at the hit meets this surface. The shadow near the point where
+/// the sphere touches the ground is therefore uncertain, and a picture is right with this shadow and without
+/// it.
 #[test]
 fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     apart!();

@@ -16,7 +16,7 @@ const OPTIONS: &str = "-cl-opt-disable";
 /// The options for the faults that Oclgrind looks for besides accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";
-/// Pixels across and down, unless a test sets others.
+/// The width and height of pictures in pixels, unless a test sets another width and height.
 const SIZE: [&str; 2] = ["18", "11"];
 
 fn spelled(strategy: &Strategy) -> String {
@@ -37,7 +37,7 @@ struct Simulation<'a> {
     /// More arguments of `raycl render`.
     options: &'a [&'a str],
     plugin: &'a str,
-    /// A folder of kernels that replace built-in ones.
+    /// A folder of kernel files that replace built-in files.
     cl: Option<&'a Path>,
 }
 
@@ -108,12 +108,13 @@ fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) ->
     all_clean_at(SIZE, scene, strategies, local, plugin)
 }
 
-/// Does the same as `all_clean`, but for pictures of this width and height.
+/// Casts pictures under Oclgrind and reports faults, like `all_clean`, but with this width and height.
 fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     all_clean_with(&[], size, scene, strategies, local, plugin)
 }
 
-/// Does the same as `all_clean_at`, but with more arguments of `raycl render`.
+/// Casts pictures under Oclgrind and reports faults, like `all_clean_at`, but with more arguments of the
+/// command `raycl render`.
 fn all_clean_with(
     options: &[&str],
     size: [&str; 2],
@@ -220,9 +221,10 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
     assert_eq!(all_clean_at(["16", "11"], "pyramid-lower.toml", &[tile], "1x1", RACES), 1);
 }
 
-/// The scenes of the other tests need no code for soft light, several samples, pictures of skies or textures. Blocks of
-/// samples fit exactly into the first picture, and extend beyond the second one. (Oclgrind cannot run the kernels of
-/// soft light at half resolution: it lacks a function of LLVM that the compiler inserts.)
+/// The scenes of all other tests in this file need no code for soft light, several samples, pictures of skies
+/// or textures. Blocks of samples fit exactly into the first picture, and extend beyond the second one.
+/// (Oclgrind cannot run the kernels of soft light at half resolution: it lacks a function of LLVM that the
+/// compiler inserts.)
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];

@@ -1,5 +1,5 @@
-//! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as
-//! docs/own-kernels.md describes.
+//! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to a strategy's
+//! axis, as docs/own-kernels.md describes.
 
 use crate::binary::{TRIANGLE, WorkFolder, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
@@ -124,7 +124,8 @@ fn a_mistake_in_a_folder_has_its_position_and_remedy() {
     let folder = changed(&work_folder, FILE, "prepared_for: any-ray", "prepared_for: any-rays");
     let said = mistake(&work_folder, &folder);
     has(&said, &[FILE, "line 4", "'any-rays' is not a valid 'prepared_for'", "did you mean 'any-ray'?"]);
-    // A file that replaces a built-in value of an axis needs a header (comment lines such as `// meaning: TEXT`), too.
+    // A file that replaces a built-in value of a strategy's axis needs a header, too: comment lines such as
+    // `// meaning: TEXT`.
     let work_folder = WorkFolder::new();
     let folder = changed(&work_folder, "cast/intersect/watertight.cl", "// meaning: ", "// ");
     has(
@@ -240,8 +241,8 @@ fn a_folder_holds_what_differs() {
     has(&message, &["kernels/common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
-/// Every axis whose values are kernel files accepts an additional value: in this test, a copy of a built-in
-/// value under another name.
+/// Every axis of strategies whose values are kernel files accepts an additional value: in this test, a copy
+/// of a built-in value under another name.
 #[test]
 fn each_axis_of_files_takes_a_new_one() {
     let work_folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -350,7 +351,7 @@ fn table<'a>(page: &'a str, heading: &str) -> Vec<Vec<&'a str>> {
     rows.map(|row| row.trim_matches('|').split('|').collect()).collect()
 }
 
-/// Returns the names that a cell quotes, without parameters.
+/// Returns the names that a cell of a table quotes, without parameters.
 fn named(cell: &str) -> Vec<&str> {
     let quoted = cell.split('`').skip(1).step_by(2);
     quoted.map(|name| name.split('(').next().unwrap_or_default()).collect()

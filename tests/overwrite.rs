@@ -10,7 +10,7 @@ use std::time::Duration;
 /// The contents of a user's own file.
 const MINE: &str = "the only copy";
 
-/// The time limit of a process. Only a process that hangs reaches it.
+/// The time limit of a process. Only a process that hangs reaches this limit.
 const LIMIT: Duration = Duration::from_secs(180);
 
 /// Checks that a command is refused before it does any work or loads a driver, that the file is unchanged, and that
@@ -28,7 +28,7 @@ fn refused(folder: &WorkFolder, arguments: &[&str], file: &str, parts: &[&str]) 
 const STRANGE: &str = "raycl did not make it";
 const CHANGED: &str = "has been changed since raycl made it";
 
-/// Renders with these arguments.
+/// Runs `raycl render` with these arguments.
 fn render(folder: &WorkFolder, more: &[&str]) {
     let device = device();
     let size = ["render", "--quiet", "--device", &device, "--width", "24", "--height", "15"];

@@ -10,7 +10,8 @@ use raycl::scene::{Scene, load_scene};
 use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
 use std::fmt::Write as _;
 
-/// The image's size. The width and the height are odd, so that rays run along planes of symmetry.
+/// The size of the tests' images. The width and the height are odd, so that rays run along planes of
+/// symmetry.
 const SIZE: [u32; 2] = [161, 101];
 
 fn strategies() -> Vec<Strategy> {
@@ -20,14 +21,15 @@ fn strategies() -> Vec<Strategy> {
     all.into_iter().filter(compiles_soon).collect()
 }
 
-/// Returns the scene of the paper's Figure 4 with its light at another position.
+/// Returns the scene of Figure 4 of the student paper that raycl reproduces, with its light at another
+/// position.
 fn lit_from(x: f32, y: f32, z: f32) -> Scene {
     let mut scene = scene("figure-4.toml");
     scene.lights[0].position = vec3(x, y, z);
     scene
 }
 
-/// Returns the scene of the paper's Figure 4, seen from within the plane of its triangle.
+/// Returns the scene of the student paper's Figure 4, seen from within the plane of its triangle.
 fn seen_along_the_triangle() -> Scene {
     let mut scene = scene("figure-4.toml");
     let camera = &mut scene.camera;
@@ -175,9 +177,9 @@ fn seen_along(forward: Vec3) -> Scene {
     scene
 }
 
-/// The watertight ray-triangle test swaps coordinates so that it looks along the axis nearest to the ray. This swap
-/// must not turn the front of a triangle into its back. The camera therefore looks along each axis in both directions,
-/// and culling must remove the triangles that the reference removes.
+/// The watertight ray-triangle test swaps coordinates so that it looks along the axis nearest to the ray.
+/// Swapping coordinates must not turn the front of a triangle into its back. The camera therefore looks along
+/// each axis in both directions, and culling must remove the triangles that the reference removes.
 #[test]
 fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
     for forward in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {

@@ -61,7 +61,7 @@ fn exposure_and_tone_change_what_is_displayed_and_not_the_radiance() {
         picture.pixels().map(|pixel| pixel.0[0]).max().expect("a pixel")
     };
     // The usual display curve shows everything brighter than white as white; the filmic curve keeps
-    // differences there.
+    // differences between such bright values.
     let usual = brightest(&[]);
     assert_eq!(brightest(&["--exposure", "200", "--verify"]), 255);
     let filmic = brightest(&["--exposure", "200", "--tone", "filmic", "--verify"]);
@@ -173,8 +173,8 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     // if passes are fused, after the pass that casts all rays.
     for (passes, apart) in [("separate", true), ("fused", false)] {
         let strategy = format!("tile-group,passes={passes}");
-        // This scene's program takes PoCL half a minute to compile. Another test uses the same program, so PoCL
-        // compiles it only once.
+        // The program for the scene of hills takes PoCL half a minute to compile. Another test uses the same
+        // program, so PoCL compiles it only once.
         let hills = crate::binary::repository("scenes/terrain.toml");
         let hills = ["--strategy", &strategy, "-o", "hills.png", hills.to_str().expect("UTF-8")];
         let tiles = report(&folder, &[&hills[..], &size].concat());

@@ -123,8 +123,8 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(complaint.contains("naive 8x8 is 20.0% slower"), "{complaint}");
     outcome(&["compare", path(&before), path(&after), "--fail-on-regression", "25%", "--quiet"], 0);
     outcome(&["compare", path(&before), path(&before), "--fail-on-regression", "0", "--quiet"], 0);
-    // `raycl compare` does not test points that the second folder lacks. A note names these points only with
-    // a limit (`--fail-on-regression`).
+    // `raycl compare` does not test measured points that the second folder of results lacks. A note names
+    // these points only with a limit (`--fail-on-regression`).
     let two = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
     let compare = ["compare", path(&before), path(&two), "--json"];
     for (limit, is_noted) in [(&["--fail-on-regression", "5"][..], true), (&[], false)] {
@@ -144,7 +144,7 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(out.path().join("compare.html").exists() && out.path().join("plots/compare.png").exists());
 }
 
-/// Every point may fail in the second run, for example after an update of a driver.
+/// Every point of the experiment may fail in the second run, for example after an update of a driver.
 #[test]
 fn points_that_all_fail_now_fail_the_ci() {
     let works = folder(&[record("teapot", "wide", 32, 1.0)]);

@@ -1,4 +1,5 @@
-//! `raycl reproduce`: one command for all of the paper's configs, which continues where it stopped.
+//! `raycl reproduce`: one command that runs all configs of the student paper that raycl reproduces, and
+//! continues where it stopped.
 
 use crate::binary::{WorkFolder, device, has};
 
@@ -39,7 +40,7 @@ fn a_reproduction_goes_on_where_it_stopped() {
     std::fs::remove_dir_all(folder.path("out/figure-8")).expect("it is there");
     let (_, progress) = reproduce(&folder, &["--resume"]);
     has(&progress, &["1 of 5 points are done already", "3 of 5 points are done already", "[4/5, about "]);
-    // The point that this command has just measured is not counted as done already.
+    // The point of the experiment that this command has just measured is not counted as done already.
     has(&progress, &["4 of 5 points are done already"]);
     assert_eq!(progress.lines().filter(|line| line.starts_with('[')).count(), 1, "{progress}");
     assert_eq!(folder.text("out/figure-6/records.jsonl"), first);

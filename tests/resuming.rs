@@ -56,8 +56,8 @@ fn torn_at_every_byte(name: &str) {
     let length = read(name).len();
     let resume_after = |cut: usize, run: &Run<'_>| {
         for (file, bytes) in &journals {
-            // A point's samples are written before its record. A test that cuts off records.jsonl therefore keeps all
-            // of samples.jsonl. The other test cuts off only samples.jsonl.
+            // A point's samples are written before its record. A test that cuts off records.jsonl therefore
+            // keeps all of samples.jsonl. A second test cuts off only samples.jsonl.
             let end = if *file == name { cut } else { bytes.len() };
             std::fs::write(torn.path().join(file), &bytes[..end]).expect("a torn journal");
         }
@@ -66,9 +66,9 @@ fn torn_at_every_byte(name: &str) {
         let records = execute_run(run, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2, "cut at {cut}");
         let counts = mock.counts.borrow();
-        // If a point's record is missing, the first frame of the point is checked again, but its samples are
-        // not measured again. A point whose record is complete is not measured again, even if its samples are
-        // lost.
+        // If the record of a measured point is missing, the first frame of the point is checked again, but
+        // its samples are not measured again. A point whose record is complete is not measured again, even if
+        // its samples are lost.
         let checks = if name == "records.jsonl" { 2 - lines } else { 0 };
         assert_eq!((counts.checks.len(), counts.casts.len()), (checks, 0), "cut at {cut}");
         nothing_twice(torn.path());

@@ -1,4 +1,4 @@
-//! `raycl run`: its plan, its results, and points that fail.
+//! `raycl run`: its plan, its results, and points of the experiment that fail.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
 use serde_json::Value;
@@ -85,8 +85,9 @@ fn every_point_is_recorded_with_every_field() {
         let [median_ms, q1_ms, q3_ms, tests] = ["median_ms", "q1_ms", "q3_ms", "tests_per_s"]
             .map(|name| record[name].as_f64().expect("a number"));
         assert!(q1_ms <= median_ms && median_ms <= q3_ms, "{record}");
-        // There is one triangle, so each ray has one test. None of these strategies has a separate primary
-        // pass, so raycl computes the rate of tests from the time of the whole frame.
+        // The scene has one triangle, so each ray is tested against one triangle. None of these strategies
+        // casts primary rays in a separate pass, so raycl computes the rate of tests from the time of the
+        // whole frame.
         assert!((tests / (33.0 * 20.0 / median_ms * 1e3) - 1.0).abs() < 1e-9, "{record}");
     }
     let naive = records.iter().find(|record| record["name"] == "naive").expect("naive");
@@ -108,8 +109,8 @@ fn the_folder_has_all_that_is_promised() {
         let times: Vec<_> = own.map(|sample| sample["ms"].clone()).collect();
         assert_eq!(record["samples_ms"], Value::from(times));
         // The number of samples that were left out because another process used the processor is known, since
-        // the host's processors cast all samples. This number is 0, since no sample is left out of a launch
-        // with only five samples.
+        // the host's processors cast all samples. The number of samples that were left out is 0, since no
+        // sample is left out of a launch with only five samples.
         assert_eq!(record["preempted_samples"], 0);
         let picture = folder.path("out").join(record["image"].as_str().expect("a picture"));
         assert_eq!(image::image_dimensions(picture).expect("a picture"), (33, 20));

@@ -44,8 +44,8 @@ fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     }
 }
 
-/// Returns the command's report about samples. At the picture's size of 61 x 43 pixels, the last block of pixels in
-/// each row and in each column is partial.
+/// Renders a picture, and returns what the report of `raycl render` says about samples. At the picture's size
+/// of 61 x 43 pixels, the last block of pixels in each row and in each column is partial.
 fn report(folder: &WorkFolder, options: &[&str]) -> serde_json::Value {
     report_of_size(folder, ["61", "43"], options)
 }
@@ -80,7 +80,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
 }
 
 /// The square's edge lies between two pixels and between two blocks of 4 x 4 pixels. A line of blocks across
-/// the edge has ten blocks: the two blocks at the edge get 16 samples per pixel, and the other eight get one.
+/// the edge has ten blocks: the two blocks at the edge get 16 samples per pixel, and the other eight blocks
+/// get one sample per pixel.
 #[test]
 fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour() {
     let light = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n";
@@ -169,8 +170,8 @@ fn tiles_and_rough_blocks_on_the_right_of_a_wide_picture_are_cast_there() {
     }
 }
 
-/// The changed kernels cast tiles with several samples of each pixel in one frame. In these kernels, a sample
-/// is at another position, is counted twice, or is missing.
+/// The changed kernels cast tiles with several samples of each pixel in one frame. In the changed kernels, a
+/// sample is at another position, is counted twice, or is missing.
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -202,8 +203,9 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     }
 }
 
-/// A work-item's word has too few bits for all lights, so lights are processed in rounds. The 17 samples take
-/// two frames. In both frames, each round adds the radiance due to the round's lights to the mean.
+/// A work-item's word has too few bits for all lights, so lights are processed in rounds. The 17 samples of
+/// each pixel take two frames. In both frames, each round of lights adds the radiance due to its lights to
+/// the mean.
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();

@@ -63,7 +63,7 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
 }
 
 /// Returns the image of the last scene, and true if the caster accepted this scene. The caster is created for
-/// the first scene, and then gets the other scenes.
+/// the first scene, and then has to change to each of the other scenes.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
     let sampling = Sampling { first: 2, ..Sampling::all(6) };

@@ -3,10 +3,10 @@
 use crate::binary::WorkFolder;
 use crate::common::due;
 
-/// Coloured lights shine on a smooth, shiny ball on the ground. Most pixels can be shaded once, but not those
-/// at edges, at edges of shadows, in highlights, and where light grazes the surface. The lights are distant,
-/// and the camera has a long focal length, so that light hardly differs within a pixel, as in a large
-/// picture.
+/// Coloured lights shine on a smooth, shiny ball on the ground. Most pixels can be shaded once instead of
+/// once per sample, but not those at edges, at edges of shadows, in highlights, and where light grazes the
+/// surface. The lights are distant, and the camera has a long focal length, so that light hardly differs
+/// within a pixel, as in a large picture.
 const BALL: &str = "[camera]
 position = [0, 1, 3]
 look_at = [-0.5, -0.35, -2.3]

@@ -12,7 +12,8 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-/// Number of points of the config, which has two strategies, three local sizes and two image sizes.
+/// Number of points that the config's experiment measures. The config has two strategies, three local sizes
+/// and two image sizes.
 const POINTS: usize = 2 * 3 * 2;
 
 /// A config, and the folder that its shards write to.
@@ -75,8 +76,8 @@ impl Ground {
         read_lines(&self.folder.path(file)).expect("records").lines
     }
 
-    /// Checks that every point has one record, that each of its samples occurs once, and that no other samples
-    /// exist.
+    /// Checks that every point of the experiment has one record, that each of its samples occurs once, and
+    /// that no other samples exist.
     fn is_whole(&self) {
         let records = self.records("out/records.jsonl");
         let keys: HashSet<_> = records.iter().map(|record| record.key.clone()).collect();
@@ -109,8 +110,8 @@ fn kill(process: u32) {
     let _ = kill_process(process, Signal::KILL);
 }
 
-/// Returns every file of a folder with its bytes, except two files that differ from run to run. These are the
-/// report, whose script has a random name, and the file with the report's hash.
+/// Returns every file of a folder with its bytes, except two files that differ from run to run. These two
+/// files are the report, whose script has a random name, and the file with the report's hash.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let same =
@@ -134,8 +135,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // There are two groups but three shards, so one group is divided. Both parts of the divided group measure
-    // the same control point, by which the parts can be compared.
+    // The plan has two groups of points but three shards, so one group is divided. Both parts of the divided
+    // group measure the same control point, by which the parts can be compared.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let of_controls = format!(", {} more samples of control points; 0 samples not used", 10 * controls.len());

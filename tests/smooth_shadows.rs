@@ -1,11 +1,11 @@
-//! Smooth shadows, in every family, and the scenes that get them by default.
+//! Smooth shadows, in every kernel family, and the scenes that get smooth shadows by default.
 
 use crate::binary::{WorkFolder, apart, device, repository};
 use crate::common::due;
 use image::RgbImage;
 
-/// These strategies cast rays one by one and in vectors, with and without planes through a common origin, with and
-/// without a tree, in fused and in separate passes.
+/// Strategies of several kernel families, which cast rays one by one and in vectors, with and without planes
+/// through a common origin, with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 4] = ["wide-common-origin", "bvh-packet", "tile", "tile,passes=separate"];
 const OFF: [&str; 2] = ["--set", "smooth_shadows=false"];
 /// A light with a radius, and a sky.
@@ -92,7 +92,7 @@ fn a_coarse_bare_mesh_has_smooth_shadows_and_the_picture_of_half_light_is_right(
     let usual = of(&["--verify"]);
     assert_eq!(usual, of(&["--set", "smooth_shadows=true"]));
     assert_ne!(usual, of(&OFF));
-    // The look without soft light stays as it was.
+    // The plain look, which has no soft light, has no smooth shadows by default.
     assert_eq!(of(&["--plain"]), of(&[&["--plain"][..], &OFF].concat()));
     assert_ne!(of(&["--plain"]), of(&["--plain", "--set", "smooth_shadows=true"]));
 }

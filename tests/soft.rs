@@ -1,4 +1,4 @@
-//! Soft lights and the sky, in every family that supports them.
+//! Soft lights and the sky, in every kernel family that supports them.
 
 use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::due;
@@ -184,9 +184,9 @@ fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     }
 }
 
-/// This is the only test of soft light that compares pictures with the reference if work-items share tiles:
-/// PoCL takes long to compile the kernels of such tiles. The tests of changed kernels below expect a wrong
-/// picture, so they do not notice a kernel that is wrong even without the change.
+/// Among the tests of soft light, only this one compares pictures of strategies whose work-items share tiles
+/// with the reference: PoCL takes long to compile the kernels of such tiles. The tests of changed kernels
+/// below expect a wrong picture, so they do not notice a kernel that is wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let folder = where_shadow_rays_end();
@@ -199,8 +199,8 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
         let mut command = folder.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
     }
-    // The sky comes after the lights of the second round. Within a round, a light's number is counted from the
-    // round's first light.
+    // The sky comes after the lights of the second round of lights (the lights that a frame processes
+    // together). Within a round of lights, a light's number is counted from the round's first light.
     let lights: String =
         (0..16).map(|x| format!("[[light]]\nposition = [{x}, 3, -2]\npower = 3\n")).collect();
     folder.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
@@ -385,7 +385,7 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
         assert_eq!(of(&options).1["triangles"], 4, "{options:?}");
     }
     assert_eq!(of(&["--background", "black"]).0[(3, 36)].0, [0; 3]);
-    // If the user sets a light, it replaces the lights, the sky and the ground that raycl would add.
+    // If the user sets a light, this light replaces the lights, the sky and the ground that raycl would add.
     let own = of(&["--set", "light.0.position=[1, 4, 3]", "--set", "light.0.power=100"]).1;
     assert_eq!((&own["triangles"], &own["lights"], &own["samples"]), (&4.into(), &1.into(), &6.into()));
 }

@@ -99,7 +99,7 @@ fn two_devices_cast_the_samples_of_one() {
 }
 
 /// It depends on the machine whether two devices that share two cores are faster than one device. The message
-/// about a device that is left out must be true in both cases.
+/// about a device that is left out must be true in either case.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();
@@ -179,8 +179,9 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     for sample in folder.json_lines("out/samples.jsonl") {
         assert_eq!(sample["measured_on"].as_str(), of_records[&sample["key"].as_str()], "{sample}");
     }
-    // A point has the same key on each of these equal devices, so `--resume` measures nothing again. The blocks (the
-    // parts of the points that each device measures) also stay the same, whatever times were measured.
+    // A point of the experiment has the same key on each of these equal devices, so `--resume` measures
+    // nothing again. The blocks (the parts of the points that each device measures) also stay the same,
+    // whatever times were measured.
     let blocks = folder.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
     assert_eq!(folder.text("out/blocks.json"), blocks);
@@ -197,7 +198,7 @@ fn a_batch_has_the_mean_time_of_its_frames_and_the_same_picture() {
     assert_eq!(caster.cast().expect("a frame").batch, None);
     let times = caster.cast_batch(5).expect("a batch");
     assert_eq!(times.batch, Some(5));
-    // The elapsed time is the time of five frames, and each frame's share is a fifth.
+    // The elapsed time is that of five frames, and the time per frame is a fifth of it.
     assert!((times.elapsed_ms() - 5.0 * times.host_ms).abs() < 1e-9 && times.frame_ms <= times.elapsed_ms());
     let parts = times.primary_ms.zip(times.shadow_ms).map(|(primary, shadow)| primary + shadow);
     assert!(parts.is_some_and(|sum| (sum - times.frame_ms).abs() < 1e-9), "{times:?}");

@@ -64,8 +64,8 @@ fn crashes_that_repeat_stop_being_retried() {
 
 #[test]
 fn a_failed_launch_costs_its_point_only_even_if_the_device_then_refuses_everything_to_the_worker() {
-    /// Starts workers whose device fails at point 1: if `casting` is true, in the point's first cast,
-    /// otherwise in its check.
+    /// Starts workers whose device fails at point 1 of the experiment: if `casting` is true, when the point
+    /// is cast for the first time; if `casting` is false, when the point is checked.
     struct Failing {
         of: Mock,
         casting: bool,
@@ -117,8 +117,8 @@ fn workers_that_die_at_random_moments_cost_nothing() {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut struck = HashMap::new();
         let (records, _) = once(CONFIG, move |scene| {
-            // At most one worker dies per point. After a second loss, the supervisor would count the point as
-            // failed.
+            // At most one worker dies per point of the experiment. After a second loss, the supervisor would
+            // count the point as failed.
             let strikes: &mut usize = struck.entry(point_of(scene.request)).or_default();
             if *strikes == 0 && rng.random_bool(0.1) {
                 *strikes += 1;

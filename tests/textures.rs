@@ -1,4 +1,5 @@
-//! Tests of textures (pictures that give surfaces their colours), in every family that supports them.
+//! Tests of textures (pictures that give surfaces their colours), in every kernel family that supports
+//! textures.
 
 use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::due;
@@ -261,7 +262,7 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     let clamp = of(r#"{"wrapS": 33071, "wrapT": 33071}"#, "");
     let mirror = of(r#"{"wrapS": 33648, "wrapT": 33648}"#, "");
     assert!(repeat != clamp && clamp != mirror && repeat != mirror);
-    // Each axis has its own wrap mode.
+    // In glTF, each of the two texture coordinates has its own wrap mode.
     let across = of(r#"{"wrapS": 33071, "wrapT": 33648}"#, "");
     let down = of(r#"{"wrapS": 33648, "wrapT": 33071}"#, "");
     assert!(

@@ -9,7 +9,7 @@ const SHOWN: [u32; 53] = [
     51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 66, 67, 69, 72, 73, 74, 78, 79, 80, 81, 82, 83,
 ];
 
-/// The result of rendering a file.
+/// The result of rendering one of the OBJ files.
 enum End {
     Picture,
     Refused(String),

@@ -73,7 +73,8 @@ fn a_wrong_alpha_is_a_wrong_picture() {
     folder.notices(halved, "tile", &["--background", "transparent", "--samples", "4", "--verify"]);
 }
 
-/// With many lights, the strategy `tile-group` adds light to the picture in several rounds.
+/// With many lights, the strategy `tile-group` adds light to the picture in several rounds, with a few of the
+/// lights in each round.
 #[test]
 fn a_surface_under_many_lights_covers_its_pixel_once() {
     let (folder, device) = (WorkFolder::new(), device());

@@ -7,7 +7,7 @@ use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
 use std::path::Path;
 
-/// The image's size. Neither the width nor the height is a multiple of a tile's.
+/// The size of the tests' images. Neither the width nor the height is a multiple of a tile's.
 const SIZE: [u32; 2] = [75, 47];
 
 fn of(name: &str) -> Strategy {
@@ -49,9 +49,9 @@ fn many_lights_an_interior_and_hills() {
     }
 }
 
-/// The strategy `tile-group` casts shadow rays in rounds of several lights. The number of lights in a round depends on
-/// the tile's size, because one word has a bit for each light and each ray of a work-item. With the tiles of this test,
-/// 32 lights take two to eleven rounds.
+/// The strategy `tile-group` processes lights in rounds, and casts shadow rays to several lights in each
+/// round. The number of lights in a round depends on the tile's size, because one word has a bit for each
+/// light and each ray of a work-item. With the tiles of this test, 32 lights take two to eleven rounds.
 #[test]
 fn rounds_of_lights_of_every_tile() {
     apart!();
@@ -113,8 +113,8 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
             all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
     }));
     agrees(with_triangles(|scene| {
-        // Adds, for each triangle, a triangle that is a point and a triangle that is a line. Then adds a
-        // thousand points at the same position.
+        // Adds, for each triangle, a triangle that is a point and a triangle that is a line. After that, the
+        // test adds a thousand triangles that are points at the same position.
         let all = scene.mesh.triangles.clone();
         let flat = |positions: [u32; 3], triangle: &Triangle| Triangle { positions, ..*triangle };
         for triangle in &all {

@@ -1,5 +1,5 @@
-//! Two runs that take turns on one device. Their workers are replaced by objects that only record the order
-//! of casts, so the test needs no worker process, no real device and no clock.
+//! Two runs that take turns on one device. The workers of both runs are replaced by objects that only record
+//! the order of casts, so the test needs no worker process, no real device and no clock.
 
 use raycl::config;
 use raycl::device_lock::Locks;
@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Barrier, Mutex};
 use std::time::Duration;
 
-/// Three groups, one per image size, of two points each.
+/// An experiment with three groups of points, one per image size. Each group has two points.
 const CONFIG: &str = r#"
 question = "Do they meet?"
 expectation = "No."

@@ -15,7 +15,7 @@ use raycl::strategy::{
     Intersector, NodeWidth, Passes, Records, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
 };
 
-/// Number of single rays per traversal.
+/// Number of single rays that are cast with each traversal.
 const RAYS: usize = 60_000;
 /// The side in pixels of a square image of at least [`RAYS`] pixels. At the image's edges, parts of tiles and
 /// work-groups are outside.
@@ -157,10 +157,11 @@ pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 4] {
     ]
 }
 
-/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their distance from
-/// the edge is 7e-7 of their length, which is a few rounding errors. For the Möller-Trumbore test, which allows each
-/// triangle its own rounding error, the distance is ten times larger. Tiles and the test `pixel-linear` cast only rays
-/// of a camera, not these rays. For such strategies, this function returns 0.
+/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. The
+/// distance at which such a ray passes the edge is 7e-7 of the ray's length, which is a few rounding errors.
+/// For the Möller-Trumbore test, which allows each triangle its own rounding error, the distance is ten times
+/// larger. Tiles and the test `pixel-linear` cast only rays of a camera, not these rays. For strategies with
+/// tiles or with `pixel-linear`, this function returns 0.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;
@@ -221,9 +222,9 @@ fn rays_beside_an_edge_miss() {
 }
 
 /// The ray-triangle tests of this list enlarge triangles a little, so that no ray slips between neighbours.
-/// This enlargement must not lengthen slivers. (The tests have a rule for triangles that look narrower than
-/// the enlargement. Without this rule, 347 to 3,679 rays hit slivers beyond their ends.) The enlargement of
-/// `pixel-linear` is larger than the one in this rule, so a few rays hit.
+/// This enlargement must not lengthen slivers. (The ray-triangle tests have a rule for triangles that look
+/// narrower than the enlargement. Without this rule, 347 to 3,679 rays hit slivers beyond their ends.) The
+/// enlargement of `pixel-linear` is larger than the one in this rule, so a few rays hit.
 #[test]
 fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     apart!();

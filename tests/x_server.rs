@@ -99,7 +99,7 @@ pub struct User {
     stream: UnixStream,
     root: u32,
     window: u32,
-    /// The least and the greatest key code.
+    /// The least and the greatest code of a key on the server's keyboard.
     keycodes: [u8; 2],
 }
 

@@ -14,7 +14,7 @@ pub(super) trait Boxed {
     /// The item's box, as a primitive. If the item is a cell, the triangle number in this primitive has no
     /// meaning.
     fn primitive(&self) -> &Primitive;
-    /// Number of triangles in the item.
+    /// Number of triangles in the item: 1 for a primitive.
     fn count(&self) -> u32;
 }
 
@@ -30,7 +30,7 @@ impl Boxed for Primitive {
     }
 }
 
-/// Maps the centre of a primitive to the number of a slice along each axis.
+/// Finds in which slice of a node the centre of a primitive lies, along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slicer<const N: usize> {
     low: Vec4,
@@ -52,7 +52,8 @@ impl<const N: usize> Slicer<N> {
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
 
-    /// Returns the number of a primitive's slice along each axis; each number is below `N`.
+    /// Returns, for each axis, the number of the slice in which a primitive's centre lies. Each number is
+    /// below `N`.
     #[inline(always)]
     fn slices(&self, primitive: &Primitive) -> [usize; 3] {
         let position = (primitive.centre() - self.low) * self.scale - Vec4::splat(0.5);
@@ -60,8 +61,8 @@ impl<const N: usize> Slicer<N> {
         [slice.x, slice.y, slice.z].map(|s| s.to_bits() as usize & (N - 1))
     }
 
-    /// Returns the number of a primitive's slice along one axis. The arithmetic is the same as in `slices`,
-    /// so `slice` and `slices` agree.
+    /// Returns the number of the slice in which a primitive's centre lies, along one axis. The arithmetic is
+    /// the same as in `slices`, so `slice` and `slices` agree.
     #[inline(always)]
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
@@ -84,11 +85,12 @@ impl<const N: usize> Slicer<N> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub axis: usize,
-    /// The number of the first slice that belongs to the right child.
+    /// The first slice along `axis` whose triangles belong to the right child; the cut lies before this
+    /// slice.
     pub slice: usize,
     /// Number of triangles in the left child.
     pub left_count: usize,
-    /// The boxes of the two children.
+    /// The bounding boxes of the two children into which the cut divides the node.
     pub bounds: [Bounds; 2],
     /// For each child, a box around the doubled centres of the child's primitives. A primitive's doubled
     /// centre is the sum of the lowest and the highest corner of its box. Because of rounding, a doubled
@@ -97,7 +99,7 @@ pub(super) struct Cut {
 }
 
 /// For each of `N` slices (a power of two) along each axis: the box around the items in the slice, and the
-/// number of their triangles.
+/// number of these items' triangles.
 #[derive(Clone, Debug)]
 pub(super) struct Bins<const N: usize> {
     bounds: [[Bounds; N]; 3],

@@ -6,9 +6,9 @@ use glam::{Vec3, Vec4};
 /// the lanes. In a [`Primitive`], the fourth lane of `low` holds the triangle's number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
-    /// Smallest corner.
+    /// The corner with the smallest coordinates.
     pub low: Vec4,
-    /// Largest corner.
+    /// The corner with the largest coordinates.
     pub high: Vec4,
 }
 
@@ -21,13 +21,13 @@ impl Bounds {
         Self { low: point, high: point }
     }
 
-    /// Returns the smallest box around both boxes.
+    /// Returns the smallest box that contains both `self` and `other`.
     #[inline(always)]
     pub fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Returns the intersection of both boxes.
+    /// Returns the intersection of the boxes `self` and `other`.
     pub fn intersection(self, other: Self) -> Self {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }

@@ -46,13 +46,13 @@ const CELLS_HALVING_DEPTH: u32 = 48;
 /// building only 7 ms faster.
 const LARGE_MESH: usize = 1 << 19;
 
-/// A subtree to be built.
+/// A subtree that has not been built yet.
 struct Work<'a> {
-    /// The subtree's primitives.
+    /// The boxes and numbers of the subtree's triangles.
     primitives: &'a mut [Primitive],
     /// The slice of the leaf order (the list of all triangles) that belongs to this subtree.
     order: &'a mut [u32],
-    /// The subtree's box.
+    /// The box around all triangles of the subtree.
     bounds: Bounds,
     /// A box that contains twice the centre of each primitive's box.
     region: Bounds,
@@ -144,8 +144,8 @@ fn cut_cells(cells: &mut [Cell]) -> Option<usize> {
     Some(partition(cells, &slicer, &cut))
 }
 
-/// Builds a subtree. The two sides of a large subtree are built as two parallel tasks, a small subtree in the
-/// current task.
+/// Builds a subtree of the tree over a mesh's triangles. The two sides of a large subtree are built as two
+/// parallel tasks, a small subtree in the current task.
 fn grow(work: Work, leaf_size: usize) -> Subtree {
     let count = work.primitives.len();
     if count <= TASK.max(leaf_size) {
@@ -201,7 +201,7 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
     left_depth.max(grow_serially(right, leaf_size, nodes))
 }
 
-/// Cuts a subtree's triangles in two.
+/// Divides a subtree's triangles between the two children of the subtree's root.
 fn divide(work: Work) -> [Work; 2] {
     let count = work.primitives.len();
     let cut = if work.depth >= HALVING_DEPTH {
@@ -233,7 +233,7 @@ fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<C
     Some(cut)
 }
 
-/// Does the same as [`cut`], but on all cores.
+/// Finds the best cut and moves the primitives, like [`cut`], but on all cores.
 fn cut_in_chunks(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<FINE>::new(region);
@@ -248,7 +248,8 @@ fn cut_in_chunks(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
 }
 
 impl<'a> Work<'a> {
-    /// Returns the two sides of a cut. The primitives have already been moved to their sides.
+    /// Returns the two subtrees into which a cut divides this subtree. The primitives have already been moved
+    /// to their sides of the cut.
     fn split(self, cut: Cut) -> [Self; 2] {
         let (left, right) = self.primitives.split_at_mut(cut.left_count);
         let (order_left, order_right) = self.order.split_at_mut(cut.left_count);
@@ -262,8 +263,8 @@ impl<'a> Work<'a> {
         [side(left, order_left, 0), side(right, order_right, 1)]
     }
 
-    /// Returns two halves whose numbers of triangles differ by at most one. [`divide`] uses these halves if
-    /// no cut is found, and for all nodes from [`HALVING_DEPTH`] on.
+    /// Divides the subtree into two halves whose numbers of triangles differ by at most one. [`divide`] uses
+    /// these halves if no cut is found, and for all nodes from [`HALVING_DEPTH`] on.
     fn halve(self) -> [Self; 2] {
         let middle = self.primitives.len() / 2;
         let (left, right) = self.primitives.split_at(middle);

@@ -24,12 +24,12 @@ pub(super) fn most_cells(triangles: usize) -> usize {
     (triangles / TRIANGLES_PER_CELL).clamp(1, MOST_CELLS)
 }
 
-/// A cell of the grid, with at least one triangle.
+/// A cell of the grid over the mesh, and the triangles in the cell (at least one).
 pub(super) struct Cell<'a> {
     pub primitives: &'a mut [Primitive],
     /// The box around all boxes of `primitives`. The triangle number in this primitive has no meaning.
     bounds: Primitive,
-    /// The box around the doubled centres of `primitives`.
+    /// The box around the doubled centres of `primitives` (see `Primitive::centre`).
     pub region: Bounds,
 }
 
@@ -79,7 +79,7 @@ impl Sorted {
         Self { primitives, counts }
     }
 
-    /// Returns the cells that are not empty.
+    /// Returns the grid's cells that contain at least one triangle.
     pub fn cells(&mut self) -> Vec<Cell<'_>> {
         let mut rest = self.primitives.as_mut_slice();
         let mut parts = Vec::with_capacity(self.counts.len());
@@ -105,8 +105,9 @@ fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     order
 }
 
-/// Divides `order` into shares of neighbouring cells. Each share has at most `most` triangles, or consists of
-/// a single cell. Returns the range of cells of each share, and the share's slice of `order`.
+/// Divides `order`, in which triangles are ordered by cell, into shares, one for each thread. A share has the
+/// triangles of neighbouring cells: at most `most` triangles, or those of a single cell. Returns the range of
+/// cells of each share, and the share's slice of `order`.
 fn shares_of<'a>(
     mut order: &'a mut [u32],
     counts: &[usize],
@@ -134,8 +135,8 @@ fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) 
     let begin = |next: &mut usize, count: &usize| Some(std::mem::replace(next, *next + count));
     let mut next: Vec<usize> = counts.iter().scan(0, begin).collect();
     for (triangle, cell) in (0..).zip(cells) {
-        // For a cell before this share, the difference wraps around to a large number, which lies outside
-        // `next`.
+        // For a cell with a number below `first`, the difference wraps around to a large number, which lies
+        // outside `next`.
         if let Some(next) = next.get_mut(usize::from(*cell).wrapping_sub(first)) {
             part[*next] = triangle;
             *next += 1;
@@ -155,7 +156,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// Divides a box into at most `most` cells.
+    /// Divides the box `region` into a grid of at most `most` cells.
     fn new(region: Bounds, most: usize) -> Self {
         let extent = (region.high - region.low).truncate().as_dvec3();
         let steps_of = |side: f64| {
@@ -164,8 +165,8 @@ impl Grid {
             extent.to_array().map(steps)
         };
         let cells = |steps: [u32; 3]| steps.map(f64::from).iter().product::<f64>();
-        // The side of a cell from which the search starts is too short, unless the box is a line: the grid
-        // would have too many cells.
+        // The search for the length of a cell's side starts with a length that is too short, unless the box
+        // is a line: with this length, the grid would have too many cells.
         let mut side = extent.max_element() / most as f64;
         while cells(steps_of(side)) > most as f64 {
             side *= 1.02;

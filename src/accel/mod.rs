@@ -36,8 +36,9 @@ pub enum TreeUse {
     /// Many frames are cast with the tree, so the whole tree is built over triangles, for fast casting.
     ManyFrames,
     /// Only one frame is cast with the tree, so the upper part of a large mesh's tree is built over the cells
-    /// of a grid, for fast building. With ten million triangles, building such a tree takes three quarters of
-    /// the time of a tree for many frames, but casting takes a few per cent longer.
+    /// of a grid, for fast building. With ten million triangles, building a tree for one frame takes three
+    /// quarters of the time of building a tree for many frames, but casting with it takes a few per cent
+    /// longer.
     OneFrame,
 }
 
@@ -46,7 +47,8 @@ pub enum TreeUse {
 pub struct Node {
     /// The smallest corner of the node's box.
     pub low: [f32; 3],
-    /// Distance in nodes to the right child; 0 in a leaf. The left child is the next node.
+    /// Number of nodes from this node to its right child, in the list of all nodes; 0 in a leaf. The left
+    /// child directly follows its parent in the list.
     pub right: u32,
     /// The largest corner of the node's box.
     pub high: [f32; 3],
@@ -79,9 +81,9 @@ impl Node {
 /// A binary bounding volume hierarchy, stored depth first: the root is node 0, and a left child follows its
 /// parent.
 ///
-/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at 0. The
-/// triangles of a left child begin where the parent's triangles begin, and the triangles of a right child
-/// follow the triangles of the left child.
+/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at index 0 of
+/// `order`. The triangles of a left child begin where the parent's triangles begin, and the triangles of a
+/// right child follow the triangles of the left child.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
     /// The nodes in depth-first order; empty if the mesh has no triangles.
@@ -107,8 +109,8 @@ impl Bvh {
         Self::build_for(TreeUse::ManyFrames, mesh, leaf_size)
     }
 
-    /// Builds a tree like [`Self::build`], but for one frame or many frames, as `tree_use` says. The trees
-    /// for the two uses may differ.
+    /// Builds a tree like [`Self::build`], but for one frame or many frames, as `tree_use` says. A tree for
+    /// one frame may differ from a tree for many frames.
     pub fn build_for(tree_use: TreeUse, mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size, build::cells_for(tree_use, mesh.triangles.len()))
     }

@@ -17,8 +17,8 @@ pub(super) fn partition<const N: usize>(items: &mut [impl Boxed], slicer: &Slice
 
 /// Moves the items of the left side to the front, and returns their number. The loop exchanges each item in
 /// turn with the first item of the right side. If the item itself belongs to the right side, the exchange
-/// only reorders the right side. The loop exchanges such an item, too, because a branch that avoids this
-/// would often be mispredicted.
+/// only reorders the right side. The loop does not skip items of the right side, because the processor would
+/// often mispredict the branch that skips them.
 ///
 /// ```text
 ///   0         left        at            the end
@@ -38,9 +38,10 @@ fn partition_on<const N: usize, const AXIS: usize>(
     left
 }
 
-/// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned
-/// by itself. `bins` has an element for each chunk, from which the number of the chunk's primitives on the
-/// left side follows. Then, primitives that lie on the wrong side in the whole node exchange their positions.
+/// Moves the primitives left of the cut to the front, like [`partition`], but on all cores. First, each chunk
+/// of `chunk` primitives is partitioned by itself. `bins` has an element for each chunk, from which the
+/// number of the chunk's primitives on the left side follows. After all chunks are partitioned, primitives
+/// that lie on the wrong side of the whole node's cut exchange their positions.
 ///
 /// ```text
 ///   chunk 0    chunk 1     chunk 2

@@ -366,7 +366,7 @@ fn the_fingerprint_is_that_of_this_builder() {
         mesh.normals = vec![Vec3::Y];
         hash_trees(&mut hasher, &mesh);
     }
-    // This mesh has so many triangles that all cores together cut the root of its tree.
+    // This test's mesh has so many triangles that all cores together cut the root of its tree.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
     order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
     let actual = &hasher.finalize().to_hex()[..16];

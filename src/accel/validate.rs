@@ -3,12 +3,12 @@
 use super::{Bvh, Node, WideBvh};
 use crate::scene::Mesh;
 
-/// The result of a check: an error with a message about the first problem.
+/// The result of checking a tree: an error with a message about the first problem, if the tree has a problem.
 type Verdict = Result<(), String>;
 
 impl Bvh {
     /// Checks that every triangle lies in exactly one leaf, every box encloses its children and triangles,
-    /// every node is reached once, and counts and depth are right.
+    /// every node is reached once, and the stored numbers of triangles and the depth are right.
     ///
     /// # Errors
     ///
@@ -69,9 +69,9 @@ impl Bvh {
 }
 
 impl WideBvh {
-    /// Checks that every triangle lies in exactly one leaf of the layout, and that every child's box encloses all
-    /// triangles below this child. Also checks that every node is reached once, that unused child slots are marked as
-    /// unused, and that the depth is right.
+    /// Checks that every triangle lies in exactly one leaf of the layout, and that every child's box encloses
+    /// all triangles below this child. The function also checks that every node is reached once, that unused
+    /// child slots are marked as unused, and that the depth is right.
     ///
     /// # Errors
     ///
@@ -128,7 +128,7 @@ impl WideBvh {
     }
 }
 
-/// A box's smallest and largest corner.
+/// A box, given by the corner with its smallest coordinates and the corner with its largest coordinates.
 type Corners = ([f32; 3], [f32; 3]);
 
 fn expect_equal(what: &str, actual: usize, expected: usize) -> Verdict {

@@ -119,8 +119,8 @@ impl WideBvh {
         Self::of_mesh_for(TreeUse::ManyFrames, mesh, width, leaf_size)
     }
 
-    /// Builds a tree like [`Self::of_mesh`], but for one frame or many frames, as `tree_use` says. The trees
-    /// for the two uses may differ.
+    /// Builds a tree like [`Self::of_mesh`], but for one frame or many frames, as `tree_use` says. A tree for
+    /// one frame may differ from a tree for many frames.
     ///
     /// # Errors
     ///
@@ -191,8 +191,8 @@ impl WideBvh {
         wide
     }
 
-    /// Writes a node. For each inner child of the node, appends a node whose slots for children are still
-    /// unused. Returns the binary subtrees of the inner children.
+    /// Writes the node `node` of the wide tree. For each inner child of the node, appends a node whose slots
+    /// for children are still unused. Returns the binary subtrees of the inner children.
     fn collapse_node(&mut self, bvh: &Bvh, node: usize, subtree: Subtree, leaf_size: usize) -> Vec<Subtree> {
         let mut children = Vec::with_capacity(self.width);
         children.push(subtree);
@@ -301,9 +301,9 @@ impl WideBvh {
     }
 }
 
-/// Replaces subtrees with more than `least` triangles by their two children, always the subtree with the
-/// largest surface first. Stops when `children` has `width` subtrees, or when only leaves of the binary tree
-/// and subtrees with at most `least` triangles are left.
+/// Replaces subtrees with more than `least` triangles by their two children, always the subtree whose box has
+/// the largest surface first. Stops when `children` has `width` subtrees, or when only leaves of the binary
+/// tree and subtrees with at most `least` triangles are left.
 fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
         let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));

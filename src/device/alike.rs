@@ -1,5 +1,5 @@
 //! Checks that devices have the same model, driver and limits, so that it does not matter which of these
-//! devices measures a point.
+//! devices measures a point of an experiment.
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};

@@ -53,7 +53,7 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// Prepares a device for queries, without a query yet.
+    /// Returns an `Asked` for a device that has not been queried yet.
     pub fn new(device: ocl::Device) -> Self {
         Self { device, failure: None }
     }

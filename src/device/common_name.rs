@@ -4,8 +4,8 @@
 
 use std::collections::HashMap;
 
-/// The beginnings of the names that PoCL gives to CPUs. After the beginning follows LLVM's name of the
-/// processor's type.
+/// The beginnings of the names that PoCL gives to CPUs. LLVM's name of the processor's type follows this
+/// beginning, such as `znver4` in `cpu-znver4-AMD EPYC`.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
 /// Returns the name under which people know a device. The name is derived from the driver's name alone,

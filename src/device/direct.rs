@@ -115,8 +115,9 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     let status = unsafe {
         ffi::clBuildProgram(program.as_ptr(), 1, devices.as_ptr(), options.as_ptr(), None, ptr::null_mut())
     };
-    // Some drivers return success although the compiler has rejected the program. With such drivers, the
-    // build status that the driver stores with the program (`CL_PROGRAM_BUILD_STATUS`) shows the rejection.
+    // Some drivers return success although the compiler has rejected the program. If the driver returns
+    // success for a rejected program, the build status that it stores with the program
+    // (`CL_PROGRAM_BUILD_STATUS`) shows the rejection.
     let is_rejected = status == Status::CL_BUILD_PROGRAM_FAILURE as i32
         || status == 0 && build_status(&program, device) == Some(ffi::CL_BUILD_ERROR);
     if is_rejected {

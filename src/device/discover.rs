@@ -226,7 +226,7 @@ fn few_open_files() -> Option<u64> {
     getrlimit(Resource::Nofile).current.filter(|files| *files < 16)
 }
 
-/// Returns `None`, since raycl queries this limit only on Unix.
+/// Returns `None`, since raycl queries the limit of open files only on Unix.
 #[cfg(not(unix))]
 fn few_open_files() -> Option<u64> {
     None

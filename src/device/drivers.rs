@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 
 /// The folder whose .icd files OpenCL loaders read by default.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
-/// The environment variable that names another folder of .icd files, a single .icd file, or the library of a driver.
+/// The environment variable that names a folder of .icd files to be read instead of `VENDORS`, a single .icd
+/// file, or the library of a driver.
 const FOLDER: &str = "OCL_ICD_VENDORS";
-/// The environment variable that names another folder of .icd files, used if `OCL_ICD_VENDORS` is not set.
+/// The environment variable that names a folder of .icd files to be read instead of `VENDORS`. Loaders read
+/// this variable if `OCL_ICD_VENDORS` is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The environment variable that names the libraries of further drivers.
 pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
@@ -25,7 +27,7 @@ pub fn crash_advice(others: usize) -> &'static str {
     if others > 0 { USE_OTHERS } else { CORRECT_DRIVER }
 }
 
-/// What an OpenCL loader reads to find a driver.
+/// A driver, given by what an OpenCL loader reads to find it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
     /// An .icd file, which names the driver's library.
@@ -128,8 +130,8 @@ mod tests {
         assert_eq!(drivers_at(None, folder.path()).len(), 2);
         assert_eq!(drivers_at(Some(folder.path()), Path::new("/none")).len(), 2);
         assert_eq!(drivers_at(Some(&a), Path::new("/none")), icd(&a));
-        // Like this function, the OpenCL loader ocl-icd searches for a name without a slash first in its
-        // usual folder.
+        // Like `drivers_at`, the OpenCL loader ocl-icd searches for a name without a slash first in its usual
+        // folder.
         assert_eq!(drivers_at(Some(Path::new("a.icd")), folder.path()), icd(&a));
         assert_eq!(drivers_at(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         std::fs::create_dir(folder.path().join("within")).expect("a folder");

@@ -34,8 +34,9 @@ pub fn cache_variables() -> Vec<(&'static str, String)> {
         return Vec::new();
     }
     let other = || temporary().map(|folder| folder.join("pocl")).filter(is_fit);
-    // Everybody may write into some volumes of containers. In such a volume, raycl itself makes PoCL's
-    // default folder, as a private folder.
+    // Everybody may write into some volumes of containers. If PoCL's default folder lies in such a volume,
+    // and the folder of temporary files cannot be used either, raycl itself makes PoCL's default folder, as a
+    // private folder.
     let made =
         || default_folder().filter(|folder| folder.is_absolute()).and_then(private_in_shared).filter(is_fit);
     let folder = default.or_else(other).or_else(made);
@@ -130,7 +131,7 @@ fn advice_for(room: &Room, folder: &Path) -> Option<String> {
 /// The free space of a disk, in bytes and in files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Room {
-    /// The free bytes.
+    /// Number of free bytes on the disk.
     bytes: u64,
     /// The number of further files that the disk can store; `None` if the file system does not limit the
     /// number of files.

@@ -30,14 +30,14 @@ const FORBIDDEN: &str = " (may not be used)";
 /// of other platforms list only devices that the user names (as rusticl does), or list no platform if the
 /// driver has no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
-/// The time for which raycl uses a stored list of devices that may soon change. If raycl did not use such a
-/// list at all, every process would start all drivers and query all devices, even while another process
-/// measures.
+/// The time for which raycl uses a stored list of devices that may soon change. If raycl did not use lists
+/// that may soon change at all, every process would start all drivers and query all devices, even while
+/// another process measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
 /// The file in which Linux shows an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
 
-/// An entry of the cache: a list of devices.
+/// An entry of raycl's cache that contains a list of devices.
 #[derive(Serialize, Deserialize)]
 struct Entry {
     devices: Vec<DeviceInfo>,

@@ -20,7 +20,7 @@ pub enum LaneOperations {
     /// work-items per work-group.
     #[default]
     Barriers,
-    /// Sub-groups of 32 work-items (`cl_khr_subgroups`).
+    /// Functions of OpenCL for sub-groups, if a sub-group has 32 work-items (`cl_khr_subgroups`).
     SubGroups,
     /// Inline PTX with the instructions for votes and shuffles.
     PtxShuffles,
@@ -33,10 +33,10 @@ pub enum LaneOperations {
 pub enum LaneTest {
     /// raycl tests all devices while it lists them, before it chooses a device.
     Now,
-    /// raycl tests a device when [`Device::test_lanes`](super::Device::test_lanes) is called. Before this
-    /// test, raycl assumes that the device has the fastest operations that its extensions suggest. The test
-    /// takes 0.4 s on a GPU, so a picture whose kernels do not exchange values between work-items need not
-    /// wait for the test.
+    /// raycl tests a device when [`Device::test_lanes`](super::Device::test_lanes) is called. Until the test
+    /// has run, raycl assumes that the device has the fastest operations that its extensions suggest. The
+    /// test takes 0.4 s on a GPU, so a picture whose kernels do not exchange values between work-items need
+    /// not wait for the test.
     Later,
 }
 
@@ -312,8 +312,9 @@ mod tests {
         assert!(!expected.contains(&NO_ANSWER));
     }
 
-    /// In this test, macros replace the functions for sub-groups, so the device need not have sub-groups. The
-    /// macros state the size of sub-groups, and the numbers of lanes and groups.
+    /// In this test, macros replace OpenCL's functions for sub-groups, so the device need not have
+    /// sub-groups. The macros return the size of a sub-group, a work-item's lane in its sub-group, and the
+    /// sub-group's number.
     #[test]
     fn sub_groups_of_another_size_write_no_answers() {
         let Device { info, platform, device, .. } = discover(&Sources::Embedded).unwrap().remove(0);
@@ -437,7 +438,8 @@ mod tests {
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
         let [_, fifth, _, smaller, _, _, mirrored, own] = answers(1, 2);
         assert_eq!([own, fifth, mirrored], [15, 36 - 32, 7 * 29 + 1 - 6 * 32]);
-        // Of the lanes in `AMONG`, the lanes 0, 1, 5, 6, 19 and 24 have the numbers 1, 8, 4, 11, 6 and 9.
+        // Of the lanes in `AMONG`, the lanes 0, 1, 5, 6, 19 and 24 of group 1 store the numbers 1, 8, 4, 11,
+        // 6 and 9.
         assert_eq!(smaller, 6);
     }
 

@@ -24,7 +24,7 @@ pub struct DeviceLimits {
     pub work_group_size: usize,
     /// Largest number of work-items of a work-group along each dimension.
     pub work_item_sizes: [usize; 3],
-    /// Number of compute units.
+    /// The device's number of compute units (cores or multiprocessors).
     pub compute_units: u32,
     /// Number of rays per vector that suits the device. On a CPU, `native_width` is the number of floats in
     /// the widest vector that the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT),

@@ -56,7 +56,7 @@ pub(crate) fn is_pocl(platform: &str) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
-    /// A host's processors.
+    /// The processors of a host.
     Cpu,
     /// A graphics processor.
     Gpu,
@@ -107,9 +107,9 @@ impl DeviceKind {
 /// compiler supports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Builtins {
-    /// `__builtin_reduce_or` on vectors.
+    /// True if kernels may call `__builtin_reduce_or` on vectors.
     pub reduce: bool,
-    /// `__builtin_prefetch` and `__builtin_nontemporal_store` of global memory.
+    /// True if kernels may call `__builtin_prefetch` and `__builtin_nontemporal_store` for global memory.
     pub prefetch: bool,
     /// How work-items that share a tile exchange values.
     pub lanes: LaneOperations,
@@ -121,21 +121,21 @@ pub struct Builtins {
 /// `settings`, `cores`, `threads`, `twins_before`, `label` and `unusable`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceInfo {
-    /// Platform name.
+    /// The name of the device's OpenCL platform.
     pub platform: String,
-    /// Platform version, which distinguishes drivers with the same name.
+    /// The version of the device's OpenCL platform, which distinguishes drivers with the same name.
     pub platform_version: String,
-    /// Device name.
+    /// The device's name, as its driver reports it.
     pub name: String,
     /// The device's vendor.
     pub vendor: String,
     /// The OpenCL version that the device supports.
     pub version: String,
-    /// Driver version.
+    /// The version of the device's driver.
     pub driver: String,
-    /// The type that the device reports.
+    /// The type of device (CPU, GPU, ...) that the device reports.
     pub kind: DeviceKind,
-    /// OpenCL extensions.
+    /// The OpenCL extensions that the device supports.
     pub extensions: Vec<String>,
     /// The device's limits.
     pub limits: DeviceLimits,
@@ -230,9 +230,9 @@ impl DeviceInfo {
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
     }
 
-    /// Returns a text of the properties, beyond the device's identity, that affect its times: compute units,
-    /// cores, threads and the driver's variables. The text of these properties is part of the keys under
-    /// which measured points are stored.
+    /// Returns a text of the properties that affect times measured on the device, beyond the device's
+    /// identity: compute units, cores, threads and the driver's variables. The text of these properties is
+    /// part of the keys under which measured points are stored.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -252,9 +252,9 @@ impl DeviceInfo {
         let platform = self.platform.to_lowercase();
         // Oclgrind's compiler aborts on reductions.
         let simulated = platform.contains("oclgrind");
-        // raycl cannot try out whether a compiler knows `__builtin_prefetch`: a compiler that does not know
-        // it may end the process, as those of Oclgrind and Mesa do. The compilers of PoCL and Intel know it
-        // on CPUs.
+        // raycl cannot try out whether a compiler supports `__builtin_prefetch`: a compiler without this
+        // function may end the process, as those of Oclgrind and Mesa do. The compilers of PoCL and Intel for
+        // CPUs support the function.
         let prefetches = is_pocl(&platform) || platform.starts_with("intel");
         Builtins {
             reduce: !simulated,
@@ -269,8 +269,8 @@ impl DeviceInfo {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Returns true if the device's compiler has an option to print registers and spills. A compiler with
-    /// this option produces PTX as the binary of a program.
+    /// Returns true if the device's compiler has an option to print registers and spills. A compiler that has
+    /// this option is NVIDIA's, which returns PTX as the binary of a program.
     pub fn prints_resources(&self) -> bool {
         self.extensions.iter().any(|extension| extension == "cl_nv_compiler_options")
     }
@@ -288,9 +288,9 @@ impl DeviceInfo {
 pub struct Device {
     /// The device's properties.
     pub info: DeviceInfo,
-    /// The handle of the device's platform.
+    /// The OpenCL handle of the device's platform.
     pub platform: ocl::Platform,
-    /// The device's own handle.
+    /// The OpenCL handle of the device.
     pub device: ocl::Device,
     /// True if `info.limits.lane_operations` is the result of a test, or if no test is needed because the
     /// device's extensions suggest only barriers. If false, `lane_operations` is assumed from the extensions,

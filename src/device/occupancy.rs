@@ -1,11 +1,11 @@
-//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time, as the paper's
-//! Figure 5 does for one GPU. Supports the compute capabilities in `table.rs`.
+//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time, as Figure 5 of the
+//! student paper that raycl reproduces does for one GPU. Supports the compute capabilities in `table.rs`.
 
 mod table;
 
 pub use table::{Multiprocessor, capabilities, multiprocessor};
 
-/// The number of registers per thread that the paper states.
+/// The number of registers per thread that the student paper states.
 pub const PAPER_REGISTERS: u32 = 63;
 /// The compute capability that raycl assumes for the paper's GPU, since the paper does not name its GPU.
 pub const PAPER_CAPABILITY: &str = "2.0";
@@ -23,15 +23,15 @@ const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
 /// The limit that prevents a multiprocessor from holding one more work-group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Limiter {
-    /// The hardware's largest number of resident work-groups.
+    /// The hardware's largest number of work-groups that a multiprocessor holds.
     GroupCap,
-    /// The hardware's largest number of resident warps.
+    /// The hardware's largest number of warps that a multiprocessor holds.
     Warps,
-    /// The number of registers.
+    /// The multiprocessor's number of registers.
     Registers,
-    /// The size of `__local` memory.
+    /// The size of the multiprocessor's `__local` memory.
     Local,
-    /// Not even one work-group fits. The text is the arithmetic that shows why.
+    /// Not even one work-group fits on a multiprocessor. The text is the arithmetic that shows why.
     CannotLaunch(String),
 }
 
@@ -50,16 +50,16 @@ impl std::fmt::Display for Limiter {
 /// The work-groups and warps that a multiprocessor holds at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
-    /// The number of resident work-groups.
+    /// The number of work-groups that the multiprocessor holds.
     pub groups: u64,
-    /// The number of resident warps.
+    /// The number of warps that the multiprocessor holds.
     pub warps: u64,
-    /// The number of resident threads.
+    /// The number of threads that the multiprocessor holds.
     pub threads: u64,
     /// The number of resident warps divided by the hardware's largest number, from 0 to 1.
     pub fraction: f64,
-    /// The limit that prevents more work-groups. If several limits do, `limiter` is the first of them in the
-    /// order of [`Limiter`].
+    /// The limit that prevents more work-groups. If several limits prevent more work-groups, `limiter` is the
+    /// first of these limits in the order of [`Limiter`].
     pub limiter: Limiter,
 }
 
@@ -96,7 +96,8 @@ pub fn occupancy(
     }
 }
 
-/// A result, or an error with the arithmetic that shows why not even one work-group fits on a multiprocessor.
+/// The result of a computation for work-groups on a multiprocessor, or an error with the arithmetic that
+/// shows why not even one work-group fits.
 type Fits<T> = std::result::Result<T, String>;
 
 /// Returns an error if a work-group exceeds a limit of a single work-group or thread.

@@ -112,8 +112,8 @@ pub(crate) fn noted<E: std::fmt::Display>(error: E) -> E {
     error
 }
 
-/// Forgets the latest OpenCL error. Callers call this function when work went on after the error, so that the
-/// error cannot have broken the driver.
+/// Forgets the latest OpenCL error. Callers call this function when they have handled the error and go on, so
+/// that messages about later panics do not name this error as the cause.
 pub(crate) fn forget_failures() {
     known().failure = None;
 }

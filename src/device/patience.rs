@@ -21,7 +21,8 @@ const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 /// The time between two checks whether the driver has answered.
 const LOOK_UP: Duration = Duration::from_millis(20);
 
-/// Ends the process with the exit code [`HUNG`], unless this value is dropped within the time limit.
+/// A time limit for the OpenCL driver. Ends the process with the exit code [`HUNG`], unless this value is
+/// dropped within the time limit.
 pub struct Patience {
     answered: Arc<AtomicBool>,
 }

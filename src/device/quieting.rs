@@ -28,7 +28,8 @@ pub struct Hush {
 
 #[cfg(unix)]
 impl Hush {
-    /// Begins to discard what is written to standard error. If this fails, standard error stays visible.
+    /// Begins to discard what is written to standard error. If standard error cannot be redirected, its text
+    /// stays visible.
     pub fn begin() -> Self {
         let begin = || {
             let stderr = dup(rustix::stdio::stderr()).ok()?;
@@ -53,7 +54,7 @@ pub struct Hush;
 
 #[cfg(not(unix))]
 impl Hush {
-    /// Does nothing on this system.
+    /// Does nothing, since this system is not Unix.
     pub fn begin() -> Self {
         Self
     }

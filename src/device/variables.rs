@@ -98,9 +98,9 @@ const DRIVERS: [Driver; 6] = [
     Driver { platform: "oclgrind", deciding: &["OCLGRIND_BUILD_OPTIONS"] },
 ];
 
-/// Variables, besides those in `DRIVERS`, without which a repeated command may measure on other devices, or
-/// with another number of threads. Variables that schedulers set for each job, such as
-/// `CUDA_VISIBLE_DEVICES`, are left out.
+/// Variables, besides those in `DRIVERS`, that select devices or a number of threads. If these variables are
+/// not set to the same values again, a repeated command may measure on other devices, or with another number
+/// of threads. Variables that schedulers set for each job, such as `CUDA_VISIBLE_DEVICES`, are left out.
 const SELECTING: [&str; 7] = [
     "OCL_ICD_FILENAMES",
     "OCL_ICD_VENDORS",
@@ -148,7 +148,7 @@ const PREFIXES: [&str; 23] = [
     "ZINK_",
 ];
 
-/// A variable that is set, as `NAME=VALUE`.
+/// An environment variable and its value, as `NAME=VALUE`.
 pub type Setting = String;
 
 /// Returns the variables that affect times or pictures on a device of this platform, sorted by name.

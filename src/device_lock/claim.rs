@@ -13,7 +13,8 @@ static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 pub struct Claim(PathBuf);
 
 impl Claim {
-    /// Claims the lock with this file; `None` if another thread of this process has the claim.
+    /// Claims the lock that has the file `file`; returns `None` if another thread of this process has claimed
+    /// this lock.
     pub fn of(file: &Path) -> Option<Self> {
         claimed().insert(file.to_owned()).then(|| Self(file.to_owned()))
     }

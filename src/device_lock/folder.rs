@@ -9,7 +9,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// The environment variable that names another folder for the locks, by an absolute path.
+/// The environment variable that names, by an absolute path, a folder for the device locks instead of the
+/// shared folder.
 const VARIABLE: &str = "RAYCL_LOCK_DIR";
 /// The remedy if [`VARIABLE`] names a relative path.
 const ABSOLUTE: &str = "set it to an absolute path, such as /tmp/my-locks; all processes that measure on this machine \
@@ -33,7 +34,7 @@ fn refuse_relative(path: Option<&Path>) -> Result<()> {
     Err(Error::input(message).with_help(ABSOLUTE))
 }
 
-/// A folder of locks.
+/// A folder with the files of device locks.
 #[derive(Clone, Debug)]
 pub struct Folder {
     path: PathBuf,
@@ -50,17 +51,17 @@ impl Folder {
         }
     }
 
-    /// Returns the folder at `path`.
+    /// Returns the folder of locks at `path`. raycl does not let every user create locks in this folder.
     pub fn named(path: &Path) -> Self {
         Self { path: path.to_owned(), shared: false }
     }
 
-    /// Returns the path of a lock's file.
+    /// Returns the path of the file of the lock `lock`.
     pub fn path(&self, lock: &str) -> PathBuf {
         self.path.join(format!("{lock}.lock"))
     }
 
-    /// Opens a lock's file for reading and writing, and creates it if it is missing.
+    /// Opens the file of the lock `lock` for reading and writing. Creates the file if it is missing.
     pub fn open(&self, lock: &str) -> std::io::Result<File> {
         self.make()?;
         let path = self.path(lock);
@@ -125,7 +126,7 @@ fn make_shared(path: &Path) -> std::io::Result<()> {
     open_to_all(made.path(), 0o1777)?;
     // Renaming a folder can replace only an empty folder, in which no process has a lock yet.
     match std::fs::rename(made.path(), path) {
-        // Another process has made the folder meanwhile.
+        // Another process has made the shared folder since this process looked for it.
         Err(_) if path.symlink_metadata().is_ok() => Ok(()),
         renamed => renamed,
     }

@@ -1,4 +1,5 @@
-//! The process that holds a device. The lock's file describes this process, so that waiting processes can name it.
+//! The process that holds a device's lock. The lock's file describes this process, so that waiting processes
+//! can name it.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -11,7 +12,8 @@ const LONGEST_BYTES: u64 = 4096;
 /// Largest number of a command's characters that are shown.
 const LONGEST_COMMAND: usize = 200;
 
-/// A process that holds a device. Fields that the lock's file does not have are 0 or empty.
+/// A process that holds a device's lock, as the lock's file describes the process. Fields that the file lacks
+/// are 0 or empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Holder {
@@ -32,7 +34,7 @@ impl Holder {
         Self { process: std::process::id(), command, folder }
     }
 
-    /// Replaces the contents of a lock's file by this description.
+    /// Replaces the contents of a lock's file by the description of this holder.
     pub fn write(&self, file: &mut File) -> std::io::Result<()> {
         file.set_len(0)?;
         file.rewind()?;
@@ -48,7 +50,7 @@ impl Holder {
 }
 
 impl fmt::Display for Holder {
-    /// Formats as "process 123, `raycl run configs/quick.toml` in /home/ada".
+    /// Formats a holder as "process 123, `raycl run configs/quick.toml` in /home/ada".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.process == 0 {
             return f.write_str("another process");

@@ -33,8 +33,8 @@ pub struct Locks {
 pub struct Held {
     file: File,
     /// The right of a thread of this process to take the lock. The right is dropped after the lock is
-    /// released, so that the next thread of this process finds the lock free. `None` only for locks that a
-    /// test takes as if another process held them.
+    /// released, so that the next thread of this process finds the lock free. The field is `None` only if a
+    /// test has taken the lock as if another process held the lock.
     _claim: Option<Claim>,
 }
 
@@ -42,13 +42,13 @@ pub struct Held {
 /// reports only `Still`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LockWait<'a> {
-    /// The wait begins, or another process has taken the lock during the wait. The line describes the process that
-    /// holds the lock.
+    /// The wait for the lock begins, or another process has taken the lock during the wait. The text
+    /// describes the process that holds the lock.
     For(&'a str),
     /// The same as `For`, except that this process has already reported the line. A run waits before each
     /// group of points, so without the value `Again`, the run would print the same line again and again.
     Again(&'a str),
-    /// The wait goes on. A waiting process reports this value several times per second.
+    /// The wait for the lock goes on. A waiting process reports `Still` several times per second.
     Still,
 }
 
@@ -140,8 +140,8 @@ impl Locks {
         }
     }
 
-    /// For tests: takes a free lock. This process then has to wait for the lock as if another process held
-    /// it.
+    /// For tests: takes a device's lock, which must be free. After that, this process has to wait for the
+    /// lock as if another process held it.
     #[cfg(test)]
     pub(crate) fn held_by_another_process(&self, device: &LockName) -> Held {
         let file = self.folder.open(device.file()).expect("a lock's file");
@@ -182,7 +182,7 @@ impl Locks {
         devices.iter().map(|device| self.take(device, tells, interrupted)).collect()
     }
 
-    /// Tries to take the lock once.
+    /// Makes one attempt to lock `file`, the file of the device's lock.
     fn try_hold(&self, mut file: File, device: &LockName) -> std::io::Result<Attempt> {
         match file.try_lock() {
             Ok(()) => {}
@@ -214,7 +214,7 @@ fn pause(device: &LockName, tells: &mut dyn FnMut(LockWait<'_>), interrupted: &A
 
 /// The result of one attempt to take a lock.
 enum Attempt {
-    /// This process holds the lock of the file.
+    /// This process now holds the lock. The value is the lock's open file.
     Held(File),
     /// Another process holds the lock.
     Busy,

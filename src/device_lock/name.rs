@@ -11,7 +11,7 @@ use std::fmt;
 #[derive(Clone, Debug)]
 pub struct LockName {
     file: String,
-    /// The name in messages. Drivers that share a lock may give the device different names.
+    /// The device's name in messages. Drivers that share a lock may give the device different names.
     label: String,
 }
 

@@ -1,5 +1,5 @@
-//! Remembers the other processes for whose locks this process has waited, so that messages name each of these
-//! other processes once.
+//! Remembers which other processes held device locks for which this process has waited, so that messages name
+//! each of these processes once.
 
 use super::holder::Holder;
 use crate::threads::locked;

@@ -97,16 +97,16 @@ pub struct Foreign {
 /// The purpose for which the user named a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// The file is to be rendered: a scene or a single mesh.
+    /// The user wants to render the file: a scene or a single mesh.
     Scene,
-    /// The file is to be an object of a scene: a mesh.
+    /// The user's scene names the file as an object: a mesh.
     Mesh,
-    /// The file is to be run as an experiment.
+    /// The user wants to run the file as an experiment.
     Experiment,
 }
 
 impl Wanted {
-    /// Returns the part of a message that lists the formats that are read for this purpose.
+    /// Returns a part of a message: a list of the formats that raycl reads for this purpose.
     pub fn read(self) -> &'static str {
         match self {
             Self::Scene => "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",

@@ -22,7 +22,7 @@ pub struct Opened {
     rest: Option<File>,
     /// The bytes that have been read, unpacked.
     head: Vec<u8>,
-    /// Length in bytes, after unpacking.
+    /// The file's length in bytes; for a packed file, the length of the unpacked bytes.
     pub length: u64,
     /// The type of the file.
     pub filetype: FileType,
@@ -192,8 +192,8 @@ mod tests {
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
 
-    /// When a file is opened, only its first bytes are read. This test checks that `bytes` also returns the
-    /// later bytes.
+    /// When a file is opened, only its first bytes are read. This test checks that `bytes` returns also those
+    /// bytes that were not read when the file was opened.
     #[test]
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
         let folder = tempfile::tempdir().unwrap();

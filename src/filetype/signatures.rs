@@ -6,13 +6,13 @@ use super::{FileType, Foreign, MeshFormat, stl};
 pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
 /// The advice for files that only the program that made them reads.
 pub(super) const OWN: &str = "export the file as glTF or OBJ from the program that made it";
-/// The advice for models of curved surfaces.
+/// The advice for files of CAD programs, which describe curved surfaces without triangles.
 pub(super) const CAD: &str = "export a mesh (STL) from the file, with FreeCAD for example";
-/// The advice for meshes of simulations.
+/// The advice for files with the meshes of simulations, such as finite elements.
 pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaView for example";
 /// The advice for points without triangles.
 pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
-/// The advice for volumes.
+/// The advice for files with volumes (a density at each point of a grid).
 pub(super) const SURFACE: &str = "extract a surface (PLY or STL) from the file, with ParaView for example";
 /// Every advice by which the user gets a mesh from a file.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
@@ -182,7 +182,7 @@ fn is_3ds(head: &[u8], length: u64) -> bool {
     size == length || matches!(u16::from_le_bytes([low, high]), 0x0002 | 0x3d3d)
 }
 
-/// Returns true if `text` contains `part`.
+/// Returns true if the bytes `text` contain the bytes `part`.
 pub(super) fn contains(text: &[u8], part: &[u8]) -> bool {
     text.windows(part.len()).any(|window| window == part)
 }

@@ -173,8 +173,8 @@ fn is_word(word: &str, known: &str) -> bool {
     word.split(',').next().is_some_and(|first| first.eq_ignore_ascii_case(known))
 }
 
-/// Returns true if the first lines are rows of at least three numbers, such as the coordinates of points. A line with
-/// the number of rows or the names of the columns may precede them.
+/// Returns true if the first lines are rows of at least three numbers, such as the coordinates of points. A
+/// line with the number of rows or the names of the columns may precede the rows of numbers.
 pub(super) fn is_list_of_numbers(head: &[u8]) -> bool {
     let statements: Vec<&[u8]> =
         lines(head).filter(|line| !line.is_empty() && !line.starts_with(b"#")).take(3).collect();

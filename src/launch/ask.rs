@@ -55,8 +55,8 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
         let mut kernel = Kernel::builder();
         let kernel = kernel.program(&program.program).name("ask").queue(commands);
         let kernel = kernel.global_work_size(1).arg(&answer).build()?;
-        // SAFETY: the kernel's only argument is the buffer that its source declares, and the buffer has an entry for
-        // each name.
+        // SAFETY: the kernel's only argument is the buffer that its source declares, and the buffer has room
+        // for one number per name.
         unsafe { kernel.enq()? };
         let mut values = vec![ABSENT; names.len()];
         answer.read(&mut values).enq()?;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// Rows of work-groups, counted from the top.
+/// A band of a frame: a range of the frame's rows of work-groups, counted from the top.
 pub type Band = Range<usize>;
 
 /// Number of bisections with which [`balance`] searches for the time that each part takes. After so many bisections,
@@ -12,15 +12,16 @@ const HALVINGS: usize = 60;
 /// The time that a device takes for a frame, and how this time is distributed over the frame's rows.
 #[derive(Clone, Debug)]
 pub struct Cost {
-    /// Time for the whole frame.
+    /// The time that the device takes for the whole frame.
     pub whole_ms: f64,
     /// Relative costs of parts of equal height, from top to bottom, in any unit; empty if unknown.
     pub parts: Vec<f64>,
 }
 
 impl Cost {
-    /// Returns the time of each part in milliseconds. The times add up to `whole_ms`. If the sum of the costs
-    /// is not a positive finite number, the whole frame is the only part.
+    /// Returns the device's time for each part of the frame (see `parts`) in milliseconds. The times add up
+    /// to `whole_ms`. If the sum of the costs is not a positive finite number, the whole frame is the only
+    /// part.
     fn parts_ms(&self) -> Vec<f64> {
         let sum: f64 = self.parts.iter().sum();
         if !(sum > 0.0 && sum.is_finite()) {

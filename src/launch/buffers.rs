@@ -112,7 +112,7 @@ mod tests {
     use crate::device::discover;
     use crate::program::Sources;
 
-    /// Number of values in a row.
+    /// Number of values in a row of the tests' buffers.
     const ROW: usize = 3;
 
     #[test]

@@ -1,5 +1,5 @@
-//! A caster has everything that is needed to cast the frame of one point (strategy, sizes, scene and device)
-//! repeatedly.
+//! A caster has everything that is needed to cast the frame of one measured point (a strategy, sizes, a scene
+//! and a device) repeatedly.
 
 mod read;
 
@@ -35,7 +35,8 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     samples: Option<Samples>,
-    /// The half pictures, if soft light is cast at half resolution.
+    /// The two half pictures (pictures of half the width and height) in which soft light is cast; `None` if
+    /// soft light is not cast at half resolution.
     half_light: Option<Box<HalfLight>>,
     /// The finest division of a pixel in a frame: 2^`most_bits` sub-pixels across and as many down, each with
     /// one sample.
@@ -51,7 +52,7 @@ pub struct Caster {
     records_ms: Option<f64>,
     _bytes: Option<FrameBytes>,
     /// The tree, whose buffers the kernels use. Some of these buffers may be lists in the memory of the mesh.
-    /// This reference keeps the buffers and the mesh from being freed.
+    /// The caster's reference to the tree keeps these buffers and the mesh from being freed.
     _tree: Option<Arc<DeviceTree>>,
 }
 
@@ -67,8 +68,8 @@ impl Caster {
         Ok(Self { half_light: half_light.map(Box::new), ..caster })
     }
 
-    /// Makes buffers and kernels for a half picture. The bytes of these buffers are already counted as bytes of the
-    /// frame that uses the half picture.
+    /// Makes buffers and kernels for a half picture (a picture of half the width and height, for soft light).
+    /// The bytes of these buffers are already counted as bytes of the frame that uses the half picture.
     pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
         Self::of(setup, None)
     }
@@ -151,7 +152,7 @@ impl Caster {
         Ok(FrameTimes::of(&events, ms_since(start), frames)?)
     }
 
-    /// Changes the camera, starting with the next frame.
+    /// Sets the camera of the next frame and of all later frames.
     fn look_from(&self, camera: &Camera) -> Result<(), LaunchError> {
         let arguments = camera_arguments(Arguments::default(), camera, self.size);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
@@ -212,13 +213,14 @@ impl Caster {
         Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded, half_hit_shares }))
     }
 
-    /// Returns the half pictures; `None` if the caster has none or `sampling` does not use them.
+    /// Returns the two half pictures (for soft light); `None` if the caster has no half pictures, or if
+    /// `sampling` does not use them.
     fn half_light(&self, sampling: &Sampling) -> Option<&HalfLight> {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
-    /// Casts two rounds of samples: the first samples of every pixel, then the later samples of rough blocks
-    /// (blocks whose pixels differ visibly after the first samples). Does not cast soft light at half
+    /// Casts the samples in two rounds: the first samples of every pixel, then the later samples of rough
+    /// blocks (blocks whose pixels differ visibly after the first samples). Does not cast soft light at half
     /// resolution.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
@@ -323,8 +325,8 @@ fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
-    // This workload leaves out the working vectors of half pictures, because half pictures have buffers of
-    // their own.
+    // The workload `own` leaves out the working vectors of half pictures, because half pictures have buffers
+    // of their own.
     let own = Workload { half_light: false, ..*workload };
     let bytes = Requirements::working_bytes(strategy, &own) as usize;
     Ok(match strategy.vectors.memory() {

@@ -9,7 +9,7 @@ use thiserror::Error;
 /// The reason why a frame cannot be prepared or cast.
 #[derive(Debug, Error)]
 pub enum LaunchError {
-    /// OpenCL's own error.
+    /// The text of an error that OpenCL returned.
     #[error("{0}")]
     OpenCl(String),
     /// OpenCL's error if memory or another resource is missing, on the device or on the host. Other processes may be
@@ -19,26 +19,26 @@ pub enum LaunchError {
     /// The local size has more work-items than the kernel supports.
     #[error("the local size has {items} work-items; the compiled kernel {kernel} supports at most {most}")]
     WorkGroup {
-        /// The kernel's name.
+        /// The name of the kernel that supports fewer work-items.
         kernel: String,
         /// Number of work-items that the kernel supports.
         most: usize,
         /// Number of work-items in the local size.
         items: usize,
     },
-    /// No argument fits a parameter in the manifest: a bug in raycl.
+    /// No argument fits a parameter in the manifest (raycl's table of kernels): a bug in raycl.
     #[error("a bug in raycl: the kernel {kernel} has no argument for its parameter {parameter}")]
     Argument {
-        /// The kernel's name.
+        /// The name of the kernel that has this parameter.
         kernel: &'static str,
-        /// The parameter, with its type.
+        /// The parameter that no argument fits, with its type.
         parameter: String,
     },
     /// The program has no kernel for some work, such as shading: a bug in raycl. A program contains only the
     /// kernels that its frames need.
     #[error("a bug in raycl: this program of the kernel family {family} has no kernel that {work}")]
     Kernel {
-        /// The family's name.
+        /// The name of the kernel family that lacks the kernel.
         family: &'static str,
         /// The work of the missing kernel, in words such as "casts shadow rays".
         work: &'static str,
@@ -62,7 +62,7 @@ pub enum LaunchError {
         "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`, which must be the number of bytes of all vectors of a ray"
     )]
     HeapExhausted {
-        /// Number of values requested.
+        /// Number of values that the kernel's work-items requested.
         used: u64,
         /// Number of values that the heap holds.
         size: u64,

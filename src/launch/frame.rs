@@ -7,7 +7,7 @@ use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use serde::{Deserialize, Serialize};
 
-/// The pass of a frame to which a step belongs.
+/// The pass (a part of a frame's work) to which a command of the frame belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pass {
     /// Finding the hits of primary rays, including the preparation of planes and the clearing of buffers.
@@ -33,8 +33,8 @@ pub struct FrameTimes {
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose
     /// work-items share tiles have this time. If passes are fused, and a frame casts one ray per pixel at a
-    /// time, the shading kernel also casts the leftover shadow rays, so this time includes leftover shadow
-    /// rays.
+    /// time, the shading kernel also casts the leftover shadow rays, so this time includes these rays (shadow
+    /// rays that tiles have not decided).
     pub shade_ms: Option<f64>,
     /// Time for the frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
@@ -72,7 +72,7 @@ impl FrameTimes {
     }
 
     /// Returns the median of the frames' times. `time` selects one time of a frame, or `None` if the frame
-    /// lacks this time. Returns `None` if all frames lack it.
+    /// lacks this time. Returns `None` if all frames lack the selected time.
     pub(crate) fn median_of(frames: &[Self], time: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
         median_of(&frames.iter().filter_map(time).collect::<Vec<_>>())
     }
@@ -113,9 +113,10 @@ impl FrameTimes {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }
 
-    /// Returns why the driver's times are impossible; `None` if these times are possible. The device's time
-    /// cannot be much longer than the host's time, which includes it, and cannot be 0 for a long sample.
-    /// `timer_ns` is a step of the device's timer in nanoseconds; `None` if it is unknown.
+    /// Returns why the driver's times are impossible; `None` if these times are possible. The time on the
+    /// device's clock cannot be much longer than the time on the host's clock, which includes it. For a long
+    /// sample, the time on the device's clock cannot be 0. `timer_ns` is a step of the device's timer in
+    /// nanoseconds; `None` if it is unknown.
     pub fn why_impossible(&self, timer_ns: Option<u64>) -> Option<String> {
         let (device_ms, host_ms, frames) = (self.frame_ms, self.host_ms, f64::from(self.batch.unwrap_or(1)));
         if device_ms > IMPOSSIBLY_LONG * host_ms && (device_ms - host_ms) * frames > TOLERANCE_MS {
@@ -137,7 +138,8 @@ impl FrameTimes {
         })
     }
 
-    /// Returns the time of the shortest pass, or of the whole frame if the frame has no separate passes.
+    /// Returns the time of the shortest pass (primary rays, shadow rays or shading), or of the whole frame if
+    /// the frame has no separate passes.
     pub fn shortest_ms(&self) -> f64 {
         let passes = [self.primary_ms, self.shadow_ms, self.shade_ms];
         passes.into_iter().flatten().fold(self.frame_ms, f64::min)
@@ -145,7 +147,7 @@ impl FrameTimes {
 
     /// Returns the mean times per frame of the finished commands `steps`, which belong to `frames` frames.
     /// `host_ms` is the host's time for all these frames. Only the host's time includes the time between
-    /// commands. In this time, some drivers compile a kernel that is started for the first time.
+    /// commands. Between two commands, some drivers compile a kernel that is started for the first time.
     pub fn of(steps: &[(Pass, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());
@@ -208,7 +210,7 @@ mod tests {
         let none = why(0.0, 2.0, Some(1)).expect("it is impossible");
         assert!(none.starts_with("the driver reports no times: ") && none.ends_with(" 2.00 ms"), "{none}");
         // A timer with steps of 10 us may report 0 for a frame of 2 ms: most of the 2 ms is the time for
-        // starting its kernels.
+        // starting the frame's kernels.
         assert_eq!(why(0.0, 2.0, Some(10_000)), None);
         assert_eq!(why(0.0, 2.0, None), None);
         let batch = FrameTimes { batch: Some(256), ..FrameTimes::whole(0.0, 0.05) };

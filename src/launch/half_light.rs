@@ -35,13 +35,14 @@ pub struct LightParts {
 }
 
 impl LightParts {
-    /// Returns the half pictures.
+    /// Returns the two half pictures, and the shares of their samples that hit something.
     pub fn halves(&self) -> HalfPictures<'_> {
         HalfPictures { lit: &self.lit, unoccluded: &self.unoccluded, hit_shares: &self.half_hit_shares }
     }
 }
 
-/// The half pictures, with the kernels that use them.
+/// The two half pictures of soft light, with the kernels that filter their ratio and apply it to the whole
+/// picture.
 pub(super) struct HalfLight {
     /// The half picture with shadows: its light is the light that arrives at the surfaces.
     lit: Caster,
@@ -55,8 +56,8 @@ pub(super) struct HalfLight {
 }
 
 impl HalfLight {
-    /// Allocates the half pictures of a frame whose whole picture is `image`. The half pictures are cast by the
-    /// frame's program.
+    /// Allocates the two half pictures (for soft light) of a frame whose whole picture is `image`. The half
+    /// pictures are cast by the frame's program.
     pub fn new(setup: &Setup<'_>, image: &Buffer<Float4>) -> Result<Self, LaunchError> {
         let workload = setup.workload.halved();
         let half = Setup { workload: &workload, ..*setup };
@@ -77,7 +78,8 @@ impl HalfLight {
         Ok(Self { lit, unoccluded, filter, apply, whole_size: setup.workload.image_size })
     }
 
-    /// Casts the half pictures. Returns the sums of the times of both half pictures.
+    /// Casts the two half pictures in which soft light is cast. Returns the sums of the times of both half
+    /// pictures.
     pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let camera = camera.covering(self.whole_size);
         let cast = |caster: &Caster, light| caster.cast_round(&camera, &sampling.of_half_light(light), None);
@@ -86,7 +88,7 @@ impl HalfLight {
     }
 
     /// Filters the ratio of the half pictures and multiplies the whole picture by the filtered ratio. Returns
-    /// the times of both kernels together.
+    /// the total times of the filtering kernel and the multiplying kernel.
     pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let steps = [&self.filter, &self.apply];
@@ -97,7 +99,8 @@ impl HalfLight {
         Ok(FrameTimes::of(&events, ms_since(start), 1)?)
     }
 
-    /// Changes the background, and the distance at which shadow rays start.
+    /// Sets the background of the half pictures, and the distance from a surface at which shadow rays start,
+    /// to those of `scene`.
     pub fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         let arguments = background_arguments(Arguments::default(), scene);
         self.apply.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;
@@ -171,8 +174,8 @@ mod tests {
         }
     }
 
-    /// At the edges of surfaces, a pixel's light consists of the surface's light, which is filtered, and of the
-    /// background's, which is not.
+    /// At the edges of surfaces, a pixel's light consists of the surface's light, which is filtered, and of
+    /// the background's light, which is not filtered.
     #[test]
     fn the_background_of_another_scene_takes_the_place_of_the_old_one() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

@@ -7,13 +7,13 @@ use crate::scene::Mesh;
 use ocl::{Buffer, MemFlags, OclPrm};
 use std::sync::Arc;
 
-/// A read-only buffer for one of a mesh's lists. If the device shares the host's memory, the mesh lends its list: the
-/// buffer uses the list's memory, and nothing is copied.
+/// A read-only buffer for one of a mesh's lists, such as its normals. If the device shares the host's memory,
+/// the mesh lends its list: the buffer uses the list's memory, and nothing is copied.
 #[derive(Debug)]
 pub(super) struct Lent<T: OclPrm> {
     buffer: Buffer<T>,
     commands: ocl::Queue,
-    /// The owner of the list. The mesh is neither changed nor freed while this reference exists.
+    /// The mesh that owns the list. The mesh is neither changed nor freed while this reference exists.
     _mesh: Arc<Mesh>,
 }
 
@@ -38,7 +38,7 @@ impl<T: OclPrm> Lent<T> {
         Ok(Self { buffer, commands: queue.commands.clone(), _mesh: Arc::clone(mesh) })
     }
 
-    /// Returns the buffer.
+    /// Returns the OpenCL buffer that contains the list.
     pub fn buffer(&self) -> &Buffer<T> {
         &self.buffer
     }

@@ -22,7 +22,8 @@ fn results_of(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
 /// Returns the addresses of a work-item's nine working vectors in the scratch buffer, in bytes. `functions` are macros
 /// that replace functions of OpenCL C, such as `get_global_size`.
 fn addresses_of_vectors(functions: &str) -> Vec<u64> {
-    // Here, reading a vector returns not the vector's value but the address of its first number.
+    // In this test's kernel, reading a working vector returns not the vector's value but the address of its
+    // first number.
     let before = format!(
         "typedef float varying;
          typedef struct {{ float x, y, z; ulong address; }} Vec3;
@@ -47,9 +48,9 @@ fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
     assert_eq!(addresses_of_vectors(&sizes), expected);
 }
 
-/// A band consists of some of a frame's rows of work-groups. This band has 4 rows of 10 work-items and begins
-/// in row 20. The test looks at the band's last work-item. The work-items above the band have no vectors in
-/// the buffer.
+/// A band consists of some of a frame's rows of work-groups. The band of this test has 4 rows of 10
+/// work-items and begins in row 20 of the frame. The test looks at the band's last work-item. The work-items
+/// above the band have no vectors in the buffer.
 #[test]
 fn the_working_vectors_of_a_band_are_counted_from_its_first_work_item() {
     const ITEMS: u64 = 4 * 10;
@@ -101,7 +102,7 @@ fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
 fn the_loop_over_a_queue_ends_at_the_largest_number_of_entries() {
     let text = Sources::Embedded.read_joined("tile_gpu/shade.cl").unwrap().0;
     let queued = text.lines().find(|line| line.starts_with("#define FOR_QUEUED")).expect("the loop");
-    // The kernel leaves the loop after four entries, in case the loop never ends.
+    // The kernel leaves the loop after four entries of the queue, in case the loop never ends.
     let after = "__kernel void find(__global ulong *results, const __global float *unused) {
                      const uint count = 0xffffffffu, first = count - 100u, groups = 60u;
                      int n = 0;

@@ -18,7 +18,7 @@ use ocl::{Buffer, Kernel};
 /// driver aligns arrays. NVIDIA's driver 580 reports up to 16 B more.
 const PADDING_BYTES: u64 = 128;
 
-/// The inputs of all kernels of a frame.
+/// The inputs from which all kernels of a frame are made.
 pub(super) struct Parts<'a> {
     pub setup: Setup<'a>,
     /// Arguments that depend on the scene, the camera, and the buffers of working vectors and planes.
@@ -73,7 +73,7 @@ impl<'a> Parts<'a> {
 
     /// Returns [`LaunchError::OwnHeader`] if the kernel uses more `__local` memory than the headers of the
     /// user's files state. From the headers, raycl computes whether the kernel fits on the device; some
-    /// drivers crash if it does not fit.
+    /// drivers crash if a kernel does not fit.
     fn check_local_memory(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
         let Setup { queue, strategy, workload, .. } = self.setup;
         let files = self.setup.files_that_state_local_memory();

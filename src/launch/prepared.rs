@@ -43,7 +43,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Makes a caster for the frame.
+    /// Makes a caster for frames of the size for which the strategy was prepared.
     pub fn caster(&self) -> Result<Caster, Refused> {
         self.caster_of(&self.workload, None)
     }
@@ -76,7 +76,7 @@ impl Prepared {
     }
 
     /// Moves the scene's lights, starting with the next frame. The number of the scene's lights stays the
-    /// same: further `lights` are ignored.
+    /// same: all elements of `lights` beyond this number are ignored.
     pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
@@ -95,9 +95,10 @@ impl Prepared {
         Ok(true)
     }
 
-    /// Returns true if the program and all buffers suit another scene. For this, four properties of the two
-    /// scenes must be equal: the mesh, the sizes and features (the [`Workload`]), whether the background is
-    /// transparent, and whether rays that hit nothing see a picture of the sky.
+    /// Returns true if the program and all buffers suit another scene. The program and the buffers suit the
+    /// other scene if four properties of the two scenes are equal: the mesh, the sizes and features (the
+    /// [`Workload`]), whether the background is transparent, and whether rays that hit nothing see a picture
+    /// of the sky.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, given_rays, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
@@ -109,9 +110,9 @@ impl Prepared {
 
     /// Returns properties of a frame's compiled kernels, from the build log `log` and from `ptx`. `ptx` is
     /// the program's binary if this binary is PTX, and is empty otherwise. The occupancy of each kernel is
-    /// predicted for the local size with which a frame starts this kernel. This local size may differ from
-    /// the workload's: kernels that prepare or rasterise triangles, or that show the sky, have a local size
-    /// of their own.
+    /// predicted for the local size with which a frame starts this kernel. The local size of a kernel may
+    /// differ from that of the workload: kernels that prepare or rasterise triangles, or that show the sky,
+    /// have a local size of their own.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let made = |kernel: &Kernel| {
             let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);
@@ -301,7 +302,8 @@ mod tests {
                 prepared.unwrap().caster().err().map(|refused| refused.into_error(&device.info))
             });
             let message = error.as_ref().map(ToString::to_string);
-            // raycl notices the mistake only if the driver reports how much memory the kernel uses.
+            // raycl notices the wrong number in the file's header only if the driver reports how much memory
+            // the kernel uses.
             let expected = stated.filter(|_| is_reported).map(|stated| {
                 format!(
                     " B of __local memory, but {stated} B follow from the header of {}: correct `memory`, ",

@@ -1,4 +1,4 @@
-//! An open device.
+//! An OpenCL device that has been opened, with its queue of commands.
 
 use super::LaunchError;
 use super::staging::Staging;
@@ -13,9 +13,9 @@ use std::sync::Arc;
 pub struct Queue {
     /// The context that owns buffers and programs.
     pub context: Context,
-    /// The command queue.
+    /// The queue through which the device gets its commands, in order.
     pub commands: ocl::Queue,
-    /// The device.
+    /// The OpenCL handle of the device.
     pub device: Device,
     /// True if the device uses the host's own memory, as a CPU does.
     pub shares_memory: bool,
@@ -26,7 +26,7 @@ pub struct Queue {
 }
 
 impl Queue {
-    /// Opens a device.
+    /// Opens a device: makes a context and a command queue for it.
     pub fn open(&device::Device { platform, device, ref info, .. }: &device::Device) -> Result<Self> {
         device::note_device(info);
         let open = || -> ocl::Result<Self> {

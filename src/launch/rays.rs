@@ -13,9 +13,9 @@ use ocl::prm::Float4;
 /// A ray that finds hits at `t > t_min` along a direction of length 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// The origin.
+    /// The point at which the ray starts.
     pub origin: Vec3,
-    /// The direction, of length 1.
+    /// The ray's direction, a vector of length 1.
     pub direction: Vec3,
     /// Hits at the distance `t_min` or nearer are ignored.
     pub t_min: f32,
@@ -63,8 +63,8 @@ impl Prepared {
 }
 
 /// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support arbitrary
-/// rays. Also returns an error if the program lacks the kernel, because the strategy was not prepared for
-/// arbitrary rays.
+/// rays. The function also returns an error if the program lacks the kernel, because the strategy was not
+/// prepared for arbitrary rays.
 fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, LaunchError> {
     if !matches!(setup.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
         return Err(LaunchError::GivenRays(

@@ -28,7 +28,8 @@ pub enum Refused {
     },
 }
 
-/// The remedy if a point does not fit into the memory of a device or the host.
+/// The remedy if a point of an experiment, or a picture, does not fit into the memory of a device or the
+/// host.
 const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
 /// The remedy if a work-group has a shape that the device or the strategy does not support.
@@ -62,7 +63,7 @@ impl Refused {
         }
     }
 
-    /// Returns the reason: a sentence, or the compiler's log if the build failed.
+    /// Returns why the strategy cannot be cast: a sentence, or the compiler's log if the build failed.
     pub fn reason(&self) -> String {
         match self {
             Self::Mistake(error) => error.to_string(),
@@ -72,9 +73,9 @@ impl Refused {
         }
     }
 
-    /// Returns the reason: a sentence, or the compiler's log if the build failed. If the device may lack
-    /// memory, the sentence says how much of its memory other processes use. If the disk on which PoCL stores
-    /// compiled kernels is full, a line after the log says so.
+    /// Returns why the strategy cannot be cast: a sentence, or the compiler's log if the build failed. If the
+    /// device may lack memory, the sentence says how much of its memory other processes use. If the disk on
+    /// which PoCL stores compiled kernels is full, a line after the log says so.
     pub fn reason_on(&self, device: &DeviceInfo) -> String {
         match self {
             Self::Launch { error, .. } => error.on(device),

@@ -111,7 +111,7 @@ impl Samples {
         Ok((count[0] as usize, times))
     }
 
-    /// Reads how many samples each block gets.
+    /// Reads from the device how many samples each block of pixels gets.
     pub fn read(&self, queue: &Queue) -> ocl::Result<SampleCounts> {
         let mut counts = vec![0; self.wanted.len()];
         self.wanted.cmd().queue(&queue.commands).read(&mut counts).enq()?;
@@ -389,8 +389,9 @@ mod tests {
         }
     }
 
-    /// The kernel compares displayed values. Values beyond white are therefore equal, and a gamma of 2 enlarges
-    /// differences near black. If pixels have more first samples, a smaller difference makes a block rough.
+    /// To find rough blocks, the kernel compares displayed values. Values beyond white are therefore equal,
+    /// and a gamma of 2 enlarges differences near black. If pixels have more first samples, a smaller
+    /// difference makes a block rough.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
         let mut marking = Marking::new();

@@ -1,4 +1,4 @@
-//! A scene in a device's memory, in one layout.
+//! A scene in a device's memory, in one layout (arrangement of the triangles in buffers).
 
 use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_rows};
@@ -33,7 +33,8 @@ pub(super) struct Sets<I: ocl::OclPrm> {
 }
 
 impl<I: ocl::OclPrm> Sets<I> {
-    /// Returns the sets' buffers as arguments; `of` turns an index buffer into an argument.
+    /// Returns the buffers of the sets and of the indices as kernel arguments; `of` turns a buffer of indices
+    /// into an argument.
     pub fn arguments<'a>(&'a self, of: impl Fn(&'a Buffer<I>) -> Argument<'a>) -> Arguments<'a> {
         Arguments::default()
             .with("position_set", &self.positions)
@@ -45,7 +46,7 @@ impl<I: ocl::OclPrm> Sets<I> {
     }
 }
 
-/// A scene uploaded in one layout.
+/// A scene that was uploaded to a device in one layout.
 #[derive(Debug)]
 pub(super) struct DeviceScene {
     pub(super) geometry: Geometry,
@@ -55,15 +56,15 @@ pub(super) struct DeviceScene {
     pub(super) soft: Buffer<f32>,
     pub(super) triangle_count: usize,
     pub(super) textures: Option<DeviceTextures>,
-    /// The colours of the triangles' corners, in the mesh's order; `None` if there are none.
+    /// The colours of the triangles' corners, in the mesh's order; `None` if the corners have no colours.
     pub(super) corner_colours: Option<Buffer<u32>>,
-    /// Time for making and uploading the buffers.
+    /// Time for making and uploading the scene's buffers.
     pub upload_ms: f64,
 }
 
 impl DeviceScene {
-    /// Uploads the parts of `scene` that `strategy` reads. Triangles are left out if the strategy's kernels
-    /// read triangles only from the tree.
+    /// Uploads the parts of `scene` that the kernels of `strategy` read. Triangles are left out if the
+    /// strategy's kernels read triangles only from the tree.
     pub fn upload(queue: &Queue, scene: &Scene, strategy: &Strategy) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let mesh = &scene.mesh;
@@ -118,8 +119,8 @@ pub(super) fn replace_lights(
     Ok(())
 }
 
-/// Returns the position and power of each light. If any of them has an area, each light also gets the floats
-/// that `cl/common/area_light.cl` describes, which are 0 for a light without an area.
+/// Returns the position and power of each light. If any of the lights has an area, each light also gets the
+/// floats that `cl/common/area_light.cl` describes, which are 0 for a light without an area.
 fn light_floats(lights: &[Light]) -> Vec<f32> {
     let have_areas = lights.iter().any(|light| light.area.is_some());
     let stride = if have_areas { AREA_LIGHT_FLOATS } else { LIGHT_FLOATS };
@@ -164,7 +165,8 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
 }
 
 /// Uploads the triangles as 104 bytes each: three corners, their normals, and the material (16 bytes more if
-/// surfaces emit light). No triangles share corners, as in the paper's data.
+/// surfaces emit light). No triangles share corners, as in the data of the student paper that raycl
+/// reproduces.
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
     let emissive = mesh.is_emissive();
     let stride = soup_floats(emissive);

@@ -80,7 +80,7 @@ impl Session {
         Self { builtins, ..self }
     }
 
-    /// Sets another cache for compiled programs.
+    /// Replaces the session's cache of compiled programs.
     #[must_use]
     pub fn with_cache(self, programs: ProgramCache) -> Self {
         Self { programs, ..self }
@@ -109,16 +109,16 @@ impl Session {
         Self { early_tree, ..self }
     }
 
-    /// Rounds the sizes of stacks in private memory up to multiples of [`ROUNDED_STACK`] entries. Kernels
-    /// traverse a tree with such a stack. With rounded sizes, one program serves most scenes, and can be
-    /// built before the scene's tree is known. Stacks in `__local` memory are not rounded, since larger ones
-    /// slow a kernel down.
+    /// Rounds the sizes of stacks in private memory up to multiples of [`ROUNDED_STACK`] entries. Kernels use
+    /// a stack in private or `__local` memory to traverse a tree. With rounded sizes, one program serves most
+    /// scenes, and can be built before the scene's tree is known. Stacks in `__local` memory are not rounded,
+    /// since larger ones slow a kernel down.
     #[must_use]
     pub fn rounding_stacks(self) -> Self {
         Self { rounds_stacks: true, ..self }
     }
 
-    /// Sets for how many frames trees are built. Without this call, they are built for many frames.
+    /// Sets for how many frames trees are built. Without this call, trees are built for many frames.
     #[must_use]
     pub fn with_tree_use(self, tree_use: TreeUse) -> Self {
         Self { tree_use, ..self }
@@ -200,8 +200,8 @@ impl Session {
     }
 
     /// Prepares a strategy like [`Self::prepare`], and also for rays that the caller provides
-    /// ([`Prepared::cast_rays`]). Such rays need a kernel that no frame needs, so the programs of [`Self::prepare`]
-    /// lack this kernel.
+    /// ([`Prepared::cast_rays`]). Rays that the caller provides need a kernel that no frame needs, so the
+    /// programs of [`Self::prepare`] lack this kernel.
     pub fn prepare_for_rays(
         &mut self,
         strategy: &Strategy,
@@ -223,8 +223,8 @@ impl Session {
     }
 
     /// Does the first step of [`Self::prepare`]: determines the workload. The workload contains the stack
-    /// size, which depends on the strategy's tree. This step therefore builds the tree, unless the device
-    /// already has it.
+    /// size, which depends on the strategy's tree. To determine the workload, this function therefore builds
+    /// the tree, unless the device already has the tree.
     pub fn workload(
         &mut self,
         strategy: &Strategy,
@@ -302,8 +302,9 @@ impl Session {
         self.sampling
     }
 
-    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or builds it
-    /// now. Also returns the build time of this call in milliseconds; 0 if the program was built before.
+    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or builds the
+    /// program now. Also returns how long this call built the program, in milliseconds; 0 if the program was
+    /// built before.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));

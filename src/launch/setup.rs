@@ -16,17 +16,17 @@ use ocl::{Buffer, Kernel};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The inputs of a frame.
+/// The inputs from which a frame's kernels and their arguments are made.
 #[derive(Clone, Copy)]
 pub(super) struct Setup<'a> {
-    /// The device, ready for commands.
+    /// The open device on which the frame is cast.
     pub queue: &'a Queue,
     pub program: &'a BuiltProgram,
     pub strategy: &'a Strategy,
     /// The sizes and features of the scene, the image and the work-groups.
     pub workload: &'a Workload,
     pub scene: &'a Scene,
-    /// The scene on the device.
+    /// The scene's buffers on the device.
     pub uploaded: &'a DeviceScene,
     /// The scene's tree on the device, if the strategy uses a tree.
     pub tree: Option<&'a Arc<DeviceTree>>,
@@ -73,11 +73,12 @@ impl<'a> Setup<'a> {
         builder.build().map_err(|error| LaunchError::of_kernel(kernel.name, self.own_files, error))
     }
 
-    /// Returns a kernel with its arguments and with at least `across` x `down` work-items. The kernel must support
-    /// work-groups of any size, and must ignore work-items beyond `across` and `down`. This function sets the size
-    /// of the work-groups, because OpenCL would choose a divisor of the number of work-items, perhaps 1. A
-    /// work-group is N x 1 work-items, because on some devices a work-group can have several work-items only in
-    /// the first dimension. N is `self.queue.group`, or less if the compiled kernel does not support so many.
+    /// Returns a kernel with its arguments and with at least `across` x `down` work-items. The kernel must
+    /// support work-groups of any size, and must ignore work-items beyond `across` and `down`. The function
+    /// sets the size of the work-groups itself, because OpenCL would choose a divisor of the number of
+    /// work-items, perhaps 1. A work-group is N x 1 work-items, because on some devices a work-group can have
+    /// several work-items only in the first dimension. N is `self.queue.group`, or less if the compiled
+    /// kernel does not support so many.
     pub fn row_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -106,8 +107,8 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// Returns true if `path` is that of a file of the axis `vectors` or `triangles`. The headers of these files state how
-/// much `__local` memory the kernels need.
+/// Returns true if `path` is that of a kernel file for a value of the strategy's axis `vectors` or
+/// `triangles`. The headers of these files state how much `__local` memory the kernels need.
 fn states_local_memory(path: &str) -> bool {
     let is_in = |folder: &str| Path::new(path).parent().is_some_and(|parent| parent.ends_with(folder));
     FOLDERS.iter().any(|(folder, axis)| matches!(*axis, "vectors" | "triangles") && is_in(folder))
@@ -117,16 +118,16 @@ fn states_local_memory(path: &str) -> bool {
 pub(super) enum Working {
     /// The working vectors are in private or `__local` memory, so they need no buffer.
     None,
-    /// A buffer in which each work-item has a fixed place for its vectors.
+    /// A buffer in which each work-item has a fixed range for its working vectors.
     Scratch(Buffer<f32>),
-    /// A pool from which work-items allocate their vectors, and a counter of the varyings that they have
-    /// allocated. `size` is the number of varyings in the pool (a varying has one float for each ray of a
-    /// work-item).
+    /// A pool from which work-items allocate their working vectors, and a counter of the varyings that they
+    /// have allocated. `size` is the number of varyings in the pool (a varying has one float for each ray of
+    /// a work-item).
     Heap { pool: Buffer<f32>, top: Buffer<i32>, size: u32 },
 }
 
 impl Working {
-    /// Adds the buffers to `arguments`.
+    /// Adds the buffers of the working vectors to `arguments`.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         match self {
             Self::None => arguments,

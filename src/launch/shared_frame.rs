@@ -1,6 +1,6 @@
 //! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a
 //! work-group: 32 work-items. The frame's lights are processed in rounds, a fixed number of lights in each
-//! round. A round casts the shadow rays to its lights, and shades.
+//! round. In each round of lights, kernels cast the shadow rays to the lights of the round, and shade.
 
 use super::frame::Pass;
 use super::parts::Parts;
@@ -22,10 +22,10 @@ pub(super) struct SharedFrame<'p, 'a> {
     /// True if the kernel for primary rays also casts the shadow rays of the first round (the rays to the
     /// first lights).
     fused: bool,
-    /// True if the shading kernel also casts the leftover shadow rays. A group that has cast all leftover
-    /// shadow rays of a pixel then shades and stores this pixel itself. All other pixels are shaded by other
-    /// groups at the same time. The field is false if `fused` is false, or if frames cast several samples of
-    /// a pixel: a pixel then has several primary rays.
+    /// True if the shading kernel also casts the leftover shadow rays (shadow rays that tiles have not
+    /// decided). A group that has cast all leftover shadow rays of a pixel then shades and stores this pixel
+    /// itself. All other pixels are shaded by other groups at the same time. The field is false if `fused` is
+    /// false, or if frames cast several samples of a pixel: a pixel then has several primary rays.
     shades_leftover: bool,
 }
 
@@ -46,10 +46,10 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
     }
 
     /// Returns the steps of a frame. If `fused` is false, the first steps prepare planes and cast the primary
-    /// rays. The steps of the rounds follow. Each round has a fixed number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then
-    /// leftover shadow rays (each by a whole group of 32 work-items), and then shades. If `shades_leftover`
-    /// is true, one kernel both casts the leftover shadow rays and shades.
+    /// rays. The steps of the rounds of lights follow. Each round of lights has a fixed number of lights
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). The steps of a round cast shadow
+    /// rays, then leftover shadow rays (each by a whole group of 32 work-items), and then shade. If
+    /// `shades_leftover` is true, one kernel both casts the leftover shadow rays and shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -111,9 +111,9 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
     }
 
     /// Returns the step that prepares the planes of a tree's triangles for the ray origins `origins` of a
-    /// round. Origin 0 is the eye, origin 1 is the round's first light. The step also empties the queue of
-    /// leftover shadow rays. Returns `None` if the strategy uses no planes, or if there are no triangles or
-    /// no origins.
+    /// round. Origin 0 is the eye, and origin 1 is the first light of the round of lights. The step also
+    /// empties the queue of leftover shadow rays. Returns `None` if the strategy uses no planes, or if there
+    /// are no triangles or no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

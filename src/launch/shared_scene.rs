@@ -20,7 +20,7 @@ pub(super) struct Kind {
 }
 
 impl Kind {
-    /// Returns the parts that a strategy uses.
+    /// Returns which parts of a scene a strategy uses.
     pub fn of(strategy: &Strategy) -> Self {
         let tree = (strategy.traversal, strategy.node_width, strategy.leaf_size, strategy.layout);
         Self { layout: (strategy.layout, strategy.reads_mesh()), tree: strategy.needs_tree().then_some(tree) }
@@ -30,7 +30,7 @@ impl Kind {
 /// The bytes that parts of a scene take on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PartBytes {
-    /// Bytes of all buffers except lists of the mesh.
+    /// Bytes of all buffers except those with lists of the mesh, such as its normals.
     pub buffers: u64,
     /// Bytes of the lists of the mesh that kernels read. A device that shares the host's memory reads these
     /// lists in place.
@@ -51,9 +51,9 @@ impl SharedScene {
     }
 
     /// Returns the bytes of the parts that are on the device but that `strategy` does not use.
-    /// `reads_in_place` is true if the device shares the host's memory. In this case, all strategies read the
-    /// same lists of the mesh: the lists count once, or not at all if `strategy` reads them too. If
-    /// `reads_in_place` is false, each tree has a copy of the lists, and every copy counts.
+    /// `reads_in_place` is true if the device shares the host's memory. If `reads_in_place` is true, all
+    /// strategies read the same lists of the mesh: the lists count once, or not at all if `strategy` reads
+    /// them too. If `reads_in_place` is false, each tree has a copy of the lists, and every copy counts.
     pub fn bytes_beside(&self, strategy: &Strategy, reads_in_place: bool) -> PartBytes {
         let own = Kind::of(strategy);
         let layouts = self.layouts.iter().filter(|(kind, _)| **kind != own.layout);
@@ -70,7 +70,8 @@ impl SharedScene {
         PartBytes { buffers: of_layouts + of_trees, mesh_lists }
     }
 
-    /// Uploads the tree of a strategy. Does nothing without a tree, which is the case if the strategy uses none.
+    /// Uploads the tree of a strategy. Does nothing if `tree` is `None`, as it is for a strategy that uses no
+    /// tree.
     pub fn upload_tree(
         &mut self,
         queue: &Queue,
@@ -125,7 +126,8 @@ mod tests {
         let upload = |name| Kind::of(&preset(name).unwrap().strategy).layout;
         assert_eq!(upload("bvh"), upload("deferred"));
         assert_eq!(upload("tile"), upload("tile-group"));
-        // For tiles, the upload leaves the triangles out.
+        // For a strategy that casts tiles, the upload leaves the triangles out, since its kernels read the
+        // triangles from the tree.
         assert_ne!(upload("tile"), upload("deferred"));
         assert_ne!(upload("split-vertices"), upload("deferred"));
     }

@@ -38,12 +38,12 @@ const NO_ROWS: &str = "its part of the frame would be less than one row of work-
 pub struct Split<'a> {
     /// The scene that the devices cast.
     pub scene: Arc<Scene>,
-    /// Pixels across and down.
+    /// The frame's width and height in pixels.
     pub image_size: [u32; 2],
     /// Says how many samples each pixel gets. All pixels get the same number of samples, and soft light is
     /// cast at full resolution: adaptive samples and half resolution would need pixels of neighbouring bands.
     pub sampling: Sampling,
-    /// The files of the kernels.
+    /// The kernel files from which the devices' programs are built.
     pub sources: &'a Sources,
     /// The number of times that the frame is cast.
     pub repeat: u32,
@@ -56,9 +56,9 @@ pub struct Split<'a> {
 /// A device that the user chose for casting, with its strategy and its local size.
 #[derive(Clone, Debug)]
 pub struct Casting {
-    /// The device that casts.
+    /// The device that casts a part of the frame.
     pub device: Device,
-    /// The strategy.
+    /// The strategy with which the device casts.
     pub strategy: Strategy,
     /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
@@ -69,7 +69,7 @@ pub struct Casting {
 pub struct Share {
     /// The device's label.
     pub device: String,
-    /// The strategy.
+    /// The strategy with which the device cast its part.
     pub strategy: Strategy,
     /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
@@ -77,9 +77,9 @@ pub struct Share {
     pub rows: [u32; 2],
     /// Time for opening the device, building the tree and the program, and preparing records of triangles.
     pub build_ms: f64,
-    /// Time for uploading the scene.
+    /// Time for uploading the scene to the device.
     pub upload_ms: f64,
-    /// The times of each cast.
+    /// The times of each cast of the device's part.
     pub frames: Vec<FrameTimes>,
     /// Time for reading the device's rows back.
     pub read_ms: f64,
@@ -100,7 +100,7 @@ pub struct Whole {
     pub image: Radiance,
     /// Number of pixels that hit something.
     pub hits: usize,
-    /// Each device's part.
+    /// The part of the frame that each device has cast, with its times.
     pub shares: Vec<Share>,
     /// Devices that were left out because they would have slowed the frame down, or because the frame has too few rows.
     pub left_out: Vec<LeftOut>,
@@ -134,7 +134,7 @@ impl Ready {
         self.prepared.workload.group_height(&self.strategy)
     }
 
-    /// Measures the time for a whole frame.
+    /// Measures how long the device takes for a whole frame of `image_size`, in milliseconds.
     fn whole_ms(&self, image_size: [u32; 2]) -> Result<f64> {
         fastest_ms(&self.caster(image_size, [0, image_size[1]])?)
     }
@@ -164,7 +164,7 @@ struct Team<'a> {
 }
 
 impl Team<'_> {
-    /// Returns each device's rows of a frame.
+    /// Returns the rows of pixels that each device of the team casts, in a frame of `height` rows.
     fn rows(&self, height: u32) -> Vec<[u32; 2]> {
         let groups: Vec<u32> = self.ready.iter().map(|ready| ready.group_height()).collect();
         rows(&balance(&self.costs).0, height, &groups)
@@ -225,9 +225,9 @@ impl Split<'_> {
 
     /// Returns the devices that will cast, and the devices that are left out. Devices that are much slower
     /// than the fastest are left out first ([`Self::trial`]). The remaining devices then cast a trial frame
-    /// together. If they are not faster together than the fastest device alone, the slowest device is left
-    /// out, and the others cast a trial frame. Devices are left out until the remaining devices are faster
-    /// together, or until one device remains. If `every_device` is true, no device is left out.
+    /// together. If these devices together are not faster than the fastest device alone, the slowest device
+    /// is left out, and all others cast another trial frame. Devices are left out until the remaining devices
+    /// are faster together, or until one device remains. If `every_device` is true, no device is left out.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -248,9 +248,9 @@ impl Split<'_> {
     }
 
     /// Returns the size of a trial frame. The trial frame grows until it takes the fastest device at least
-    /// [`TRIAL_MS`], or until it is the full frame. Also measures each device's time for the trial frame.
-    /// Moves devices that are much slower than the fastest from `team` to `left_out`, unless `every_device`
-    /// is true: for a larger frame, the difference would be even larger.
+    /// [`TRIAL_MS`], or until it is the full frame. The function also measures each device's time for the
+    /// trial frame. Moves devices that are much slower than the fastest from `team` to `left_out`, unless
+    /// `every_device` is true: for a larger frame, the difference would be even larger.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -410,8 +410,8 @@ mod tests {
     use crate::strategy::preset;
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    /// Number of pixels across and down. With work-groups of two pixel rows, there are 31 rows of
-    /// work-groups, one fewer than [`PARTS`].
+    /// Width and height of the tests' frame in pixels. With work-groups of two pixel rows, there are 31 rows
+    /// of work-groups, one fewer than [`PARTS`].
     const SIZE: [u32; 2] = [24, 61];
     const LOCAL_SIZE: [u32; 2] = [4, 2];
 

@@ -27,7 +27,7 @@ impl Default for Staging {
 }
 
 impl Staging {
-    /// Plans pieces of `piece_bytes` bytes. The pieces are allocated at first use.
+    /// Returns a `Staging` whose pieces have `piece_bytes` bytes. The pieces are allocated at first use.
     pub fn of(piece_bytes: usize) -> Self {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }

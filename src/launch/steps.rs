@@ -4,7 +4,7 @@ use super::Queue;
 use super::frame::Pass;
 use ocl::{Buffer, Event, Kernel, SpatialDims};
 
-/// Which rays a frame casts.
+/// The rays that a frame casts: how many per pixel, and in how many tiles.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Extent {
     /// Each pixel has 2^`bits` rays across and down.
@@ -15,7 +15,7 @@ pub(super) struct Extent {
 
 /// One command of a frame.
 pub(super) enum Step {
-    /// Sets every value of a buffer.
+    /// Sets every value of the buffer to this number.
     Fill(Buffer<i32>, i32),
     /// Runs a kernel with the same number of work-items in every frame.
     Run(Kernel),
@@ -61,7 +61,7 @@ impl Step {
     }
 }
 
-/// Returns the dimensions across and down, each multiplied by 2^`bits`.
+/// Returns the numbers of work-items across and down, each multiplied by 2^`bits`.
 fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     match size {
         SpatialDims::Two(across, down) => SpatialDims::Two(across << bits, down << bits),
@@ -94,8 +94,8 @@ mod tests {
             let [all, local] = [[320, 64], [32, local_down]].map(|[x, y]| SpatialDims::Two(x, y));
             rows_for(tiles, all, local).to_lens().map(|lens| lens[1])
         };
-        // There are ten work-groups side by side. In the first assertion, each work-group casts one tile; in
-        // the second, each work-group casts four tiles.
+        // The frame has ten work-groups side by side. In the first assertion, each work-group casts one tile;
+        // in the second, each work-group casts four tiles.
         assert_eq!([0, 1, 10, 11, 9999].map(|tiles| size(tiles, 1).ok()), [1, 1, 1, 2, 64].map(Some));
         assert_eq!([1, 40, 41, 9999].map(|tiles| size(tiles, 4).ok()), [4, 4, 8, 64].map(Some));
     }

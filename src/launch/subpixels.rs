@@ -9,7 +9,7 @@ use ocl::prm::Float16;
 
 /// The rays of a vector form a square of `SIDE` x `SIDE` rays.
 const SIDE: usize = 4;
-/// A pixel's centre.
+/// The centre of a pixel, as a fraction of the pixel's width and height.
 const CENTRE: f32 = 0.5;
 
 /// Returns how many samples of a pixel a frame can cast with 2^`bits` sub-pixels across and down.
@@ -44,9 +44,9 @@ pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
     fits.then(|| tile.iter().map(|rays| side / rays).product())
 }
 
-/// Distributes the samples of one round (the first samples of every pixel, or the later ones) over frames. A frame
-/// divides a pixel into at most 2^`most_bits` sub-pixels across. At least three quarters of a frame's sub-pixels have a
-/// sample. The remaining samples are cast in frames with fewer sub-pixels.
+/// Distributes the samples of one round of samples (the first samples of every pixel, or the later samples)
+/// over frames. A frame divides a pixel into at most 2^`most_bits` sub-pixels across. At least three quarters
+/// of a frame's sub-pixels have a sample. The remaining samples are cast in frames with fewer sub-pixels.
 pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
     std::iter::from_fn(move || {
         let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;

@@ -18,7 +18,7 @@ pub(super) struct DeviceTextures {
 }
 
 impl DeviceTextures {
-    /// Uploads the textures; `None` if there are none.
+    /// Uploads the textures of a mesh; returns `None` if the mesh has no textures.
     pub fn upload(queue: &Queue, mesh: &Mesh) -> ocl::Result<Option<Self>> {
         let textures = &mesh.textures;
         if textures.list.is_empty() {

@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Stack sizes are multiples of this many entries, so that scenes whose trees have similar depths share a program.
 const STACK_STEP: usize = 32;
 
-/// The nodes of a tree, and its triangles in leaf order.
+/// The nodes of a tree, and the tree's triangles in leaf order, on the device.
 #[derive(Debug)]
 pub(super) struct DeviceTree {
     pub(super) nodes: Buffer<u32>,
@@ -30,7 +30,7 @@ pub(super) struct DeviceTree {
     pub stack_size: usize,
     /// Time for building the tree on the host.
     pub build_ms: f64,
-    /// Time for uploading the tree.
+    /// Time for uploading the tree to the device.
     pub upload_ms: f64,
 }
 
@@ -41,8 +41,8 @@ pub struct HostTree {
 }
 
 impl HostTree {
-    /// Builds a mesh's tree for `strategy`; `None` if the strategy uses none. `tree_use` says for how many frames
-    /// the tree is built.
+    /// Builds a mesh's tree for `strategy`; returns `None` if the strategy uses no tree. `tree_use` says for
+    /// how many frames the tree is built.
     pub(super) fn build(
         mesh: &Mesh,
         strategy: &Strategy,
@@ -57,8 +57,8 @@ impl HostTree {
     }
 
     /// Builds the tree before a device is open. Returns `None` if the memory of host or device does not
-    /// suffice or the build fails: the session reports the error later. Also returns `None` if the strategy
-    /// uses no tree.
+    /// suffice or the build fails: the session reports the error later. The function also returns `None` if
+    /// the strategy uses no tree.
     pub fn ahead(
         mesh: &Mesh,
         strategy: &Strategy,
@@ -114,7 +114,7 @@ impl Surfaces {
         })
     }
 
-    /// Adds the buffers to `arguments`.
+    /// Adds the buffers of normals and materials to `arguments`.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = match &self.normals {
             Normals::Rows(rows) => arguments.with("surfaces", rows),

@@ -1,7 +1,7 @@
 //! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A
 //! virtual machine's processors are threads of its host, and the host may move these threads: two of them may
-//! share a core, or run on distant cores. Each such move changes the core-to-core latency, and the speed of
-//! all kernels that share data between work-groups.
+//! share a core, or run on distant cores. Each move of a virtual machine's processor changes the core-to-core
+//! latency, and the speed of all kernels that share data between work-groups.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// The number of round trips in one timed piece of the measurement. A piece takes tens of microseconds, so few pieces
 /// are interrupted.
 const ROUND_TRIPS: u32 = 100;
-/// The number of timed pieces; the fastest piece is the result.
+/// The number of timed pieces; the time of the fastest piece is the result.
 const PIECES: u32 = 5;
 /// If the measurement takes longer than `PATIENCE`, the processors are assumed to be busy with other
 /// programs, and the measurement has no result.
@@ -55,8 +55,8 @@ fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Optio
             fastest
         };
         let Ok(timed) = timer.spawn_scoped(scope, timing) else {
-            // The timing thread could not start. Ends the exchange, so that the answering thread does not
-            // wait for the timing thread.
+            // The thread that times the exchange could not start. Storing `OVER` ends the exchange, so that
+            // the answering thread does not wait for the timing thread.
             word.0.store(OVER, Ordering::Release);
             return None;
         };
@@ -64,7 +64,8 @@ fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Optio
     })
 }
 
-/// Returns the mean time of half a round trip in nanoseconds; `None` if `pass` returns false.
+/// Returns the mean time of half a round trip in nanoseconds; `None` if the exchange ends too early (`pass`
+/// returns false).
 fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     let start = Instant::now();
     for _ in 0..ROUND_TRIPS {
@@ -120,7 +121,7 @@ mod tests {
     fn a_cache_line_takes_some_nanoseconds_and_this_thread_stays_where_it_was() {
         let processors = || sched_getaffinity(None).map(|own| own.count()).ok();
         let before = processors();
-        // While other programs run, this function may find no moment in which both processors are free.
+        // While other programs run, `core_to_core_ns` may find no moment in which both processors are free.
         if let Some(ns) = core_to_core_ns() {
             assert!(ns > 1.0 && ns < 1e6, "{ns} ns");
         }

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-/// Returns the processor time that all threads of this process have used since it started; zero if the system does not
-/// report it.
+/// Returns the processor time that all threads of this process have used since the process started; zero if
+/// the system does not report this time.
 #[cfg(unix)]
 pub fn processor_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);

@@ -1,4 +1,4 @@
-//! Constants that the host and the kernels share. Kernels receive them as defines.
+//! Constants that the host and the kernels share. Kernels receive the constants as defines.
 
 use crate::accel::TRIANGLE_WORDS;
 use crate::scene::Material;
@@ -8,7 +8,8 @@ pub const NO_HIT: i32 = i32::MAX;
 /// Number of floats in a row. A row contains a triangle of a leaf, or the planes that are prepared for a triangle and a
 /// common origin of rays.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
-/// Number of working vectors of a ray, with three floats each. The paper keeps working vectors in arrays.
+/// Number of working vectors of a ray (its origin, direction, normal and others), with three floats each. The
+/// student paper that raycl reproduces keeps these vectors in arrays.
 pub const WORKING_VECTORS: usize = 9;
 /// Returns the number of floats of a triangle without shared vertices: corners 9, normals 9, material 8, or more in a
 /// scene in which surfaces emit light (`emissive`).
@@ -35,7 +36,7 @@ pub const SAMPLED_BLOCK: u32 = 4;
 /// the number of these samples, since chance affects a mean of samples less than a single sample.
 pub const ROUGH_STEPS: u32 = 30;
 /// The sample points of lights and the directions of the sky repeat after this many pixels of the half
-/// picture, across and down. Along each axis, the filter of soft light covers one pixel more than this
+/// picture, across and down. Across and down, the filter of soft light covers one pixel more than this
 /// number. The filter's two outermost pixels have half weight.
 pub const INTERLEAVED: u32 = 4;
 /// How strongly the filter of soft light lowers the weight of a pixel whose unoccluded light differs from the

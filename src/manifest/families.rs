@@ -6,7 +6,7 @@ use super::define_lists::*;
 use super::kernels::{CAST_KERNELS, RASTER_KERNELS, TILE_CPU_KERNELS, TILE_GPU_KERNELS};
 use super::{Family, Rule};
 
-/// All families. `Strategy::family` determines the family of a strategy.
+/// All kernel families. `Strategy::family` determines the family of a strategy.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
 /// The kernels whose rays are each tested against every triangle.
@@ -43,7 +43,7 @@ pub static BVH: Family = Family {
     ],
 };
 
-/// The kernels that rasterise triangles. Their shadow rays are tested against every triangle.
+/// The kernels that rasterise triangles. The shadow rays of this family are tested against every triangle.
 pub static RASTER: Family = Family {
     name: "raster",
     label: "traversal = raster",
@@ -93,10 +93,10 @@ pub static TILE_CPU: Family = Family {
         VECTOR_DEFINES,
     ],
     rules: &[
-        // The rule about the axis `width` is the first, because messages give the reason of the first rule
-        // that a strategy breaks. If the width is wrong, a message about another axis would mislead, since
-        // another width may allow the value on that axis. Tiles with `width = 1` belong to the family
-        // `TILE_GPU`.
+        // The rule about the strategy's axis `width` is the first, because messages give the reason of the
+        // first rule that a strategy breaks. If the width is wrong, a message about another axis would
+        // mislead, since another width may allow the value on that axis. Tiles with `width = 1` belong to the
+        // family `TILE_GPU`.
         only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),

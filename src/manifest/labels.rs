@@ -1,6 +1,6 @@
 //! Tests the labels of programs (hashes and values of axes) without a device. A change to a file must change
-//! the hashes of the programs that include the file, and no other hashes. Two values of an axis must never
-//! result in the same program and the same tree.
+//! the hashes of the programs that include the file, and no other hashes. Two values of a strategy's axis
+//! must never result in the same program and the same tree.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};
@@ -13,7 +13,7 @@ use crate::strategy::{AXES, AxisInfo, PRESETS, Strategy, Workload};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// Makes a folder that replaces one built-in file by a copy with an additional comment.
+/// Makes a folder of kernel files that replaces one built-in file by a copy with an additional comment.
 fn with_a_comment_in(file: &str) -> (tempfile::TempDir, Sources) {
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     let text = Sources::Embedded.read(file).unwrap_or_else(|error| panic!("{error}"));
@@ -44,8 +44,8 @@ fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     assert!(changes > 10 * PRESETS.len(), "only {changes}");
 }
 
-/// Returns everything that a value of an axis can change in the program for a fixed scene: the preprocessed source, the
-/// options, and the kernels that frames need.
+/// Returns everything that a value of a strategy's axis can change in the program for a fixed scene: the
+/// preprocessed source, the options, and the kernels that frames need.
 fn decided(strategy: &Strategy) -> String {
     let spec = spec(strategy);
     let text =
@@ -63,7 +63,8 @@ fn tree(strategy: &Strategy) -> (Vec<u32>, usize) {
     (tree.nodes.clone(), tree.stack_size())
 }
 
-/// Returns the values of an axis that a strategy's family accepts if the other axes stay the same.
+/// Returns the values of a strategy's axis that the strategy's family accepts if the values on all other axes
+/// stay the same.
 fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
     let changed = |value| {
         let mut strategy = *base;
@@ -75,8 +76,8 @@ fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
     values.filter(|(_, strategy)| strategy.contradiction().is_none() && own(strategy)).collect()
 }
 
-/// Checks, for every axis and every family, all values that the family accepts: values with different names must result
-/// in different programs or trees.
+/// Checks, for every axis of strategies and every kernel family, all values that the family accepts: values
+/// with different names must result in different programs or trees.
 #[test]
 fn values_of_another_name_are_another_program_or_another_tree() {
     let mut seen: HashMap<(&str, &str), usize> = HashMap::new();

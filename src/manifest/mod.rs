@@ -27,7 +27,7 @@ pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
 /// A condition for a parameter, a kernel or a define: a property of a strategy, a scene or a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fact {
-    /// True of every strategy.
+    /// A condition that is true of every strategy.
     Always,
     /// Each triangle has its own copies of its vertices.
     Soup,
@@ -70,13 +70,14 @@ pub enum Fact {
     Fused,
     /// The kernel for primary rays only finds the nearest hits.
     Separate,
-    /// The program has a kernel for leftover shadow rays alone, because the shading kernel does not always cast them.
+    /// The program has a kernel for leftover shadow rays (rays that tiles have not decided) alone, because
+    /// the shading kernel does not always cast these rays.
     Leftover,
     /// The caller provides rays, which need a kernel that no frame needs.
     GivenRays,
 }
 
-/// The role of a kernel: the part of a frame that it does, or the work that it does outside of frames.
+/// The role of a kernel: the part of a frame's work that the kernel does, or its work outside of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Prepares the planes of each triangle for the eye and the lights.
@@ -90,7 +91,7 @@ pub enum Role {
     Resolve,
     /// Casts shadow rays.
     Shadow,
-    /// Casts leftover shadow rays.
+    /// Casts leftover shadow rays: those that tiles have not decided.
     Leftover,
     /// Shades the nearest hits. If no kernel has the role `Shadow`, this kernel also casts shadow rays.
     Shade,
@@ -129,12 +130,12 @@ impl Role {
     }
 }
 
-/// A kernel.
+/// A kernel of a family, as the host has to know it.
 #[derive(Debug)]
 pub struct Kernel {
     /// The kernel's name in the source.
     pub name: &'static str,
-    /// The kernel's role.
+    /// The work that the kernel does, in a frame or outside of frames.
     pub role: Role,
     /// The condition under which a program contains the kernel.
     pub when: Fact,
@@ -162,12 +163,12 @@ impl Kernel {
     }
 }
 
-/// The values of an axis that a family supports.
+/// The values of a strategy's axis that a kernel family supports.
 #[derive(Clone, Copy, Debug)]
 pub enum Supported {
-    /// The family supports only these values.
+    /// The family supports only the listed values of the axis.
     Only(&'static [&'static str]),
-    /// The family supports all values except these.
+    /// The family supports all values of the axis except the listed ones.
     AllBut(&'static [&'static str]),
     /// The family supports the values that have a file in this folder. If a condition is given, values for
     /// which the condition is true are excluded.
@@ -175,8 +176,9 @@ pub enum Supported {
 }
 
 impl Supported {
-    /// Returns true if a value is supported. `has_file` returns true if the value has a file in a folder.
-    /// `holds` returns true if a condition is true of a strategy with the value.
+    /// Returns true if the family supports the value `value` of the axis. `has_file` returns true if the
+    /// value has a file in a folder. `holds` returns true if a condition is true of a strategy with the
+    /// value.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),
@@ -186,13 +188,13 @@ impl Supported {
     }
 }
 
-/// An axis of which a family supports only some values.
+/// An axis of strategies of which a kernel family supports only some values.
 #[derive(Debug)]
 pub struct Rule {
-    /// The name of the axis.
+    /// The name of the strategy's axis, such as `width`.
     pub axis: &'static str,
-    /// The supported values. If the axis has no effect in the family, the family supports only one value of
-    /// the axis.
+    /// The supported values. If the strategy's axis has no effect in the family, the family supports only one
+    /// value of the axis.
     pub takes: Supported,
     /// The reason why the family supports only these values. In messages, the reason follows the family's label, for
     /// example "uses its own edge functions".
@@ -212,7 +214,7 @@ pub struct Family {
     pub kernels: &'static [Kernel],
     /// The names of the family's defines, in groups that several families use.
     pub defines: &'static [&'static [(Fact, &'static str)]],
-    /// The axes of which the family supports only some values.
+    /// The axes of strategies of which the family supports only some values.
     pub rules: &'static [Rule],
 }
 

@@ -9,7 +9,7 @@ use super::Fact::{
 /// A parameter of a kernel. The argument of the same name is bound to the parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
-    /// The condition under which the parameter exists.
+    /// The condition under which kernels have this parameter.
     pub when: Fact,
     /// The parameter's type in OpenCL C. A word in capitals is a macro that a file of the strategy defines.
     pub of_type: &'static str,
@@ -77,8 +77,8 @@ pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this
 /// sample's set. The first samples of a pixel are one set, and the later samples are another set.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// For each block of pixels, the number of samples per pixel that the block should get. Also the number of
-/// samples per pixel that the image has from earlier frames.
+/// For each block of pixels, the number of samples per pixel that the block should get. A further parameter
+/// is the number of samples per pixel that the image has from earlier frames.
 pub const SAMPLES: &[Parameter] = &[p(Sampled, WORDS, "wanted"), p(Sampled, "const uint", "earlier")];
 /// The base-2 logarithm of the number of sub-pixels across a pixel in this frame, the number of samples that
 /// the frame casts per pixel, and the position of each lane's sample in its pixel.
@@ -117,10 +117,10 @@ pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, "__global uint *restrict", "rough"),
     p(Sampled, "volatile __global uint *", "rough_counter"),
 ];
-/// The unoccluded light in each pixel of the half picture, and the half picture's size.
+/// The unoccluded light (without shadows) in each pixel of the half picture, and the half picture's size.
 pub const HALF_LIGHT: &[Parameter] =
     &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
-/// The light that arrives in the half picture, with shadows.
+/// For each pixel of the half picture with shadows, the light that arrives at its surfaces.
 pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 /// For each pixel of the half picture, the fraction of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];

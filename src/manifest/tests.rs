@@ -10,8 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign as _;
 use std::sync::LazyLock;
 
-/// Returns the presets, and the strategies that differ from a preset in one axis. Together, these strategies use every
-/// file of every family.
+/// Returns the presets, and the strategies that differ from a preset on one axis, such as the layout of
+/// triangles. Together, these strategies use every file of every family.
 pub(super) fn strategies() -> Vec<Strategy> {
     // The list is computed only once: several tests need it, and it takes long to find out which values
     // contradict each other.
@@ -203,8 +203,8 @@ fn a_program_holds_no_file_of_another_family() {
         let own = match strategy.family().name {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
-            // In this family, a vector of rays uses the watertight test of `cl/cast/` if there is no
-            // coordinate axis along which all its rays run in the same direction. The watertight test of
+            // In the family `tile-cpu`, a vector of rays uses the watertight test of `cl/cast/` if there is
+            // no coordinate axis along which all its rays run in the same direction. The watertight test of
             // `cl/cast/` chooses an axis for each ray.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],

@@ -13,8 +13,8 @@ use std::ffi::CString;
 use std::time::Instant;
 use thiserror::Error;
 
-/// The option with which NVIDIA's compiler prints each kernel's registers and spills into the build log. This
-/// option is not part of a [`ProgramSpec`], since the option does not change the compiled code.
+/// The option with which NVIDIA's compiler prints each kernel's registers and spills into the build log. The
+/// option `-cl-nv-verbose` is not part of a [`ProgramSpec`], since it does not change the compiled code.
 const VERBOSE: &str = "-cl-nv-verbose";
 /// An environment variable that turns off the cache of NVIDIA's compiler if the variable's value is 1. The
 /// compiler prints registers and spills only when it compiles a program, not when it takes the program from
@@ -25,13 +25,14 @@ pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 #[derive(Debug, Error)]
 #[error("{log}")]
 pub struct BuildError {
-    /// The compiler's messages.
+    /// The compiler's messages about the program or, if the driver could not compile the program, the
+    /// driver's error.
     pub log: String,
     /// True if the program contains a kernel file that the user added or changed. If so, the mistake is in
     /// the user's file, since raycl's own files compile.
     pub has_own_file: bool,
-    /// True if the same build may succeed later: it failed for a reason that has nothing to do with the
-    /// program, such as a lack of memory.
+    /// True if the same build may succeed later: the build failed for a reason that has nothing to do with
+    /// the program, such as a lack of memory.
     pub may_pass: bool,
 }
 
@@ -52,7 +53,7 @@ impl BuildError {
 /// A program compiled for one device.
 #[derive(Debug)]
 pub struct BuiltProgram {
-    /// The OpenCL program.
+    /// The OpenCL object of the compiled program.
     pub program: Program,
     /// The time that the build took. The build is short if the driver takes the program from the driver's own
     /// cache.
@@ -189,8 +190,8 @@ impl BuiltProgram {
 }
 
 /// Returns a program's compiler options, and the option that makes the device's compiler print the kernels'
-/// resources. If the compiler cannot print resources, adds the option that stops its output to the terminal,
-/// if it has such an option.
+/// resources. If the compiler cannot print resources, adds the option that stops the compiler's output to the
+/// terminal, if the compiler has such an option.
 fn options(device: Device, spec: &ProgramSpec) -> String {
     let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
     format!("{} {more}", spec.options).trim_end().to_owned()
@@ -249,8 +250,8 @@ mod tests {
         assert_eq!(located("<kernel>:3:1: error: no"), format!("{shade}:2:1: error: no"));
         assert_eq!(located("error: cast/shade.cl:1:1: no"), format!("error: {shade}:1:1: no"));
         // In the next two cases, the compiler's message does not name the user's file, so raycl's message
-        // must add it. In the first case, the compiler names a built-in file, which may use a name that the
-        // user's file defines wrongly. In the second case, the compiler names no file.
+        // must add the file's name. In the first case, the compiler names a built-in file, which may use a
+        // name that the user's file defines wrongly. In the second case, the compiler names no file.
         let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
         let note = "\nnote: cast/shade.cl:2:2: it is declared here";
         let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));
@@ -271,8 +272,8 @@ mod tests {
         assert_eq!((copy.log.as_str(), copy.has_own_file), ("error: cl/cast/scene.cl:1:1: no", false));
     }
 
-    /// Only NVIDIA's compiler prints registers. So that the test runs with any compiler, it gives the program
-    /// the messages of NVIDIA's compiler.
+    /// Only NVIDIA's compiler prints registers. So that the test runs with any compiler, the test gives the
+    /// program the messages of NVIDIA's compiler.
     #[test]
     fn a_program_whose_messages_are_missing_is_not_stored() {
         let device = discover(&Sources::Embedded).expect("the tests need PoCL: make setup").remove(0);

@@ -1,5 +1,5 @@
-//! Joins the source files of a strategy's program: the files of the strategy's family, and the files that implement the
-//! strategy's values on axes.
+//! Joins the source files of a strategy's program: the files of the strategy's family, and the files that
+//! implement the strategy's values on its axes (such as `layout`).
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};

@@ -35,10 +35,11 @@ impl ProgramSpec {
         Ok(spec)
     }
 
-    /// Makes the compiler's input as [`Self::new`] does, but leaves out the check of the user's file of the
-    /// axis `triangles`. The check consists of `#error` lines, which stop the compiler if the file's macros
-    /// disagree with the key `copied` in the file's header. `raycl kernel` prints the program without these
-    /// lines, so that a user who gets such an error can look for its cause in the printed program.
+    /// Makes the compiler's input as [`Self::new`] does, but leaves out the check of the user's kernel file
+    /// for the strategy's axis `triangles`. The check consists of `#error` lines, which stop the compiler if
+    /// the file's macros disagree with the key `copied` in the file's header. `raycl kernel` prints the
+    /// program without these lines, so that a user who gets such an error can look for its cause in the
+    /// printed program.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,
@@ -97,8 +98,8 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
     // The compiler must report the error at the line of `copied`. A directive `#line` states the number of
     // the next line, which is the `#if`. The `#error` has the next higher number, so the `#if` must get the
-    // number of the line before `copied`. This number is `key`, because `key` counts lines from 0 and `#line`
-    // counts them from 1.
+    // number of the line before `copied`. The number of the line before `copied` is `key`, because `key`
+    // counts lines from 0 and `#line` counts lines from 1.
     let line = key.unwrap_or(0).max(1);
     let copied = strategy.triangles.copied();
     let macros = [

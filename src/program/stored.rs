@@ -28,7 +28,7 @@ pub struct ProgramCache {
 
 /// A compiled program from the cache.
 pub struct StoredProgram {
-    /// The compiler's messages.
+    /// The messages that the compiler printed when it compiled the program.
     pub log: String,
     /// The binary from which the driver loads the program.
     pub binary: Vec<u8>,

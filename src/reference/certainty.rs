@@ -15,8 +15,9 @@ mod quick;
 
 pub use quick::quick_sample;
 
-/// The angle of wide nudges: ten times the angle of narrow nudges. A pixel that changes under a wide nudge is
-/// not certain. In pictures with a very wide field of view, both angles are larger (see [`enlargement`]).
+/// The angle of wide nudges (a nudge is a small change to a ray's direction): ten times the angle of narrow
+/// nudges. A pixel that changes under a wide nudge is not certain. In pictures with a very wide field of
+/// view, both angles are larger (see [`enlargement`]).
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
 /// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus larger than any
@@ -46,12 +47,12 @@ const PICTURE_NUDGE: f64 = 4e-6;
 /// (the sum times the texture's size, minus a half).
 const TEXTURE_SHIFT: f32 = 4e-7;
 
-/// A surface that is this close to a light may or may not occlude the light. This value is relative to the
+/// A surface that is this close to a light may or may not occlude the light. `AT_LIGHT` is relative to the
 /// light's distance from the hit, or to the light's distance from the scene's origin if the latter distance
 /// is larger.
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
-/// The inputs for one sample of a pixel.
+/// The inputs from which one sample of a pixel is cast, and cast again with small changes.
 pub struct Asked<'a> {
     /// The ray caster in double precision, which has the scene.
     pub caster: &'a Caster<'a, f64>,
@@ -183,7 +184,7 @@ impl Asked<'_> {
         self.shift_texture(sample, (ray, hit), &|sight| caster.reaches(sight, bias));
     }
 
-    /// Returns true if `sight` is of a light, false if it is of the sky.
+    /// Returns true if `sight` belongs to a light, and false if it belongs to the sky.
     fn is_light(&self, sight: &Sight<f64>) -> bool {
         sight.light < self.seen.lights.len()
     }
@@ -254,8 +255,8 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - The direction to the sky is turned slightly.
 /// - The hit's position in a texture is moved slightly.
 /// - Surfaces just behind the hit are seen instead of the surface that was hit: if two surfaces coincide,
-///   either one is correct. Each of these surfaces is also cast with the changes above, except nudges,
-///   because a pixel can have several doubts.
+///   either one is correct. Each surface just behind the hit is also cast with the changes above, except
+///   nudges, because a pixel can have several doubts.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -310,8 +311,8 @@ fn enlargement(frame: &PixelFrame, [x, y]: [f64; 2]) -> f64 {
 }
 
 /// Returns the pixel coordinates of the nudged rays, each with the size of its nudge. First, four rays are
-/// turned by a wide nudge: to the right, to the left, down and up. Then, four rays are turned in the same way
-/// by a narrow nudge.
+/// turned by a wide nudge: to the right, to the left, down and up. After these four rays, four more rays are
+/// turned in the same way by a narrow nudge.
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.

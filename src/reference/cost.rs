@@ -61,16 +61,17 @@ pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling)
     each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
-/// The counts of one pixel. A single thread counts, but the trait [`Finder`] requires finders to be shareable between
-/// threads, so the counts are atomic.
+/// The numbers of tests and nodes of one pixel's rays. A single thread counts them, but the trait [`Finder`]
+/// (a search for hits) requires its implementations to be shareable between threads, so the numbers are
+/// atomic.
 #[derive(Debug, Default)]
 struct Tally {
     tests: AtomicU32,
     nodes: AtomicU32,
 }
 
-/// Casts each pixel at its centre. A separate finder (search for hits) for each pixel counts tests and nodes.
-/// Returns these counts.
+/// Casts each pixel at its centre. For each pixel, a separate `Finder` (a search for hits) counts tests and
+/// nodes. Returns these counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
     [width, height]: [u32; 2],

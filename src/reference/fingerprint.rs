@@ -1,6 +1,7 @@
 //! Identifies the source code of the casters on the host.
 
-/// The source files in this folder that cast the rays of baselines.
+/// The source files in this folder that cast the rays of baselines (ray casters on the host, whose times
+/// raycl compares with those of kernels).
 const SOURCES: [(&str, &str); 11] = [
     ("cast", include_str!("cast.rs")),
     ("cutouts", include_str!("cutouts.rs")),

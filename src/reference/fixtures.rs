@@ -1,4 +1,5 @@
-//! Scenes for tests, built in code: the paper's small scenes, random triangles, and a sphere.
+//! Scenes for tests, built in code: the small scenes of the student paper that raycl reproduces, random
+//! triangles, and a sphere.
 
 use crate::scene::{
     Camera, Display, Light, Mapped, Material, Mesh, PAPER_BACKGROUND, Scene, Texture, Textures, Triangle,
@@ -8,13 +9,13 @@ use glam::{Vec3, vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// The paper's first scene: one glossy triangle.
+/// The first scene of the student paper: one glossy triangle.
 pub(crate) fn single_triangle() -> Scene {
     scene("single triangle", upright(glossy(vec3(2.5, 2.0, 0.0))), vec3(1.0, 3.0, 1.0))
 }
 
-/// The triangle of the first scene, with normals that point to a light behind it. A copy of the triangle lies between
-/// the triangle and the light, `gap` behind the triangle. The shadow bias is 0.01.
+/// The triangle of the student paper's first scene, with normals that point to a light behind it. A copy of
+/// the triangle lies between the triangle and the light, `gap` behind the triangle. The shadow bias is 0.01.
 pub(crate) fn lit_from_behind(gap: f32) -> Scene {
     let mut scene = single_triangle();
     scene.mesh_mut().normals.fill(Vec3::NEG_Z);
@@ -26,8 +27,8 @@ pub(crate) fn lit_from_behind(gap: f32) -> Scene {
     scene
 }
 
-/// The scene of the paper's Figure 4: the triangle of the first scene in green, a copy of it with the
-/// opposite orientation, and the ground.
+/// The scene of the student paper's Figure 4: the triangle of the paper's first scene in green, a copy of
+/// this triangle with the opposite orientation, and the ground.
 pub(crate) fn figure_4() -> Scene {
     let mut mesh = upright(glossy(vec3(0.0, 0.6, 0.0)));
     let mut twin = mesh.triangles[0];
@@ -38,12 +39,13 @@ pub(crate) fn figure_4() -> Scene {
     scene("figure 4", mesh, vec3(1.0, 3.0, 1.0))
 }
 
-/// The scene of the paper's Figure 3, upper picture.
+/// The scene of the upper picture in the student paper's Figure 3.
 pub(crate) fn pyramid_upper() -> Scene {
     pyramid("pyramid upper", vec3(1.0, 3.0, 1.0))
 }
 
-/// The scene of the paper's Figure 3, lower picture, with the larger shadow bias that it needs.
+/// The scene of the lower picture in the student paper's Figure 3, with the larger shadow bias that this
+/// scene needs.
 pub(crate) fn pyramid_lower() -> Scene {
     Scene { shadow_bias: 1e-2, ..pyramid("pyramid lower", vec3(3.0, 0.95, -1.5)) }
 }

@@ -7,11 +7,11 @@ use crate::manifest::HALF_LIGHT_SHARPNESS;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The filter's weights along an axis. If the samples repeat after four pixels, each of the four samples gets
-/// the same total weight.
+/// The filter's weights of five neighbouring pixels, across or down. If the samples repeat after four pixels,
+/// each of the four samples gets the same total weight.
 const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 
-/// The two half pictures.
+/// The two half pictures (pictures of half the width and height) in which soft light is cast.
 pub struct HalfPictures<'a> {
     /// The half picture with shadows.
     pub lit: &'a Radiance,
@@ -45,9 +45,9 @@ pub fn with_half_light(
     Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
 }
 
-/// Returns where the centre of the whole picture's pixel `at` lies in the half picture, along one axis. In
+/// Returns where the centre of the whole picture's pixel `at` lies in the half picture, across or down. In
 /// these coordinates, the centres of the half picture's own pixels are whole numbers. `half` and `whole` are
-/// the numbers of pixels of the half picture and of the whole picture along this axis.
+/// the numbers of pixels of the half picture and of the whole picture in the same direction.
 fn position_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
@@ -158,7 +158,8 @@ mod tests {
         side(&mut lit, [0.9, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
         let picture = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
-        // At the border, only the small weight `least`, which every pixel gets, mixes the two sides.
+        // At the border between the bright half and the dark half, only the small weight `least`, which every
+        // pixel gets, mixes the two halves.
         assert!(close(picture.pixels[6], DVec3::splat(0.9)) && close(picture.pixels[9], DVec3::ZERO));
         assert!(picture.pixels[7][0] > 0.89 && picture.pixels[8][0] < 0.01, "{:?}", &picture.pixels[6..10]);
     }

@@ -1,4 +1,4 @@
-//! The ray caster on the host. This caster casts the reference, against which every device's image is
+//! The ray caster on the host. The host's caster casts the reference, against which every device's image is
 //! verified. The same caster also casts the baselines (serial and parallel), whose times are compared with
 //! the kernels' times.
 //!
@@ -52,8 +52,8 @@ use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
-/// If a scene has more triangles than this, the caster finds hits with a tree; in a smaller scene, it tests
-/// every triangle.
+/// If a scene has more triangles than this, the caster finds hits with a tree; in a smaller scene, the caster
+/// tests every triangle.
 const EXHAUSTIVE_TRIANGLES: usize = 64;
 
 /// The expected image of a scene.
@@ -75,8 +75,8 @@ pub struct Reference {
     /// The smallest and the largest possible number of hits. The two numbers differ if a nudge or another small change
     /// turns a pixel's hit into a miss or the reverse: such a pixel may count as a hit or as a miss.
     pub hits_range: [usize; 2],
-    /// If a pixel is darker than this radiance, its differences are divided by this radiance (see
-    /// [`dark_floor`]).
+    /// Differences of a pixel are divided by the pixel's brightest channel or, if the pixel is darker than
+    /// this radiance, by this radiance (see [`dark_floor`]).
     pub floor: f64,
 }
 
@@ -92,7 +92,7 @@ impl Reference {
     }
 }
 
-/// An uncertain pixel.
+/// An uncertain pixel of the reference, with the range of values that correct casters may find for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {
     /// The pixel's index in the reference's picture (the field `radiance.pixels` of [`Reference`]).

@@ -9,7 +9,7 @@ use glam::DVec3;
 pub struct PixelSample {
     /// The radiance without nudges and without other small changes.
     pub radiance: DVec3,
-    /// True if the ray hits something.
+    /// True if the pixel's ray hits something.
     pub hit: bool,
     /// The share of the pixel's samples that hit something, from 0 to 1. With a transparent background, this
     /// is the pixel's alpha.
@@ -85,9 +85,9 @@ impl PixelSample {
 /// The size of a nudge or of another small change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
-    /// Ten times as large as [`Self::Near`].
+    /// A nudge that is ten times as large as one of the size [`Self::Near`].
     Wide,
-    /// About as large as the effect of rounding.
+    /// A nudge, or another small change, that is about as large as the effect of rounding.
     Near,
 }
 

@@ -14,9 +14,9 @@ const NARROWEST: f64 = 1e-9;
 /// A packet of rays: all rays of a cone from a point.
 #[derive(Clone, Copy, Debug)]
 pub struct RayPacket {
-    /// The origin of the rays.
+    /// The point at which all rays of the packet start.
     pub origin: DVec3,
-    /// The unit vector along the cone's axis.
+    /// The unit vector along the axis of the packet's cone.
     pub direction: DVec3,
     /// The largest angle between a ray and the axis, in radians.
     angle: f64,
@@ -28,11 +28,11 @@ pub struct RayPacket {
 /// How the rays of a packet hit a triangle, with the range of the hits' possible distances from the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PacketHit {
-    /// No ray hits the triangle.
+    /// No ray of the packet hits the triangle.
     None,
-    /// Some rays may hit the triangle.
+    /// Some rays of the packet may hit the triangle.
     Some([f64; 2]),
-    /// All rays hit the triangle.
+    /// All rays of the packet hit the triangle.
     All([f64; 2]),
 }
 
@@ -128,7 +128,8 @@ impl RayPacket {
         squared(self.origin).max(squared(self.end)).sqrt()
     }
 
-    /// Returns the largest distance from the axis at which a ray of the packet may hit a triangle of `tree`.
+    /// Returns the largest distance from the packet's axis at which a ray of the packet may hit a triangle of
+    /// `tree`.
     fn around(&self, tree: &Tree) -> f64 {
         let reach = tree.reach(self.origin);
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
@@ -136,8 +137,8 @@ impl RayPacket {
 
     /// Returns `Some(Some(triangle))` if this triangle is the first that all rays hit beyond the distance
     /// `near`, and `Some(None)` if no ray hits a triangle beyond `near`. Returns `None` if the result is
-    /// uncertain. For example, it is uncertain if a second triangle's distance exceeds the first triangle's
-    /// by at most the fraction `2 * rival`.
+    /// uncertain. For example, the result is uncertain if a second triangle's distance exceeds the first
+    /// triangle's by at most the fraction `2 * rival`.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {
@@ -249,8 +250,9 @@ mod tests {
             let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
             let centre = vector(1.0);
             let corners = [(); 3].map(|()| centre + vector(size));
-            // The packet aims at a random point near an edge of the triangle, which may lie beside the triangle.
-            // One packet in seven starts in the triangle's plane, and all others start at a random point.
+            // The packet aims at a random point near an edge of the triangle. The point at which the packet
+            // aims may lie beside the triangle. One packet in seven starts in the triangle's plane, and all
+            // others start at a random point.
             let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
             let origin =
                 if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };

@@ -25,11 +25,11 @@ pub struct Shadows<'a> {
 /// lie above the triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
-    /// The number of the triangle.
+    /// The number of the triangle on which the points lie.
     pub triangle: u32,
     /// The triangle's normal, on the side to which smooth shadows move the points; `None` if the points are not moved.
     pub moved_to: Option<DVec3>,
-    /// The point at the centre.
+    /// The point at the centre of the points.
     pub centre: DVec3,
     /// The unit normal at the centre, with which the surface is shaded.
     pub normal: DVec3,
@@ -41,7 +41,8 @@ pub struct Points {
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {
-    /// Prepares to find which lights of a pixel's sample reach these points.
+    /// Returns a `Shadows` that finds out which lights of a pixel's sample reach the points `points`. No
+    /// search is made yet.
     pub fn new(seen: &'a Seen<'a>, tree: &'a Tree, points: Points, bias: f64) -> Self {
         Self { seen, tree, points, bias, known: RefCell::new(vec![None; seen.lights.len()]) }
     }
@@ -50,7 +51,7 @@ impl<'a> Shadows<'a> {
     /// `Some(false)` if it reaches none of them. Returns `None` if that is uncertain, or if `light` is the
     /// sky's index.
     pub fn reaches(&self, light: usize) -> Reaches {
-        // The sky has no entry in `known`, since it is seen in a different direction from each point.
+        // The sky has no entry in `known`, since each point sees the sky in a different direction.
         let known = *self.known.borrow().get(light)?;
         known.unwrap_or_else(|| {
             let result = self.find(light);
@@ -80,7 +81,8 @@ impl<'a> Shadows<'a> {
         if least <= 4.0 * at_light || spread > 0.01 * distance {
             return None;
         }
-        // The points' own triangle may block the light only if the points and the light are on different sides of it.
+        // The points' own triangle may block the light only if the points and the light are on different
+        // sides of this triangle.
         let own = moved_to.is_none_or(|side| off.dot(side) <= 0.0).then_some(triangle);
         let packet = RayPacket::new(position, off / distance, 1.1 * spread / distance).from_light(centre);
         let blocked =
@@ -150,7 +152,7 @@ mod tests {
     fn something_is_unsure_under_a_sky_and_after_a_search_without_a_result() {
         let mut scene = fixtures::figure_4();
         let tree = Tree::new(&scene.mesh, Culling::None);
-        // Returns whether something is unsure before and after the search.
+        // Returns whether the result for some light is uncertain, before and after the search.
         let unsure = |scene: &Scene, part: f64| {
             let seen = Seen::of(scene, Sample::CENTRE, [0, 0]);
             let centre = DVec3::new(3.0, -1.0, 1.0);

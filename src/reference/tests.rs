@@ -93,8 +93,8 @@ fn colours_of_corners_are_mixed_by_the_weights_of_the_hit() {
 #[test]
 fn the_lit_ground_of_figure_4() {
     // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is
-    // (0, 4, 7/3). Its squared length is 193/9, and the cosine of its angle to the normal is 4 / sqrt(193/9).
-    // Nothing blocks the light.
+    // (0, 4, 7/3). The squared length of the vector to the light is 193/9, and the cosine of its angle to the
+    // normal is 4 / sqrt(193/9). Nothing blocks the light.
     let actual = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
     let square = 193.0_f64 / 9.0;
     let pi = std::f64::consts::PI;
@@ -172,8 +172,9 @@ fn back_faces_are_seen_unless_culled() {
 
 #[test]
 fn culled_faces_cast_no_shadow() {
-    // A shadow ray hits the triangle from behind, and culling ignores such a hit. The scene therefore contains a
-    // reversed copy of the triangle, as in the book. The test removes this copy.
+    // A shadow ray hits the triangle from behind, and culling ignores such a hit. The scene therefore
+    // contains a reversed copy of the triangle, as in the book by Hughes et al. (*Computer Graphics:
+    // Principles and Practice*). The test removes this copy.
     let mut scene = fixtures::figure_4();
     let black = |scene: &Scene| {
         let image = reference(scene, [80, 80], Culling::Back).radiance;
@@ -319,8 +320,9 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
 
 #[test]
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
-    // The triangle is a narrow strip. Seen from the eye, it lies from half a microradian to five microradians beside
-    // the middle pixel's ray. Wide nudges turn this ray by ten microradians, past the strip.
+    // The triangle is a narrow strip. Seen from the eye, the strip lies from half a microradian to five
+    // microradians beside the middle pixel's ray. Wide nudges turn this ray by ten microradians, past the
+    // strip.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let reference = reference(&scene, [9, 5], Culling::None);

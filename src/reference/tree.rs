@@ -1,4 +1,4 @@
-//! A bounding volume hierarchy. With this tree, the reference is cast in seconds even if the mesh is large.
+//! A bounding volume hierarchy. With the tree, the reference is cast in seconds even if the mesh is large.
 //! The tree yields exactly the hits of an exhaustive search, since the tree's boxes are padded by far more
 //! than the rounding errors of `f64`.
 
@@ -39,7 +39,7 @@ struct Node {
 
 #[derive(Clone, Copy, Debug)]
 enum Children {
-    /// Distance in nodes to the right child.
+    /// Number of nodes from this node to its right child, in the list of all nodes.
     Inner {
         right: u32,
     },
@@ -83,7 +83,7 @@ impl Tree {
         Self { nodes, triangles, culling }
     }
 
-    /// Returns which faces are culled.
+    /// Returns which faces of triangles rays ignore (culling).
     pub fn culling(&self) -> Culling {
         self.culling
     }
@@ -95,10 +95,10 @@ impl Tree {
         })
     }
 
-    /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles of all
-    /// leaves whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first, `far` is
-    /// `ray.far`. The visitor gets a triangle and `far`. The visitor returns the new value of `far`: the
-    /// distance up to which further triangles matter. The traversal ends if this value is not above
+    /// Passes triangles to `visitor`, approximately in the order of distance. The visitor gets the triangles
+    /// of all leaves whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first,
+    /// `far` is `ray.far`. The visitor gets a triangle and `far`. The visitor returns the new value of `far`:
+    /// the distance up to which further triangles matter. The traversal ends if this value is not above
     /// `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A zero component of a ray's direction would give NaN (0 * infinity) if the ray lies in a face of a

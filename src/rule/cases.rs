@@ -19,7 +19,7 @@ const FEW: usize = 50;
 /// Scenes with more triangles per pixel than this number have the kind `Dense`.
 const DENSE: usize = 4;
 
-/// Kinds of devices.
+/// The kinds of devices on which a case may be measured.
 const DEVICES: [&str; 2] = ["cpu", "gpu"];
 /// The numbers of pixels across, or down, that `render` accepts.
 const SIZES: RangeInclusive<u32> = 1..=65536;
@@ -47,7 +47,7 @@ pub struct Case {
     pub scene: String,
     /// Keys of the scene file, such as `object.0.triangles`, and their new values.
     pub set: BTreeMap<String, toml::Value>,
-    /// Pixels across and down.
+    /// The image's width and height in pixels.
     pub size: [u32; 2],
     /// The kinds to which the case belongs. `raycl rule` and a test check that the listed kinds are exactly
     /// the kinds that follow from the scene and the image size. Only the kind `Watertight` is not checked.
@@ -62,8 +62,8 @@ struct File {
     case: Vec<Entry>,
 }
 
-/// An entry `[[case]]` of a file. An entry with the key `size` is one case; an entry with `sizes` is one case
-/// per size.
+/// An entry `[[case]]` of a file that lists cases. An entry with the key `size` is one case; an entry with
+/// `sizes` is one case per size.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
@@ -174,7 +174,7 @@ impl Case {
 #[derive(Debug, Default)]
 pub struct LastScene(Option<Held>);
 
-/// A scene in memory.
+/// A scene that was loaded, with the case for which it was loaded.
 #[derive(Debug)]
 struct Held {
     /// The case for which the scene was loaded.
@@ -288,8 +288,8 @@ mod tests {
                 assert!(count >= 5, "{device}: {count} of {kind:?}");
             }
         }
-        // Generating millions of triangles takes seconds. So this test leaves out large scenes; `raycl rule` checks
-        // their kinds when it measures them.
+        // Generating millions of triangles takes seconds. This test therefore leaves out large scenes. The
+        // command `raycl rule` checks the kinds of their cases when it measures them.
         let is_small = |case: &&Case| !case.set.values().any(|value| value.as_integer() > Some(300_000));
         let mut scenes: Vec<(&Case, Loaded)> = Vec::new();
         for case in cases.iter().filter(is_small) {

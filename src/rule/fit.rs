@@ -1,6 +1,6 @@
-//! Fits the rule's constants to sweeps. A choice of the rule loses time if another candidate is faster. In a
-//! round, each constant in turn is set to the value with which the rule's choices lose the least time. Rounds
-//! are repeated until no constant changes, but at most `ROUNDS` times.
+//! Fits the rule's constants to sweeps. A choice of the rule loses time if another candidate strategy is
+//! faster. In a round of fitting, each constant in turn is set to the value with which the rule's choices
+//! lose the least time. Rounds are repeated until no constant changes, but at most `ROUNDS` times.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
@@ -10,11 +10,11 @@ use crate::strategy::{Class, Constants, Task};
 const REFUSED: f64 = 100.0;
 /// A constant is changed only if the sum that [`loss_of`] returns decreases by more than this number.
 const GAIN: f64 = 1e-3;
-/// The rule compares a value of each case with a constant. If these values of two cases differ by less than
-/// this factor, the constant gets no value between the two.
+/// The rule compares a value of each case, such as a number of triangles, with a constant. If these values of
+/// two cases differ by less than this factor, the constant gets no value between the two.
 const ALIKE: f64 = 1.01;
-/// Largest number of rounds. In a round, each constant is fitted once. Several rounds are needed, since the best value
-/// of a constant depends on the other constants.
+/// Largest number of rounds of fitting. In a round, each constant is fitted once. Several rounds are needed,
+/// since the best value of a constant depends on the other constants.
 const ROUNDS: usize = 8;
 
 /// Returns the rule's constants for a class of devices, fitted to the sweeps of this class. If `watertight`
@@ -190,8 +190,8 @@ mod tests {
     #[test]
     fn constants_are_fitted_to_sweeps_of_their_own_class_only() {
         // With the constants that raycl uses, the rule does not choose exhaustive casting for a million
-        // triangles. In this sweep, exhaustive casting is the fastest, so fitting must change the constants
-        // of the sweep's class.
+        // triangles. In the sweep of this test, exhaustive casting is the fastest, so fitting must change the
+        // constants of the sweep's class.
         let times = [("exhaustive", 1.0), ("tiles", 2.0), ("single", 3.0)];
         let of_cpu = [sweep(&[(1_000_000, 400_000, &times)])];
         for (class, moves) in [(Class::TilesInVectors, true), (Class::SharedTiles, false)] {

@@ -24,7 +24,7 @@ const MOST_FRAMES: f64 = 200.0;
 /// A sweep: the times of the candidate strategies for all cases on one device.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sweep {
-    /// The device's label.
+    /// The label of the device on which the candidates were measured.
     pub device: String,
     /// The device's class, which determines the candidates.
     pub class: Class,
@@ -35,9 +35,10 @@ pub struct Sweep {
     /// A note about the machine during the measurement, from `--conditions`.
     #[serde(default)]
     pub conditions: String,
-    /// Number of rounds; the shortest time of all rounds is used.
+    /// Number of rounds, in each of which every candidate was measured once; the shortest time of all rounds
+    /// is used.
     pub rounds: u32,
-    /// The measurements of each case.
+    /// The times of the candidates for each case.
     pub cases: Vec<Measured>,
 }
 
@@ -49,8 +50,9 @@ pub struct Measured {
     /// The properties of the case that affect which strategy is fastest.
     #[serde(flatten)]
     pub task: Task,
-    /// The time of a frame in milliseconds, by the candidate's name: the shortest of all rounds. Candidates that the
-    /// device or the host refused are missing; in large scenes, exhaustive casting is missing too.
+    /// The time of a frame in milliseconds, by the candidate's name: the shortest of the times measured in
+    /// all rounds. Candidates that the device or the host refused are missing; in large scenes, exhaustive
+    /// casting is missing too.
     pub least_ms: BTreeMap<String, f64>,
 }
 
@@ -123,7 +125,7 @@ fn may_be_fastest(candidate: Candidate, task: &Task) -> bool {
     candidate != Candidate::Exhaustive || task.triangles <= MOST_TESTED
 }
 
-/// Returns the order in which a round measures the candidates.
+/// Returns the order in which the round `round` of a sweep measures the candidates.
 fn order(round: u32, candidates: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..candidates).collect();
     if round % 2 == 1 {

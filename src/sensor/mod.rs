@@ -11,9 +11,9 @@ use crate::device::Hardware;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A source of readings.
+/// A source of readings of a device's sensors (clock, power, temperature and throttling).
 pub trait Sensor: Send {
-    /// Takes a reading.
+    /// Reads the sensors once.
     fn read(&mut self) -> Reading;
 }
 

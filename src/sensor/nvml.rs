@@ -9,7 +9,7 @@ use nvml_wrapper::struct_wrappers::device::{MemoryInfo, ProcessInfo};
 use nvml_wrapper::{Device, Nvml};
 use std::sync::OnceLock;
 
-/// The sensors of one device.
+/// The sensors of one device, which NVML (NVIDIA's management library) reads.
 struct NvmlSensor<D>(D);
 
 /// Returns the sensors of the device with this PCI address or UUID; `None` if NVML is not installed, or does not know
@@ -41,7 +41,7 @@ fn used_by(processes: &[ProcessInfo], id: u32) -> Option<u64> {
     }
 }
 
-/// Returns the library's handle of a device.
+/// Returns the handle by which NVML names a device.
 fn device(hardware: &Hardware) -> Option<Device<'static>> {
     // The library is loaded once and never unloaded, since its handles live as long as the process.
     static LIBRARY: OnceLock<Option<Nvml>> = OnceLock::new();
@@ -177,7 +177,8 @@ mod tests {
         assert_eq!(sensor_of(&hardware("0000:18:00.0", "")), None);
     }
 
-    /// A device that reports every value if `reports` is true, and no value otherwise.
+    /// A fake device for tests. The device reports every value if `reports` is true, and no value if
+    /// `reports` is false.
     struct Fake {
         reports: bool,
         reasons: ThrottleReasons,

@@ -8,22 +8,22 @@ use std::fmt;
 pub struct UsedMemory {
     /// All memory of the device.
     pub total_bytes: u64,
-    /// The part that is in use, by any process.
+    /// The part of the device's memory that is in use, by any process.
     pub used_bytes: u64,
-    /// The part that this process uses. `None` if NVIDIA's management library (NVML) does not list this process, as in
-    /// some containers, or does not state its memory.
+    /// The part of the device's memory that this process uses. `None` if NVIDIA's management library (NVML)
+    /// does not list this process, as in some containers, or does not state its memory.
     pub own_bytes: Option<u64>,
 }
 
 impl UsedMemory {
-    /// Returns the part that other processes use, including other worker processes of the same run; `None` if it is not
-    /// known.
+    /// Returns how many bytes of the device's memory other processes use, including other worker processes of
+    /// the same run; `None` if this number is not known.
     fn others_bytes(&self) -> Option<u64> {
         Some(self.used_bytes.saturating_sub(self.own_bytes?))
     }
 
-    /// Returns true if other processes may use more than a hundredth of the memory. If this process's part is
-    /// not known, all memory in use may be that of other processes.
+    /// Returns true if other processes may use more than a hundredth of the device's memory. If this
+    /// process's part is not known, all memory in use may be that of other processes.
     pub fn may_be_others(&self) -> bool {
         self.others_bytes().unwrap_or(self.used_bytes) > self.total_bytes / 100
     }

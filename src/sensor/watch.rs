@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Time between two readings.
+/// Time between two readings of a sensor.
 const PERIOD: Duration = Duration::from_millis(20);
 /// Number of readings that are stored, which cover more than a minute.
 const MOST_READINGS: usize = 4096;

@@ -55,7 +55,7 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
         if includes.is_none() && is_reading(&begun) {
             return Err(other_form(name, number));
         }
-        // Nothing is allocated for a line that is not a directive, since most lines are not.
+        // Nothing is allocated for a line that is not a directive, since most lines are no directives.
         let directive = if continued || !is_directive(&begun) { String::new() } else { begun.clone() };
         if !continued {
             begun.clear();

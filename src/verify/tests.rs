@@ -262,8 +262,9 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
     assert_eq!((off_by(0.0011).wrong_pixels, off_by(-0.0011).wrong_pixels), (1, 1));
 }
 
-/// The radiances 0 and 1e-6 differ by a thousandth of the reference's `floor`, which is within the relative limit. With
-/// a gamma of 4, they are displayed with a difference of eight 8-bit steps, which makes the pixel wrong.
+/// The radiances 0 and 1e-6 differ by a thousandth of the reference's `floor`, which is within the relative
+/// limit. With a gamma of 4, these radiances are displayed with a difference of eight 8-bit steps, which
+/// makes the pixel wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     let display = Display { exposure: 1.0, gamma: 4.0, ..Display::default() };

@@ -7,7 +7,8 @@ use std::process::{Child, Output, Stdio};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-/// The time limit of a process. Only a process that hangs reaches it, even on a slow and busy machine.
+/// The time limit of a process. Only a process that hangs reaches this limit, even on a slow and busy
+/// machine.
 pub const LIMIT: Duration = Duration::from_secs(600);
 
 /// Waits until `so` returns true; fails after the time limit.
@@ -49,8 +50,8 @@ pub fn run(command: &mut std::process::Command) -> Output {
 }
 
 /// Copies a program, so that the copy can be started at once. A separate process writes the copy. If a thread
-/// of this process wrote it, any process that another thread starts meanwhile would inherit the open file,
-/// and Linux would refuse to start the copy ("Text file busy").
+/// of this process wrote the copy, any process that another thread starts meanwhile would inherit the open
+/// file, and Linux would refuse to start the copy ("Text file busy").
 #[track_caller]
 pub fn copy_program(from: &str, to: &Path) {
     let output = run(std::process::Command::new("cp").arg(from).arg(to));
@@ -181,14 +182,16 @@ impl WorkFolder {
         "kernels".to_owned()
     }
 
-    /// Fails unless verification notices that a part of a kernel file was replaced: rendering `scene.toml` must
-    /// report a wrong picture. Neither side of the picture is a multiple of a tile or of a block of rays.
+    /// Fails unless verification notices that a part of a kernel file was replaced: rendering `scene.toml`
+    /// must report a wrong picture. Neither the width nor the height of the picture is a multiple of those of
+    /// a tile or of a block of rays.
     #[track_caller]
     pub fn notices(&self, change: (&str, &str, &str), strategy: &str, options: &[&str]) {
         self.notices_in(["61", "43"], change, strategy, options);
     }
 
-    /// Does the same as `notices`, but in a picture of another width and height.
+    /// Fails unless verification notices a change of a kernel file, like `notices`, but in a picture of
+    /// another width and height.
     #[track_caller]
     pub fn notices_in(
         &self,
@@ -201,8 +204,8 @@ impl WorkFolder {
         let usual = ["render", "scene.toml", "--width", width, "--height", height, "--device", &device];
         let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
-        // The folder of changed kernels is removed, because it would add this change to the change of the next call,
-        // which may concern another file.
+        // The folder of changed kernels is removed. If it stayed, this change would come in addition to the
+        // change of the next call, which may concern another file.
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
     }
 
@@ -220,8 +223,8 @@ impl WorkFolder {
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
         // Each folder has its own subfolder for the locks of devices, so that tests do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.path(".locks"));
-        // Tests must not depend on programs that other tests or versions have stored in the cache, so they use no
-        // cache. Tests of the cache set another size.
+        // Tests must not depend on programs that other tests or versions have stored in the cache, so tests
+        // use no cache. Tests that need the cache set a size above 0.
         command.env("RAYCL_CACHE_MIB", "0");
         command
     }
@@ -250,7 +253,7 @@ pub fn apart(a: &RgbImage, b: &RgbImage) -> usize {
     a.pixels().zip(b.pixels()).filter(apart).count()
 }
 
-/// Fails unless `text` has every part, in any order.
+/// Fails unless `text` contains all texts of `parts`, in any order.
 #[track_caller]
 pub fn has(text: &str, parts: &[&str]) {
     for part in parts {

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 /// The environment variable that is set in a process that runs a single test.
 pub const MARK: &str = "RAYCL_TEST_APART";
-/// The time limit of a test. Only a test that hangs reaches it, although a test may build a hundred programs
-/// on a slow and busy machine.
+/// The time limit of a test. Only a test that hangs reaches this limit, although a test may build a hundred
+/// programs on a slow and busy machine.
 const LIMIT: Duration = Duration::from_secs(3600);
 
 /// The first line of a test that runs in a separate process. Within one process, PoCL compiles one kernel at
 /// a time, so that tests of many kernels would leave all cores but one idle. If a driver crashes, only the
-/// test in which it crashed fails.
+/// test in which the driver crashed fails.
 macro_rules! apart {
     () => {
         fn here() {}

@@ -1,19 +1,20 @@
-//! A pairwise cover: strategies that together have every pair of values of two axes.
+//! A pairwise cover: strategies that together have every pair of values of two axes (such as a layout and a
+//! ray-triangle test).
 
 use raycl::strategy::{AXES, PRESETS, Strategy};
 use std::collections::HashSet;
 
-/// A value of an axis, as (axis, value).
+/// A value of a strategy's axis: the names of the axis and of the value.
 type Value = (&'static str, &'static str);
 
-/// Returns every value of every axis. A value's number is its position in this list.
+/// Returns every value of every axis of strategies. A value's number is its position in this list.
 fn values() -> Vec<Value> {
     let of_axis = AXES.iter().flat_map(|axis| axis.values().into_iter().map(|(value, _)| (axis.name, value)));
     of_axis.collect()
 }
 
-/// Returns the pairs of values of two axes that a strategy has. Each pair is a number below the square of the number of
-/// `values`, so that the search for a cover compares numbers instead of names.
+/// Returns all pairs of a strategy's values on two of its axes. Each pair is a number below the square of the
+/// number of `values`, so that the search for a cover compares numbers instead of names.
 fn pairs(strategy: &Strategy, values: &[Value]) -> Vec<usize> {
     let number = |own: Value| values.iter().position(|value| *value == own).expect("a value of an axis");
     let own: Vec<usize> = strategy.axes().into_iter().map(number).collect();

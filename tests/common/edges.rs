@@ -28,8 +28,8 @@ fn turn(step: u32, steps: u32) -> (f32, f32) {
 const SPHERE: Vec3 = Vec3::new(0.013, -0.007, 0.021);
 const TORUS: Vec3 = Vec3::new(2.983, 0.011, 0.005);
 
-/// The points at which rays start: two points outside both meshes, one near the sphere's centre, one inside
-/// the sphere close to its surface, and one inside the torus.
+/// The points at which rays start: two points outside the sphere and the torus, one near the sphere's centre,
+/// one inside the sphere close to its surface, and one inside the torus.
 pub const ORIGINS: [Vec3; 5] = [
     Vec3::new(1.3, 0.2, 3.0),
     Vec3::new(-0.3, 2.6, 0.7),
@@ -97,8 +97,8 @@ pub fn closed_meshes() -> Scene {
 }
 
 /// Returns `count` rays from `origin` towards points on edges of a mesh, and the distances of these points
-/// from `origin`. About every fifth of the points is a vertex. Every ray must hit a triangle at its point or
-/// nearer.
+/// from `origin`. About every fifth of the points is a vertex. Every ray must hit a triangle at the point
+/// towards which the ray goes, or at a point that is nearer to `origin`.
 pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
     let mut state = 1;
     std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()
@@ -160,13 +160,13 @@ fn jitter(x: f64, y: f64) -> f64 {
     mixed - mixed.floor()
 }
 
-/// The size of a sliver in [`slivers_beside_the_rays`], relative to its distance.
+/// The size of a sliver in [`slivers_beside_the_rays`], relative to the sliver's distance from the camera.
 const SLIVER: f64 = 1e-3;
 
 /// Returns a scene with a sliver beside each ray of an image: a triangle that the camera sees almost edge-on,
 /// so that it looks about as narrow as a rounding error. The ray lies in the sliver's plane (up to rounding),
-/// but passes the sliver's end at a distance between half the sliver's length and 2.5 times this length. So
-/// no ray of the image hits a sliver.
+/// but passes the sliver's end at a distance between half the sliver's length and 2.5 times this length. No
+/// ray of the image therefore hits a sliver.
 pub fn slivers_beside_the_rays(side: u32) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
@@ -200,10 +200,10 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     scene
 }
 
-/// Returns a net in front of the paper's camera, which is at the origin, so that the vertices are as exact as
-/// possible. The net is lit from behind, so that no shadow rays are cast. If `is_flat` is false, the net is
-/// crumpled, and the boxes of the tree have depths of all sizes. If `is_flat` is true, the boxes have no
-/// depth: a ray enters and leaves a box at the same point.
+/// Returns a net in front of the camera of the student paper that raycl reproduces. The paper's camera is at
+/// the origin, so that the vertices are as exact as possible. The net is lit from behind, so that no shadow
+/// rays are cast. If `is_flat` is false, the net is crumpled, and the boxes of the tree have depths of all
+/// sizes. If `is_flat` is true, the boxes have no depth: a ray enters and leaves a box at the same point.
 pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let depth = |x, y| if is_flat { 1.3 } else { 1.0 + jitter(x, y) };
@@ -234,8 +234,8 @@ pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     before_black(mesh, camera, light.as_vec3())
 }
 
-/// Returns a triangle, and rays from a point that pass just outside its edges. The distance at which a ray
-/// passes an edge is `part` times the distance from the point to the edge.
+/// Returns a triangle, and rays from one point that pass just outside the triangle's edges. The distance at
+/// which a ray passes an edge is `part` times the distance from the point to the edge.
 pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
     let corners = [Vec3::new(-1.0, -0.9, 0.0), Vec3::new(1.1, -0.8, 0.1), Vec3::new(0.2, 1.2, -0.2)];
     let origin = Vec3::new(0.1, 0.05, 3.0);

@@ -23,7 +23,8 @@ local_sizes = [1, 2, 4]
 strategies = ["naive", "deferred"]
 timing = { launches = 1, warmup = 0, min_samples = 4, max_samples = 4, time_limit_ms = 1000 }
 "#;
-/// Number of points of the experiment, which has two image sizes, three local sizes and two strategies.
+/// Number of points that the experiment measures. The experiment has two image sizes, three local sizes and
+/// two strategies.
 pub const POINTS: usize = 12;
 static CASTS: AtomicUsize = AtomicUsize::new(0);
 
@@ -92,7 +93,7 @@ pub struct Counts {
     pub casts: HashMap<usize, usize>,
 }
 
-/// Starts workers that follow a script.
+/// Starts simulated workers, which follow a script.
 pub struct Mock {
     script: Script,
     pub counts: Rc<RefCell<Counts>>,
@@ -163,7 +164,7 @@ pub fn execute(
     with_run(text, folder, |run| execute_run(run, folder, spawner, interrupted))
 }
 
-/// Like `execute`, but runs an experiment that was read before.
+/// Runs an experiment with simulated workers, like `execute`, but one that was read before.
 pub fn execute_run(
     run: &Run<'_>,
     folder: &Path,

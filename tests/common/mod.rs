@@ -29,7 +29,7 @@ pub fn device() -> Device {
     chosen.into_iter().next().expect("a usable test device")
 }
 
-/// The local size of all tests that work with any local size. All of them use the same size, so that PoCL
+/// The local size of all tests that work with any local size. All these tests use the same size, so that PoCL
 /// compiles kernels for only one size.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
@@ -48,8 +48,8 @@ pub fn due<T>(changes: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
 
 /// Returns true if `make test` tests a strategy on PoCL, and false if only `make test-long` does. PoCL takes
 /// half a minute to compile a strategy in which work-items share tiles. `make test` tests presets with such
-/// tiles separately, and all such strategies of the pairwise cover under Oclgrind, which need not compile
-/// them.
+/// tiles separately, and all such strategies of the pairwise cover under the simulator Oclgrind, which need
+/// not compile kernels to machine code.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }
@@ -76,7 +76,7 @@ pub fn scene(name: &str) -> Scene {
 /// A device with one scene, and the reference's pictures of this scene at one size.
 pub struct Stand {
     device: Device,
-    /// The scene on the device.
+    /// The scene on the open device, for which strategies are prepared.
     pub session: RefCell<Session>,
     scene: Arc<Scene>,
     size: [u32; 2],

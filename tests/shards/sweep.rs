@@ -1,4 +1,5 @@
-//! Merges ten thousand points in 256 shards, and makes their report. `make test` merges only 600 points in 32 shards.
+//! Merges the results of ten thousand measured points in 256 shards, and makes the report on these points.
+//! `make test` merges only 600 points in 32 shards.
 
 use super::succeeds;
 use crate::binary::{WorkFolder, finish, repository};
@@ -14,7 +15,7 @@ use std::process::Stdio;
 struct Replay {
     points: usize,
     shards: u32,
-    /// Number of points with the same scene and image size.
+    /// Number of measured points with the same scene and image size.
     group: usize,
 }
 
@@ -106,8 +107,8 @@ impl Replay {
     }
 }
 
-/// Returns the most memory that a process has held so far, in MB; `None` if it has ended or if the system does not
-/// report it.
+/// Returns the most memory that a process has held so far, in MB; `None` if the process has ended, or if the
+/// system does not report this number.
 fn held_mb(process: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 /// The limits of a multiprocessor of one compute capability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Multiprocessor {
-    /// Compute capability, such as "8.6".
+    /// The CUDA compute capability of the multiprocessor, such as "8.6".
     pub compute_capability: &'static str,
     /// Largest number of resident warps on the multiprocessor.
     pub warps: u64,
@@ -24,7 +24,7 @@ pub struct Multiprocessor {
     pub warp_granularity: u64,
 }
 
-/// Makes a row of the table below from numbers in the table's units.
+/// Makes an element of `MULTIPROCESSORS` from numbers in the units of that table.
 const fn row(
     compute_capability: &'static str,
     [warps, groups]: [u64; 2],

@@ -82,10 +82,11 @@ impl Caster {
         program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
     }
 
-    /// Returns how many samples of the last picture hit something. Each of its pixels has `count` samples.
+    /// Returns how many samples of the last picture hit something. Each pixel of this picture has `count`
+    /// samples.
     pub fn read_sample_hits(&self, count: u32) -> Result<u64, LaunchError> {
-        // A share is the mean of `count` zeros and ones, so its product with `count` is nearly a whole
-        // number.
+        // The share of a pixel's samples that hit something is the mean of `count` zeros and ones, so the
+        // share's product with `count` is nearly a whole number.
         let hits = |share: f32| f64::from(share * count as f32).round() as u64;
         Ok(self.read_hit_shares()?.into_iter().map(hits).sum())
     }

@@ -1,6 +1,6 @@
 //! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no
-//! macro is expanded within its own expansion. For this purpose, each token has a list of the macros from
-//! which the token came (Prosser's algorithm).
+//! macro is expanded within its own expansion. So that a macro is not expanded within its own expansion, each
+//! token has a list of the macros from which the token came (Prosser's algorithm).
 
 use super::macros::{Macro, Macros};
 use super::substitute::substitute;
@@ -40,7 +40,8 @@ impl Expander<'_> {
         Ok(())
     }
 
-    /// Adds a token to the output or, if it begins a macro call, puts the call's expansion at the front of the input.
+    /// Adds a token to the output or, if the token begins a macro call, puts the call's expansion at the
+    /// front of the input.
     fn take(&mut self, token: Token) -> Result<(), Misuse> {
         let callable = token.kind == Kind::Name && !token.hidden.contains(&token.text);
         let Some(called) = self.macros.get(&token.text).filter(|_| callable) else {
@@ -57,8 +58,8 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // The name and the closing bracket of a call may come from different macros. Only if both come from
-        // the same macro must the expansion not call this macro again.
+        // The name and the closing bracket of a call may come from different macros. The expansion of a call
+        // must not call a macro again from which both the call's name and its closing bracket came.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
     }
@@ -97,8 +98,8 @@ impl Expander<'_> {
         Ok(())
     }
 
-    /// Returns the expanded body of a macro without parameters if it consists of numbers and operators only;
-    /// otherwise `None`. Remembers each macro for which the result is `None`.
+    /// Returns the expanded body of a macro without parameters if this body consists of numbers and operators
+    /// only; otherwise returns `None`. Remembers each macro for which the result is `None`.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let name =
             hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
@@ -109,7 +110,8 @@ impl Expander<'_> {
         constant
     }
 
-    /// Does the same as `constant` for a macro without parameters, but does not remember the result.
+    /// Returns the expanded body of a macro without parameters, like `constant`, but does not remember for
+    /// which macros the result is `None`.
     fn expanded_constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());

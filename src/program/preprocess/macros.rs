@@ -27,8 +27,8 @@ const MOST_NESTED: usize = 100;
 pub(super) struct Macros {
     defined: HashMap<String, Macro>,
     /// The names of macros without parameters that are known to expand to more than numbers and operators.
-    /// Without this set, the time to expand a chain of macros, in which each macro uses the next, would
-    /// double with every macro of the chain.
+    /// Without this set of names, the time to expand a chain of macros, in which each macro uses the next,
+    /// would double with every macro of the chain.
     not_constant: RefCell<HashSet<String>>,
     /// The number of tokens that macro expansions have made so far.
     made: Cell<usize>,

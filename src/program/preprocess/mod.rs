@@ -93,11 +93,11 @@ struct Branch {
     decided: bool,
     /// True if the text around the `#if` is compiled.
     around: bool,
-    /// The position of the `#if`.
+    /// The file and the line of the `#if`.
     position: Position,
 }
 
-/// A line of a source file.
+/// The position of a line: the source file and the line's number in it.
 #[derive(Clone, Debug)]
 struct Position {
     file: Rc<str>,

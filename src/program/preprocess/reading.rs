@@ -143,7 +143,7 @@ fn declared(code: &[Token]) -> Option<String> {
 /// Returns the names of all items that the kernels use, directly or indirectly.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
-    // Items without a name are always included.
+    // Items without a name, such as pragmas, are always included, so the names that they use are needed.
     needed.extend(items.iter().filter(|item| item.name.is_none()).flat_map(|item| item.uses.clone()));
     loop {
         let count = needed.len();

@@ -6,7 +6,7 @@ use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
 /// Returns the body of the macro `name` for a call with these arguments. The line number in an error refers
-/// to the macro's definition or to an argument, or is 0. The caller replaces it by the line number of the
+/// to the macro's definition or to an argument, or is 0. The caller replaces this line number by that of the
 /// call.
 pub(super) fn substitute(
     macros: &Macros,

@@ -1,5 +1,5 @@
 //! Determines whether a pixel is certain, with a few searches in the tree instead of searches for every
-//! nudge. If a few searches are not enough, there is no result.
+//! nudge. If a few searches do not determine whether the pixel is certain, the result is `None`.
 
 use super::super::cast::Caster;
 use super::super::intersect::{Hit, moller_trumbore};
@@ -15,7 +15,7 @@ use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, moved, nudges, off_plane}
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// A ray and its hit.
+/// A ray, and the hit of this ray on a triangle.
 type RayHit = (Ray<f64>, Hit<f64>);
 
 /// The nudged rays of a pixel, each with the size of its nudge.
@@ -53,8 +53,8 @@ impl Hits {
         Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
     }
 
-    /// Returns the points of all these hits, as a centre and a largest distance from the centre. The centre,
-    /// moved off the triangle's plane by each of the offsets `offs`, also counts as a point.
+    /// Returns the points of all hits in `self`, as a centre and a largest distance from the centre. The
+    /// centre, moved off the triangle's plane by each of the offsets `offs`, also counts as a point.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
         let at = |(ray, hit): &RayHit| surface_at(scene, ray, hit);
         let point = |of: &RayHit| at(of)[0];
