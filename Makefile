@@ -24,8 +24,8 @@ demo: build ## build, cast the paper's scenes with a few strategies, print where
 setup-tests:
 	@.ci/setup --test
 
-# The tests run on one more thread than the machine has cores, since some tests only wait.
-TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked --target-dir $(TARGET_DIR)
+# The tests run on two more threads than the machine has cores, since some tests only wait.
+TEST = RUST_TEST_THREADS=$$(($$(nproc) + 2)) cargo test --locked --target-dir $(TARGET_DIR)
 
 test: setup-tests ## run the tests
 	$(TEST)

@@ -119,7 +119,7 @@ fn a_light_is_a_point_a_ball_or_a_surface() {
         ("light.0.radius=1", "a light has a radius, 1, and edges"),
         ("light.0.edges=[[1, 0, 0], [-2, 0, 0]]", "neither zero nor parallel"),
         ("light.0.edges=[[1, 0, 0], [0, 0, 0]]", "neither zero nor parallel"),
-        ("light.0.edges=[[1, 0, 0]]", "2"),
+        ("light.0.edges=[[1, 0, 0]]", "1 edge; expected the two edges of a rectangle"),
         ("light.2.shape=disc", "a light has a shape but no edges"),
         ("light.1.shape=square", "square"),
     ] {

@@ -176,7 +176,7 @@ pub(super) struct LightWire {
     /// Two edges of a rectangle around the position, instead of a radius. A light with edges is an area
     /// light, which emits light only to the side to which the cross product of the edges points.
     #[schemars(with = "Option<[Vector; 2]>")]
-    pub edges: Option<Spanned<[Vector; 2]>>,
+    pub edges: Option<Spanned<Edges>>,
     /// With edges: a rectangle, or the disc that touches the rectangle's sides [default: rectangle].
     #[schemars(with = "Option<AreaShape>")]
     pub shape: Option<Spanned<AreaShape>>,

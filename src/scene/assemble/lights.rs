@@ -71,7 +71,7 @@ fn light(wire: &LightWire) -> Light {
     let radius = wire.radius.map_or(0.0, |radius| radius.0);
     let area = wire.edges.as_ref().map(|edges| {
         let shape = wire.shape.as_ref().map(|shape| *shape.get_ref()).unwrap_or_default();
-        Area { shape, edges: edges.get_ref().map(|edge| Vec3::from_array(edge.0)) }
+        Area { shape, edges: edges.get_ref().0.map(|edge| Vec3::from_array(edge.0)) }
     });
     Light { position: wire.position.get_ref().in_scene(), power: Vec3::from_array(power), radius, area }
 }

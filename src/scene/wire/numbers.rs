@@ -2,6 +2,7 @@
 
 use crate::scene::material::{MAX_EMITTED, MAX_REFLECTANCE, MAX_SHININESS};
 use crate::scene::validate::MAX_POWER;
+use crate::words::counted;
 use glam::{DVec3, Vec3};
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Unexpected, Visitor};
 use serde_json::{Value, json};
@@ -79,6 +80,10 @@ pub(in crate::scene) struct Triple<R>(pub [f32; 3], PhantomData<R>);
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Vector(pub [f32; 3]);
 
+/// Two edges of a rectangle.
+#[derive(Clone, Copy)]
+pub(in crate::scene) struct Edges(pub [Vector; 2]);
+
 /// A position of a scene file, in double precision. A scene that lies far from the file's origin, such as a map, gets
 /// an origin of its own before its positions are rounded to single precision.
 #[derive(Clone, Copy)]
@@ -118,6 +123,17 @@ impl<'de, R: Range> Deserialize<'de> for Triple<R> {
 impl<'de> Deserialize<'de> for Vector {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Position::deserialize(deserializer).map(|position| Self(position.in_scene().to_array()))
+    }
+}
+
+impl<'de> Deserialize<'de> for Edges {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let edges = Vec::<Vector>::deserialize(deserializer)?;
+        let wrong = |edges: Vec<Vector>| {
+            let expected = "expected the two edges of a rectangle, [[x, y, z], [x, y, z]]";
+            D::Error::custom(format!("{}; {expected}", counted(edges.len(), "edge")))
+        };
+        edges.try_into().map(Self).map_err(wrong)
     }
 }
 
