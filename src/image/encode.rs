@@ -9,7 +9,7 @@ use exr::prelude::{
 };
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error, Result, Write as _};
 
@@ -26,18 +26,21 @@ pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
     png_with((picture, picture.dimensions(), ExtendedColorType::Rgb8), mark::png(), file)
 }
 
-/// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one of
-/// several frames, `key` identifies the frame, and the PNG contains this key after the mark by which raycl
-/// recognises its own files.
-pub fn shown_png(image: &Radiance, display: Display, key: Option<&str>, file: &mut File) -> Result<()> {
-    let piece = key.map_or_else(mark::png, mark::keyed_png);
+/// Writes an image as PNG, with an alpha channel if the background is transparent.
+pub fn shown_png(image: &Radiance, display: Display, file: &mut File) -> Result<()> {
     match to_rgba8(image, display) {
-        Some(picture) => png_with((&picture, picture.dimensions(), ExtendedColorType::Rgba8), piece, file),
-        None => {
-            let picture = to_rgb8(image, display);
-            png_with((&picture, picture.dimensions(), ExtendedColorType::Rgb8), piece, file)
+        Some(picture) => {
+            png_with((&picture, picture.dimensions(), ExtendedColorType::Rgba8), mark::png(), file)
         }
+        None => png(&to_rgb8(image, display), file),
     }
+}
+
+/// Writes one of several frames as PNG. The PNG contains the frame's key after the mark by which raycl recognises its
+/// own files.
+pub fn frame_png(picture: &DynamicImage, key: &str, file: &mut File) -> Result<()> {
+    let size = (picture.width(), picture.height());
+    png_with((picture.as_bytes(), size, picture.color().into()), mark::keyed_png(key), file)
 }
 
 type Bytes<'a> = (&'a [u8], (u32, u32), ExtendedColorType);

@@ -1,9 +1,9 @@
 //! Reads and writes picture files; a file is written completely or not at all.
 
 use super::decode::{decoder_message, picture_reader};
-use super::encode::{exr, hdr, jpeg, png, shown_png};
+use super::encode::{exr, frame_png, hdr, jpeg, png, shown_png};
 use super::hdr_header::{HdrExposure, with_usual_signature};
-use super::{Radiance, to_rgb8};
+use super::{Frame, Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
 use crate::memory::Available;
 use crate::output::{Target, mark};
@@ -49,7 +49,7 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
-        Format::Png => shown_png(image, display, None, file),
+        Format::Png => shown_png(image, display, file),
         Format::Jpeg => jpeg(&to_rgb8(image, display), file),
         Format::Exr => exr(image, file),
         Format::Hdr => hdr(image, file),
@@ -209,8 +209,9 @@ fn radiance(picture: DynamicImage, exposure: HdrExposure) -> Radiance {
 }
 
 /// Writes one of several frames as PNG, with a key that identifies the frame.
-pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target) -> Result<()> {
-    target.write(|file| shown_png(image, display, Some(key), file))
+pub fn save_frame(frame: Frame, key: &str, target: &Target) -> Result<()> {
+    let picture = frame.into_8_bits();
+    target.write(|file| frame_png(&picture, key, file))
 }
 
 /// Returns the key that identifies a frame, from the frame's PNG file. Returns `None` if raycl did not write the file
@@ -774,7 +775,7 @@ mod tests {
         let file = || std::fs::File::open(&path).unwrap(); // for reading only
         let display = Display::default();
         assert!(exr(&image, &mut file()).is_err() && hdr(&image, &mut file()).is_err());
-        assert!(shown_png(&image, display, None, &mut file()).is_err());
+        assert!(shown_png(&image, display, &mut file()).is_err());
         assert!(jpeg(&to_rgb8(&image, display), &mut file()).is_err());
     }
 
@@ -808,7 +809,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a-1.png");
         let key = "7".repeat(64);
-        save_frame(&gradient(3, 2), Display::default(), &key, &target(&path, false)).unwrap();
+        let frame = Frame::Radiance(gradient(3, 2), Display::default());
+        save_frame(frame, &key, &target(&path, false)).unwrap();
         assert_eq!(frame_key(&path), Some(key));
         assert_eq!(image::open(&path).unwrap().to_rgb8(), to_rgb8(&gradient(3, 2), Display::default()));
         let (_folder, other) = saved("a.png", &gradient(3, 2));

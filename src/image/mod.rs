@@ -7,6 +7,7 @@ mod decode;
 mod display;
 mod encode;
 mod file;
+mod frame;
 mod hdr_header;
 mod incoming;
 mod jpeg;
@@ -26,6 +27,7 @@ pub use file::{
     Values, check_alpha, check_image, check_png, check_target, frame_key, read_picture, save, save_frame,
     save_rgb8, shows_8_bits,
 };
+pub use frame::Frame;
 pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};

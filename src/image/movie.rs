@@ -1,11 +1,10 @@
 //! Writes moving pictures to one file or stream.
 
-use super::display::to_rgba8;
-use super::{Radiance, to_rgb8};
+use super::Frame;
 use crate::error::Result;
 use crate::output::{Target, mark};
-use crate::scene::Display;
 use image::RgbImage;
+use rayon::prelude::*;
 use std::io::{BufWriter, Error, ErrorKind, Result as IoResult, Write};
 
 /// A moving picture: a file or stream of frames.
@@ -52,11 +51,11 @@ impl Movie {
     }
 
     /// Writes each frame as soon as it arrives, with the frame's own display transform (exposure and gamma).
-    pub fn write(&self, frames: impl Iterator<Item = (Radiance, Display)>) -> Result<()> {
+    pub fn write(&self, frames: impl Iterator<Item = Frame>) -> Result<()> {
         match self.format {
             Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),
             Format::Y4m => {
-                let frames = frames.map(|(frame, display)| to_rgb8(&frame, display));
+                let frames = frames.map(|frame| frame.into_8_bits().into_rgb8());
                 let mut out = BufWriter::new(std::io::stdout().lock());
                 match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
                     // The video encoder has closed the pipe because it needs no more frames.
@@ -70,11 +69,11 @@ impl Movie {
     fn write_apng(
         &self,
         file: &mut std::fs::File,
-        frames: impl Iterator<Item = (Radiance, Display)>,
+        frames: impl Iterator<Item = Frame>,
         count: u32,
     ) -> IoResult<()> {
         let mut frames = frames.peekable();
-        let has_alpha = frames.peek().is_some_and(|(frame, _)| !frame.coverage.is_empty());
+        let has_alpha = frames.peek().is_some_and(Frame::has_alpha);
         let mut out = mark::Insert::new(BufWriter::new(file), mark::png());
         let mut encoder = png::Encoder::new(&mut out, self.size[0], self.size[1]);
         encoder.set_color(if has_alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
@@ -86,12 +85,8 @@ impl Movie {
         // not replaced.
         encoder.validate_sequence(true);
         let mut writer = encoder.write_header().map_err(Error::other)?;
-        for (frame, display) in frames {
-            let bytes = match to_rgba8(&frame, display) {
-                Some(shown) => shown.into_raw(),
-                None => to_rgb8(&frame, display).into_raw(),
-            };
-            writer.write_image_data(&bytes).map_err(Error::other)?;
+        for frame in frames {
+            writer.write_image_data(frame.into_8_bits().as_bytes()).map_err(Error::other)?;
         }
         writer.finish().map_err(Error::other)?;
         out.flush()
@@ -119,33 +114,59 @@ const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Returns the planes Y, Cb and Cr of a frame in 8 bits and the limited range (Y from 16 to 235, Cb and Cr from 16 to
 /// 240).
 fn yuv(frame: &RgbImage) -> Vec<u8> {
-    let (width, height) = frame.dimensions();
-    let luma = |rgb: [f32; 3]| WEIGHTS.iter().zip(rgb).map(|(weight, value)| weight * value).sum::<f32>();
-    let rgb = |x: u32, y: u32| {
-        frame.get_pixel(x.min(width - 1), y.min(height - 1)).0.map(|value| f32::from(value) / 255.0)
-    };
-    let mut planes: Vec<u8> = frame
-        .pixels()
-        .map(|pixel| (16.0 + 219.0 * luma(pixel.0.map(|value| f32::from(value) / 255.0))).round() as u8)
-        .collect();
-    let mut chroma = [Vec::new(), Vec::new()];
-    for (y, x) in (0..height).step_by(2).flat_map(|y| (0..width).step_by(2).map(move |x| (y, x))) {
-        let four = [rgb(x, y), rgb(x + 1, y), rgb(x, y + 1), rgb(x + 1, y + 1)];
-        let mean: [f32; 3] = std::array::from_fn(|i| four.iter().map(|rgb| rgb[i]).sum::<f32>() / 4.0);
-        let grey = luma(mean);
-        // The plane Cb, which is computed from blue, comes before the plane Cr, which is computed from red.
-        for (plane, channel) in chroma.iter_mut().zip([2, 0]) {
-            let difference = (mean[channel] - grey) / (2.0 * (1.0 - WEIGHTS[channel]));
-            plane.push((128.0 + 224.0 * difference).round() as u8);
+    let (width, height) = (frame.width() as usize, frame.height() as usize);
+    let row = |y: usize| frame.as_raw()[3 * width * y..3 * width * (y + 1)].as_chunks().0;
+    let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
+    let mut planes = vec![0; width * height + 2 * half_width * half_height];
+    let (lumas, chroma) = planes.split_at_mut(width * height);
+    lumas.par_chunks_mut(width).enumerate().for_each(|(y, lumas)| {
+        lumas
+            .iter_mut()
+            .zip(row(y))
+            .for_each(|(value, rgb)| *value = rounded(16.0 + 219.0 * luma(parts(rgb))));
+    });
+    // The plane Cb, which is computed from blue, comes before the plane Cr, which is computed from red.
+    let (blue, red) = chroma.split_at_mut(half_width * half_height);
+    let rows = blue.par_chunks_mut(half_width).zip(red.par_chunks_mut(half_width)).enumerate();
+    rows.for_each(|(y, (blue, red))| {
+        let rows = [row(2 * y), row((2 * y + 1).min(height - 1))];
+        for (x, (blue, red)) in blue.iter_mut().zip(red).enumerate() {
+            let mean = mean(rows, [2 * x, (2 * x + 1).min(width - 1)]);
+            let grey = luma(mean);
+            for (value, channel) in [(blue, 2), (red, 0)] {
+                let difference = (mean[channel] - grey) / (2.0 * (1.0 - WEIGHTS[channel]));
+                *value = rounded(128.0 + 224.0 * difference);
+            }
         }
-    }
-    planes.extend(chroma.concat());
+    });
     planes
+}
+
+/// Returns a pixel's channels as parts of white.
+fn parts(rgb: &[u8; 3]) -> [f32; 3] {
+    rgb.map(|value| f32::from(value) / 255.0)
+}
+
+fn luma(rgb: [f32; 3]) -> f32 {
+    WEIGHTS.iter().zip(rgb).map(|(weight, value)| weight * value).sum()
+}
+
+/// Returns the mean colour of four pixels: those at two columns of two rows.
+fn mean([above, below]: [&[[u8; 3]]; 2], [left, right]: [usize; 2]) -> [f32; 3] {
+    let four = [above[left], above[right], below[left], below[right]].map(|rgb| parts(&rgb));
+    std::array::from_fn(|channel| four.iter().map(|rgb| rgb[channel]).sum::<f32>() / 4.0)
+}
+
+/// Rounds a value of a plane, which is positive.
+fn rounded(value: f32) -> u8 {
+    (value + 0.5) as u8
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Radiance;
+    use crate::scene::Display;
     use image::Rgb;
 
     #[test]
@@ -165,6 +186,21 @@ mod tests {
     }
 
     #[test]
+    fn a_chroma_sample_is_that_of_the_mean_of_its_four_pixels() {
+        // The blocks of this picture have 2 x 2, 1 x 2, 2 x 1 and 1 x 1 pixels.
+        let picture =
+            RgbImage::from_fn(3, 3, |x, y| Rgb([40 * x as u8, 80 * y as u8, 20 + 50 * (x + y) as u8]));
+        let planes = yuv(&picture);
+        for (at, rgb) in [[20, 40, 70], [80, 40, 145], [20, 160, 145], [80, 160, 220]].into_iter().enumerate()
+        {
+            let even = yuv(&RgbImage::from_pixel(1, 1, Rgb(rgb)));
+            assert_eq!([planes[9 + at], planes[13 + at]], even[1..], "block {at}");
+        }
+        let lumas = picture.pixels().map(|pixel| yuv(&RgbImage::from_pixel(1, 1, *pixel))[0]);
+        assert!(lumas.eq(planes[..9].iter().copied()));
+    }
+
+    #[test]
     fn a_stream_has_a_header_and_a_mark_before_each_frame() {
         let mut out = Vec::new();
         let frames = [RgbImage::new(4, 2), RgbImage::new(4, 2)];
@@ -177,7 +213,7 @@ mod tests {
     /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of the two frames arrive.
     fn write_frames(path: &std::path::Path, count: usize) -> Result<()> {
         let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
-        let frames = frames.into_iter().take(count).map(|frame| (frame, Display::default()));
+        let frames = frames.into_iter().take(count).map(|frame| Frame::Radiance(frame, Display::default()));
         Movie::apng(Target::of_results(path), [2, 1], 25, 2).write(frames)
     }
 

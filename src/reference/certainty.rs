@@ -341,7 +341,7 @@ mod tests {
     /// Returns the percentage of pixels for which `quick_sample` has a result. Checks that each of these
     /// results equals the result of `sample`.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
-        let size = [80, 50];
+        let size = [48, 30];
         let tree = Tree::new(&scene.mesh, culling);
         let caster = Caster::new(scene, size, Exhaustive::new(&scene.mesh, culling));
         let frame = scene.camera.pixel_frame(size[0], size[1]);

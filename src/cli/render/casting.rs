@@ -166,6 +166,20 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
+/// Reads the frame that was cast last, in 8 bits. The device converts it with `show`; without `show`, the host does.
+/// Returns `None` if a pixel is not finite.
+pub fn read_8_bits(
+    caster: &Caster,
+    display: Display,
+    show: Option<&ShowProgram>,
+) -> std::result::Result<Option<RgbImage>, LaunchError> {
+    let Some(program) = show else { return Ok(caster.read_shown(display)?.map(|(picture, _)| picture)) };
+    let [width, height] = caster.size();
+    let mut bytes = Vec::with_capacity(3 * width as usize * height as usize);
+    let hits = caster.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
+    Ok(hits.and_then(|_| RgbImage::from_raw(width, height, bytes)))
+}
+
 /// Returns the median over `frames` of each time in [`FrameTimes`], such as the time of the primary pass. The
 /// processor time is left out, because it is measured only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
@@ -291,6 +305,16 @@ mod tests {
                     read.1
                 );
             }
+        });
+    }
+
+    #[test]
+    fn a_frame_in_8_bits_is_the_same_from_the_device_and_the_host() {
+        with_caster("bvh", true, |caster, show, display| {
+            let [device, host] =
+                [Some(show), None].map(|program| read_8_bits(caster, display, program).unwrap());
+            assert!(device.is_some() && device == host);
+            assert_eq!(host, Some(crate::image::to_rgb8(&caster.read().unwrap().0, display)));
         });
     }
 

@@ -13,6 +13,7 @@ use crate::cli::choice::whole;
 use crate::clock::ms_since;
 use crate::device::common_name;
 use crate::error::{Error, Result};
+use crate::image::Frame;
 use crate::measure::median_of;
 use crate::program::Sources;
 use crate::shard::Asked;
@@ -163,7 +164,7 @@ pub fn run(args: &Args) -> Result<()> {
         return nothing_to_do(args, all);
     }
     let sources = Sources::of(args.subject.cl_dir.clone())?;
-    let Opened { mut loaded, device, queue, early, tree, .. } = open(args, &sources)?;
+    let Opened { mut loaded, device, queue, early, tree, show, .. } = open(args, &sources)?;
     let sampling = super::sampling(args, loaded.is_bare);
     let (first, notes) = (loaded.scene.clone(), std::mem::take(&mut loaded.notes));
     let (strategy, local_size) =
@@ -186,6 +187,7 @@ pub fn run(args: &Args) -> Result<()> {
         sampling,
         program: early,
         tree: tree.map(|tree| (Arc::clone(&first.mesh), tree)),
+        show,
         ready: None,
     };
     let (frame_ms, seconds) = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
@@ -271,13 +273,15 @@ fn cast_into(
             for &number in frames {
                 let scene = film.scene(number)?;
                 let cast = stage.cast(&scene);
-                let (image, ms) = cast.map_err(|refused| refused.into_error(&stage.device.info))?;
-                refuse_not_finite(&image, &format!("frame {number} was not written"))?;
+                let (frame, ms) = cast.map_err(|refused| refused.into_error(&stage.device.info))?;
+                if let Frame::Radiance(image, _) = &frame {
+                    refuse_not_finite(image, &format!("frame {number} was not written"))?;
+                }
                 times.push(ms);
                 let key = if has_keys { keys.key(&scene, number) } else { String::new() };
                 // If the thread that writes frames has failed and ended, sending fails too; the error of this
                 // thread is returned below.
-                if sender.send(((number, key, image), scene.display)).is_err() {
+                if sender.send((number, key, frame)).is_err() {
                     break;
                 }
             }

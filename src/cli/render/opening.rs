@@ -152,7 +152,7 @@ fn show(
     device: &Device,
     queue: &Queue,
 ) -> Result<(Option<ShowProgram>, Option<ProgramSpec>)> {
-    if queue.shares_memory || args.motion.moves() || !may_be_shown(args, &target(args)) {
+    if queue.shares_memory || !(args.motion.moves() || may_be_shown(args, &target(args))) {
         return Ok((None, None));
     }
     let programs = ProgramCache::of(guess::cache(args), &device.info);
@@ -208,11 +208,16 @@ mod tests {
     }
 
     #[test]
-    fn no_display_kernel_is_built_for_the_frames_of_a_moving_picture() {
+    fn a_device_converts_the_frames_of_every_moving_picture() {
         let device = discover(&Sources::Embedded).expect("devices").remove(0);
         let queue = Queue::open(&device).expect("a queue").with_separate_memory(1 << 20);
-        let args = Command::parse_from(["render", "a.obj", "--turntable", "4"]).args;
-        assert!(matches!(show(&args, &Sources::Embedded, &device, &queue), Ok((None, None))));
+        for name in ["a.png", "a.apng", "-"] {
+            let args = Command::parse_from(["render", "a.obj", "--turntable", "4", "-o", name]).args;
+            assert!(
+                matches!(show(&args, &Sources::Embedded, &device, &queue), Ok((Some(_), None))),
+                "{name}"
+            );
+        }
     }
 
     #[test]

@@ -2,9 +2,8 @@
 
 use super::super::refuse_scene_file;
 use crate::error::{Error, Result};
-use crate::image::{Radiance, frame_key, save_frame};
+use crate::image::{Frame, frame_key, save_frame};
 use crate::output::Target;
-use crate::scene::Display;
 use crate::shard::Shard;
 use crate::words::counted;
 use std::fs::File;
@@ -136,8 +135,8 @@ impl Numbered {
     }
 
     /// Writes the picture file of a frame, with the frame's key in it.
-    pub fn save(&self, number: u32, key: &str, image: &Radiance, display: Display) -> Result<()> {
-        save_frame(image, display, key, &self.target(number))
+    pub fn save(&self, number: u32, key: &str, frame: Frame) -> Result<()> {
+        save_frame(frame, key, &self.target(number))
     }
 }
 
@@ -169,8 +168,9 @@ fn still(file: &Path) -> Error {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::image::save;
+    use crate::image::save_rgb8;
     use crate::output::Choice;
+    use image::RgbImage;
 
     #[test]
     fn shards_have_each_frame_once_and_about_as_many() {
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn only_frames_with_the_same_key_stay_and_other_pictures_are_replaced_only_with_force() {
         let parent = tempfile::tempdir().unwrap();
-        let (image, display) = (Radiance::new(3, 2), Display::default());
+        let frame = || Frame::Shown(RgbImage::new(3, 2));
         let [key, another] = ["5", "6"].map(|digit| digit.repeat(64));
         let of = |folder: &str, force| {
             let target = Target::new(parent.path().join(folder).join("a.png"), Choice::new(force, "-o FILE"));
@@ -224,19 +224,19 @@ mod tests {
             std::fs::create_dir(parent.path().join(folder)).unwrap();
         }
         assert_eq!(missing("frames", false), Ok(vec![1, 2, 3]));
-        of("frames", false).save(2, &key, &image, display).unwrap();
+        of("frames", false).save(2, &key, frame()).unwrap();
         let right = parent.path().join("frames/a-0002.png");
         File::options().write(true).open(&right).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
         assert_eq!(missing("frames", false), Ok(vec![1, 3]));
         assert_ne!(right.metadata().unwrap().modified().unwrap(), SystemTime::UNIX_EPOCH, "for make");
-        of("frames", false).save(1, &another, &image, display).unwrap();
+        of("frames", false).save(1, &another, frame()).unwrap();
         let error = missing("frames", false).unwrap_err();
         assert!(error.contains("a-0001.png' exists and is not frame 1 as"), "{error}");
         assert_eq!(missing("frames", true), Ok(vec![1, 3]));
         let may_replace = [("frames", true), ("frames", false), ("still", true)];
         assert_eq!(may_replace.map(|(folder, force)| of(folder, force).may_replace()), [true, false, false]);
         // In this test, a still picture that raycl has saved has the name of a frame's file.
-        save(&image, display, &of("still", false).target(2)).unwrap();
+        save_rgb8(&RgbImage::new(3, 2), &of("still", false).target(2)).unwrap();
         let error = missing("still", false).unwrap_err();
         assert!(error.contains("a-0002.png' exists and is not a frame"), "{error}");
         assert_eq!(missing("still", true), Ok(vec![1, 2, 3]));

@@ -4,9 +4,8 @@
 use super::super::{Args, refuse_scene_file, target};
 use super::frames::{Frames, Numbered};
 use crate::error::{Error, Result};
-use crate::image::{Movie, Radiance};
+use crate::image::{Frame, Movie};
 use crate::output::Target;
-use crate::scene::Display;
 use crate::threads::{cores, locked};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,7 +23,7 @@ pub enum Sink {
 }
 
 /// A frame to be written: its number, its key (a hash that identifies the picture) and its image.
-pub type Cast = (u32, String, Radiance);
+pub type Cast = (u32, String, Frame);
 
 impl Sink {
     /// Returns an error, before the scene is loaded, if moving pictures cannot be written to the output's file name.
@@ -100,15 +99,13 @@ impl Sink {
     }
 
     /// Writes frames as they arrive from `frames`, up to the last.
-    pub fn write(self, size: [u32; 2], frames: Receiver<(Cast, Display)>) -> Result<()> {
+    pub fn write(self, size: [u32; 2], frames: Receiver<Cast>) -> Result<()> {
         match self {
             Self::Numbered(numbered) => {
                 let others = (1..writers(size)).map(|_| Builder::new());
-                each_of(frames, others, |((number, key, image), display)| {
-                    numbered.save(number, &key, &image, display)
-                })
+                each_of(frames, others, |(number, key, frame)| numbered.save(number, &key, frame))
             }
-            Self::Movie(movie) => movie.write(frames.iter().map(|((_, _, image), display)| (image, display))),
+            Self::Movie(movie) => movie.write(frames.iter().map(|(_, _, frame)| frame)),
         }
     }
 }
@@ -128,9 +125,9 @@ fn no_rate(rate: u16, target: &Target) -> Error {
 
 /// The largest number of pictures that are encoded at the same time; encoding more pictures at once does not let a GPU
 /// cast more frames per second.
-const MOST_WRITERS: usize = 4;
-/// Number of cores per picture that is being encoded. An encoder uses several cores, but not all the time.
-const CORES_OF_WRITER: usize = 4;
+const MOST_WRITERS: usize = 8;
+/// Number of cores per picture that is being encoded. An encoder uses one core; the other one reads and casts.
+const CORES_OF_WRITER: usize = 2;
 
 /// Returns how many pictures of a size are encoded at the same time. On a machine with few cores, only one picture is
 /// encoded at a time, since casting needs the cores too.
@@ -143,7 +140,8 @@ fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
     (cores / CORES_OF_WRITER).min(few_pixels as usize).clamp(1, MOST_WRITERS)
 }
 
-/// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 12 bytes.
+/// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 3 bytes, or 16 if the
+/// background is transparent.
 const MOST_PIXELS: u64 = 1 << 26;
 
 /// A guard that each writing thread owns: if the guard is dropped because its thread panics, the guard tells
@@ -193,6 +191,7 @@ fn each_of<T: Send>(
 mod tests {
     use super::*;
     use clap::Parser;
+    use image::RgbImage;
     use std::sync::mpsc::sync_channel;
 
     #[test]
@@ -278,8 +277,8 @@ mod tests {
     #[test]
     fn few_large_pictures_are_encoded_at_the_same_time() {
         let sizes = [[1280, 800], [8192, 4096], [8192, 8192], [65536, 65536]];
-        assert_eq!(sizes.map(|size| writers_on(64, size)), [4, 2, 1, 1]);
-        assert_eq!([1, 8, 64].map(|cores| writers_on(cores, [1280, 800])), [1, 2, 4]);
+        assert_eq!(sizes.map(|size| writers_on(64, size)), [8, 2, 1, 1]);
+        assert_eq!([1, 8, 64].map(|cores| writers_on(cores, [1280, 800])), [1, 4, 8]);
     }
 
     #[test]
@@ -292,7 +291,7 @@ mod tests {
         let sink = Sink::of(&args, Frames { first: 2, last: 3 }, 4, 30).unwrap();
         let (sender, receiver) = sync_channel(2);
         for number in [2, 3] {
-            sender.send(((number, String::new(), Radiance::new(2, 1)), Display::default())).unwrap();
+            sender.send((number, String::new(), Frame::Shown(RgbImage::new(2, 1)))).unwrap();
         }
         drop(sender);
         sink.write([2, 1], receiver).unwrap();

@@ -1,9 +1,10 @@
 //! Casts frame after frame on one device. Buffers and programs are reused if they suit the next frame's scene too.
 
 use super::super::Args;
+use super::super::casting::read_8_bits;
 use crate::device::Device;
-use crate::image::Radiance;
-use crate::launch::{Caster, HostTree, Prepared, Queue, Refused, Session};
+use crate::image::Frame;
+use crate::launch::{Caster, HostTree, LaunchError, Prepared, Queue, Refused, Session, ShowProgram};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::scene::{Mesh, Sampling, Scene};
 use crate::strategy::Strategy;
@@ -25,6 +26,9 @@ pub struct Stage<'a> {
     /// The tree that was built while the device was opened, with its mesh and strategy. `None` if no tree was built
     /// early, or after the first frame.
     pub tree: Option<(Arc<Mesh>, (Strategy, HostTree))>,
+    /// The program that converts frames to 8 bits on a device whose memory is separate from the host's; `None` if the
+    /// host converts them.
+    pub show: Option<ShowProgram>,
     /// The prepared scene and the caster of the last frame; `None` before the first frame.
     pub ready: Option<Ready>,
 }
@@ -38,7 +42,7 @@ impl Stage<'_> {
     /// Casts the frame of a scene; returns its image and the device's time in milliseconds. If the previous
     /// frame's buffers and kernels suit the scene, only values such as its lights are uploaded; otherwise the whole
     /// scene is uploaded.
-    pub fn cast(&mut self, scene: &Arc<Scene>) -> Result<(Radiance, f64), Refused> {
+    pub fn cast(&mut self, scene: &Arc<Scene>) -> Result<(Frame, f64), Refused> {
         let ready = match self.shown(scene)? {
             Some(ready) => ready,
             None => self.prepare(scene)?,
@@ -46,8 +50,8 @@ impl Stage<'_> {
         let (prepared, caster) = self.ready.insert(ready);
         let times =
             caster.cast_samples(&scene.camera, &prepared.sampling).map_err(Refused::at("the launch"))?;
-        let (image, _) = caster.read().map_err(Refused::at("reading the image"))?;
-        Ok((image, times.frame_ms))
+        let frame = read(caster, scene, self.show.as_ref()).map_err(Refused::at("reading the image"))?;
+        Ok((frame, times.frame_ms))
     }
 
     /// Uploads the lights and the sky of `scene`, and returns the previous frame's program and buffers, which
@@ -73,5 +77,15 @@ impl Stage<'_> {
         let prepared = self.args.subject.prepare(&mut session, &self.strategy, self.local_size)?;
         let caster = prepared.caster()?;
         Ok((prepared, caster))
+    }
+}
+
+/// Reads the frame that was cast last: in 8 bits or, if its background is transparent or a pixel is not finite, as
+/// radiance.
+fn read(caster: &Caster, scene: &Scene, show: Option<&ShowProgram>) -> Result<Frame, LaunchError> {
+    let shown = if scene.transparent { None } else { read_8_bits(caster, scene.display, show)? };
+    match shown {
+        Some(picture) => Ok(Frame::Shown(picture)),
+        None => caster.read().map(|(image, _)| Frame::Radiance(image, scene.display)),
     }
 }
