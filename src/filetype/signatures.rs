@@ -13,7 +13,7 @@ pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaVi
 /// The advice for points without triangles.
 pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
 /// The advice for files with volumes (a density at each point of a grid).
-pub(super) const SURFACE: &str = "extract a surface (PLY or STL) from the file, with ParaView for example";
+pub(super) const SURFACE: &str = "extract its surface as PLY or STL, with ParaView for example";
 /// Every advice by which the user gets a mesh from a file.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 pub(super) const UNPACK: &str = "unpack the file first";
