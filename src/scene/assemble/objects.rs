@@ -6,7 +6,7 @@ use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
 use crate::scene::document::Document;
-use crate::scene::files::{self, MeshFile, Placement};
+use crate::scene::files::{self, MeshFile, Placement, is_valid};
 use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS, WHITE_RADIANCE};
 use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
@@ -72,8 +72,10 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
         let in_file = [low, high].map(|corner| corner.as_dvec3() + file.placement.origin);
         Some(transform(wire.get_ref()).bounds(in_file.into()))
     });
-    let all = bounds.reduce(|(a, b), (c, d)| (a.min(c), b.max(d))).filter(|_| !document.bare);
-    all.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
+    let all = bounds.reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+    // Positions that are not valid stay where they are; the caller refuses them.
+    let movable = all.filter(|(low, high)| !document.bare && is_valid(low) && is_valid(high));
+    movable.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
 }
 
 /// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene file's

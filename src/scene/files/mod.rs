@@ -21,7 +21,7 @@ use std::path::Path;
 
 pub(in crate::scene) use colours::{linear, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
-pub(in crate::scene) use origin::{Placement, placement_of};
+pub(in crate::scene) use origin::{Placement, is_valid, placement_of};
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. The memory contains the file's bytes and,

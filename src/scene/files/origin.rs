@@ -170,7 +170,7 @@ pub(in crate::scene) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVe
 }
 
 /// Returns true if a position is finite and within +-`MAX_COORDINATE`.
-pub(super) fn is_valid(position: &DVec3) -> bool {
+pub(in crate::scene) fn is_valid(position: &DVec3) -> bool {
     // The position is rounded to single precision before the comparison, since the limit of 1e12 is slightly
     // smaller in single precision.
     position.is_finite() && position.as_vec3().abs().max_element() <= MAX_COORDINATE
