@@ -67,6 +67,9 @@ fn transform(wire: &ObjectWire) -> Transform {
 /// Returns the origin of a scene with these objects, in the file's coordinates: zero, unless the scene is far from the
 /// file's origin. A bare mesh was moved to its origin when it was read, and stays there.
 pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files: &[MeshFile]) -> DVec3 {
+    if document.bare {
+        return DVec3::ZERO;
+    }
     let bounds = objects.iter().zip(files).filter_map(|(wire, file)| {
         let (low, high) = file.mesh.bounds()?;
         let in_file = [low, high].map(|corner| corner.as_dvec3() + file.placement.origin);
@@ -74,7 +77,7 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
     });
     let all = bounds.reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
     // Positions that are not valid stay where they are; the caller refuses them.
-    let movable = all.filter(|(low, high)| !document.bare && is_valid(low) && is_valid(high));
+    let movable = all.filter(|(low, high)| is_valid(low) && is_valid(high));
     movable.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
 }
 
