@@ -61,7 +61,6 @@ fuzz: ## fuzz every reader of files for MINUTES each (default: 10); needs cargo-
 lint: setup ## check format, lints and documentation, as CI does
 	cargo fmt --check
 	cargo clippy --all-targets --locked -- -D warnings
-	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --locked
 
 licences: ## check licences, bans and sources of all crates against deny.toml, without cargo-deny (Python 3.11)

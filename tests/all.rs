@@ -28,6 +28,7 @@ mod experiments;
 mod faults;
 mod figures;
 mod formats;
+mod fuzzed;
 mod goldens;
 #[cfg(unix)]
 mod guarded;

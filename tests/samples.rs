@@ -1,7 +1,7 @@
 //! Pictures with several samples per pixel (`--samples`).
 
 use crate::binary::{TRIANGLE, WorkFolder, device};
-use crate::common::{due, is_long};
+use crate::common::{due, is_long, soon};
 use image::RgbImage;
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     assert_eq!(one, picture(&folder, &[]));
     // The strategies differ in the number of rays per work-item, in fused and separate passes, and in the use
     // of a tree.
-    for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
+    for strategy in soon(["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"]) {
         let many = picture(&folder, &["--samples", "9", "--strategy", strategy, "--verify"]);
         // Far from edges, the filtered mean of nine samples is close to the single sample.
         let inside = (many[(30, 20)].0, one[(30, 20)].0);
@@ -39,7 +39,7 @@ fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
         vertices = [[-99, -99, -1], [99, -99, -1], [99, 99, -1], [-99, 99, -1]]\nfaces = [[0, 1, 2, 3]]\n";
     let folder = WorkFolder::with(&[("scene.toml", scene)]);
-    for strategy in ["bvh", "tile", "tile-group"] {
+    for strategy in soon(["bvh", "tile", "tile-group"]) {
         report(&folder, &["--samples", "4", "--strategy", strategy, "--verify"]);
     }
 }
@@ -61,16 +61,16 @@ fn report_of_size(folder: &WorkFolder, [width, height]: [&str; 2], options: &[&s
 #[test]
 fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
-    let means: Vec<f64> =
-        ["naive", "wide-common-origin", "tile", "tile,passes=separate", "tile-group", "bvh-packet", "raster"]
-            .iter()
-            .map(|strategy| {
-                let options = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
-                let said = report(&folder, &options);
-                assert_eq!(said["samples"], 16, "{strategy}");
-                said["mean_samples"].as_f64().expect("a number")
-            })
-            .collect();
+    let families =
+        ["naive", "wide-common-origin", "tile", "tile,passes=separate", "tile-group", "bvh-packet", "raster"];
+    let means: Vec<f64> = soon(families)
+        .map(|strategy| {
+            let options = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
+            let said = report(&folder, &options);
+            assert_eq!(said["samples"], 16, "{strategy}");
+            said["mean_samples"].as_f64().expect("a number")
+        })
+        .collect();
     // All families give each pixel the same number of samples; the triangle has pixels at its edges and pixels inside.
     assert!(means.iter().all(|mean| mean == &means[0]) && (3.0..12.0).contains(&means[0]), "{means:?}");
     let all = report(&folder, &["--samples", "16"]);
@@ -156,7 +156,7 @@ fn is_wrong_or_none(
 fn tiles_and_rough_blocks_on_the_right_of_a_wide_picture_are_cast_there() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let size = ["1500", "8"];
-    for strategy in ["tile", "tile-group"] {
+    for strategy in soon(["tile", "tile-group"]) {
         let sampled = ["--samples", "16", "--strategy", strategy];
         report_of_size(&folder, size, &[&sampled[..], &["--adaptive", "--verify"]].concat());
         report_of_size(&folder, size, &[&sampled[..], &["--verify=500"]].concat());
@@ -218,7 +218,9 @@ fn rounds_of_lights_add_up_in_the_mean_of_samples() {
         "(first_light ? (mean) + (sum) / SAMPLES_SO_FAR",
         "(first_light ? (mean) + (sum)",
     );
-    folder.notices(whole, "tile-group", &options);
+    if is_long() {
+        folder.notices(whole, "tile-group", &options);
+    }
 }
 
 /// A ball of triangles that are smaller than pixels, over the ground.

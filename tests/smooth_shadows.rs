@@ -1,7 +1,7 @@
 //! Smooth shadows, in every kernel family, and the scenes that get smooth shadows by default.
 
 use crate::binary::{WorkFolder, apart, device, repository};
-use crate::common::due;
+use crate::common::{due, soon};
 use image::RgbImage;
 
 /// Strategies of several kernel families, which cast rays one by one and in vectors, with and without planes
@@ -30,7 +30,7 @@ fn smooth_shadows_of_a_point_agree_with_the_reference_in_every_family() {
     let folder = coarse();
     let off = picture(&folder, "scene.toml", &OFF);
     let more = ["naive", "deferred", "bvh,shading=eager,passes=fused,vectors=heap", "raster", "tile-group"];
-    for strategy in due(FAMILIES.into_iter().chain(more)) {
+    for strategy in due(soon(FAMILIES.into_iter().chain(more))) {
         let on = picture(&folder, "scene.toml", &["--verify", "--strategy", strategy]);
         assert!(apart(&on, &off) > 60, "{strategy}: {}", apart(&on, &off));
     }

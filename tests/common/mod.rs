@@ -39,16 +39,23 @@ pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Returns the changes to kernel files that this run of the tests tries. Each change needs a program of its
+/// Returns the strategies, or the changes to kernel files, that this run of the tests tries. Each needs a program of its
 /// own, which takes PoCL seconds to compile and is in no cache of a new machine. `make test` therefore tries
-/// every fourth change of a list; `make test-long` and `make mutants` try all changes.
-pub fn due<T>(changes: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
-    changes.into_iter().step_by(if is_long() { 1 } else { 4 })
+/// every eighth of a list; `make test-long` tries all, and `make mutants` all changes. Every family casts all
+/// features together even in `make test` (tests/all_features.rs).
+pub fn due<T>(all: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
+    all.into_iter().step_by(if is_long() { 1 } else { 8 })
+}
+
+/// Returns the strategies of a list that `make test` tries on PoCL: all except those that take long to compile (see
+/// [`compiles_soon`]). `make test-long` tries the whole list.
+pub fn soon<'a>(names: impl IntoIterator<Item = &'a str>) -> impl Iterator<Item = &'a str> {
+    names.into_iter().filter(|name| is_long() || !name.starts_with("tile-group"))
 }
 
 /// Returns true if `make test` tests a strategy on PoCL, and false if only `make test-long` does. PoCL takes
 /// half a minute to compile a strategy in which work-items share tiles. `make test` tests presets with such
-/// tiles separately, and all such strategies of the pairwise cover under the simulator Oclgrind, which need
+/// tiles in a few tests of their own, in tests/all_features.rs, and under the simulator Oclgrind, which need
 /// not compile kernels to machine code.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()

@@ -1,12 +1,14 @@
-//! Writes inputs to files, for functions that read files. The files lie in memory, in one folder per process.
+//! The folder of inputs, for functions that read files. It lies in memory; each process has its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-/// Writes a file and returns its path.
-pub fn write(name: &str, bytes: &[u8]) -> PathBuf {
+static OF_INPUTS: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = PathBuf::from(format!("/dev/shm/raycl-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
-    let path = folder.join(name);
-    std::fs::write(&path, bytes).expect("a file");
-    path
+    folder
+});
+
+pub fn of_inputs() -> &'static Path {
+    &OF_INPUTS
 }
