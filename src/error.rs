@@ -100,8 +100,8 @@ pub fn limit_advice(_: &std::io::Error) -> Option<&'static str> {
     None
 }
 
-/// Returns the text of an error without the path of the temporary file, which the user does not know. The crate
-/// `tempfile` adds this path at the end.
+/// Returns the text of an error without the path of the temporary file, which the user does not know. The
+/// crate `tempfile` adds the path of the temporary file at the end of the error's text.
 pub fn cause(error: &std::io::Error) -> String {
     let text = error.to_string();
     text.split(" at path ").next().unwrap_or_default().to_owned()
@@ -237,9 +237,10 @@ impl Error {
         self
     }
 
-    /// Adds `how`, a text that says how to continue the command, to the remedy. For a failed run, `how`
-    /// follows the run's own remedy. For an interruption, `how` replaces the remedy. A mistake in the input
-    /// is returned unchanged, since the command can only be continued when the mistake is corrected.
+    /// Adds `how`, a text that says how to continue the command, to the remedy. If the run failed, the text
+    /// `how` follows the error's own remedy. If the run was interrupted, the text `how` replaces the error's
+    /// own remedy. A mistake in the input is returned unchanged, since the command can only be continued when
+    /// the mistake is corrected.
     #[must_use]
     pub fn to_be_continued(self, how: String) -> Self {
         match &self {
@@ -263,7 +264,7 @@ impl Error {
     /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with
     /// a similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
     /// decompressed, the remedy says that the file may be damaged. If the file's text is not UTF-8, the
-    /// message gives the line. In all other cases, the remedy is `otherwise`.
+    /// message gives the line. If none of the causes above applies, the remedy is the text `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         match Self::not_utf8(path, error) {
             Some(not_utf8) => not_utf8,
@@ -272,8 +273,8 @@ impl Error {
     }
 
     /// Returns an error for a folder that cannot be read. If the folder is missing and a folder with a
-    /// similar name exists beside it, the remedy names the existing folder. In all other cases, the remedy is
-    /// `otherwise`.
+    /// similar name exists beside it, the remedy names the existing folder. If the remedy names no folder, it
+    /// is the text `otherwise`.
     pub fn unreadable_folder(path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         Self::cannot_read(("folder", path), error, nearest_folder, otherwise)
     }
@@ -306,9 +307,9 @@ impl Error {
         if message.starts_with(&location) { message } else { location + &message }
     }
 
-    /// Replaces an input error without a location by an error with a location. `at` makes the new error from
-    /// the old error's message. The new error gets the old error's remedy, unless the old remedy is the
-    /// default remedy. Errors other than input errors are returned unchanged.
+    /// Replaces an input error without a location by an error with a location. The function `at` returns an
+    /// error with a location for the message of the old error. The new error gets the old error's remedy,
+    /// unless the old remedy is the default remedy. Errors other than input errors are returned unchanged.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
@@ -363,8 +364,8 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
-        // The name `-`, which stands for standard input, has one character. Every file name of one character
-        // would therefore count as similar to `-`.
+        // The name `-` stands for standard input, which is never a missing file. Otherwise, raycl would
+        // suggest a file with a short name that contains `-`, such as `a-`.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 
@@ -382,8 +383,8 @@ mod tests {
         assert!(Error::not_utf8(Path::new("a.toml"), &missing).is_none());
     }
 
-    /// Returns the text of an error as it is printed without a terminal. The error is about a mistake in the file
-    /// `text`, at the range that equals `mark`.
+    /// Returns the text of an error as it is printed without a terminal. The error is about a mistake in a
+    /// file with the contents `text`, at the first occurrence of the text `mark`.
     fn printed(text: &str, mark: &str) -> String {
         let start = text.find(mark).unwrap();
         let error = Error::in_file("a.toml", text, start..start + mark.len(), "a mistake", "here");

@@ -1,7 +1,8 @@
 //! Finds out whether files and folders exist. Only a few of the system's errors mean that nothing is at a
-//! path ([`is_missing`]). After any other error, such as that of a network disk that does not answer, it is
-//! unknown whether something is at the path. The functions of this module then return the error. If the
-//! functions reported a missing file instead, raycl would ignore results that exist.
+//! path ([`is_missing`]). Errors of other kinds, such as that of a network disk that does not answer, leave
+//! unknown whether something is at the path. If it is unknown whether something is at a path, the functions
+//! of this module return the system's error. If these functions reported a missing file in place of the
+//! system's error, raycl would ignore results that exist.
 
 use crate::error::{Error, Result, limit_advice};
 use crate::reader;
@@ -23,7 +24,8 @@ fn is_endless(error: &IoError) -> bool {
     error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error())
 }
 
-/// Returns false: raycl knows the number of this error only on Unix.
+/// Returns false on systems other than Unix, where raycl does not know the number of the error about a link
+/// that leads back to itself.
 #[cfg(not(unix))]
 fn is_endless(_: &IoError) -> bool {
     false
@@ -121,8 +123,8 @@ pub fn still_leads_to(path: &Path, file: &File) -> IoResult<bool> {
     Ok(named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino()))
 }
 
-/// Returns true if a path leads to a file or folder, even if this is not the open file: on systems other than
-/// Unix, raycl cannot tell two files apart.
+/// Returns true if a path leads to a file or folder. The path may lead to another file than the open file,
+/// since raycl cannot tell two files apart on systems other than Unix.
 ///
 /// # Errors
 ///

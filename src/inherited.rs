@@ -2,9 +2,10 @@
 //! streams, and open files. raycl repairs inherited settings that would disturb its own work. A child process
 //! that outlives a command closes inherited files, so that they do not stay in use.
 
-/// Makes raycl independent of two choices of the process that started it. If that process ignores SIGCHLD, raycl could
-/// not wait for its own child processes. If a standard stream is non-blocking, raycl could not wait until the stream
-/// has data or space. This function must be called before the process starts another process.
+/// Makes raycl independent of two settings that it inherits: an ignored SIGCHLD, and non-blocking standard
+/// streams. If the process that started raycl ignores SIGCHLD, raycl could not wait for its own child
+/// processes. If a standard stream is non-blocking, raycl could not wait until the stream has data or space.
+/// This function must be called before the process starts another process.
 #[cfg(unix)]
 pub fn repair() {
     heed_child_processes();
@@ -30,9 +31,9 @@ fn heed_child_processes() {
     }
 }
 
-/// Returns false if a process with this status (the text of /proc/self/status) does not ignore the signal
-/// with the number `signal`. Returns true if the process ignores the signal, or if the text does not say
-/// whether it does.
+/// Reads in a process's status (the text of /proc/self/status) whether the process may ignore the signal with
+/// the number `signal`. Returns true if the process ignores the signal, or if the text does not say whether
+/// it does.
 #[cfg(unix)]
 fn may_ignore(signal: i32, status: &str) -> bool {
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -42,8 +43,9 @@ fn may_ignore(signal: i32, status: &str) -> bool {
 
 /// Makes standard input, standard output and standard error blocking, so that reading waits for data and
 /// writing waits for space. A pipe or a terminal that raycl shares with another process, such as node.js, can
-/// be non-blocking. The flag for non-blocking belongs to the open pipe or terminal, not to a process. So the
-/// process that started raycl waits too, if it uses the same end of the pipe or the same terminal.
+/// be non-blocking. The flag for non-blocking belongs to the open pipe or terminal, not to a process. If the
+/// process that started raycl uses the same terminal or the same end of the pipe, its streams therefore
+/// become blocking as well.
 #[cfg(unix)]
 fn wait_for_streams() {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -58,10 +60,10 @@ fn wait_for_streams() {
     }
 }
 
-/// On systems with `/proc`, closes all files that this process inherited, except its standard streams. If
-/// these files stayed open, a lock or a pipe of the process that started this one would stay in use as long
-/// as this process lives. After that, the function replaces standard output by `/dev/null`, which tells the
-/// process that reads standard output that the files are closed. When this function is called, no code of
+/// On systems with `/proc`, closes all files that this process inherited, except its standard streams. If the
+/// inherited files stayed open, locks or pipes of the parent process would stay in use as long as this
+/// process lives. After closing files, the function replaces standard output by `/dev/null`. The process that
+/// reads standard output then notices that the files are closed. When this function is called, no code of
 /// this process may be using any file other than the standard streams.
 #[cfg(unix)]
 pub(crate) fn leave_files() {

@@ -26,7 +26,7 @@ pub struct Experiment {
     pub left_out: Vec<usize>,
     /// True if scenes are compared with each other. Scenes that are compared are measured in the same rounds.
     pub compare_scenes: bool,
-    /// Words that select devices; "all" selects every usable device. Empty if the config names none.
+    /// Words that select devices; "all" selects every usable device. Empty if the config names no devices.
     pub devices: Vec<DeviceWord>,
     /// Image sizes in pixels: across, down.
     pub image_sizes: Vec<[u32; 2]>,
@@ -57,7 +57,8 @@ impl Experiment {
         self.strategies.iter().filter(is_wanted)
     }
 
-    /// Removes the scenes at these indices in the config's list of scenes. No scene may have been removed before.
+    /// Removes the scenes at these indices in the config's list of scenes. The function may be called only
+    /// once, while the list of scenes is still complete.
     pub fn leave_out(&mut self, indices: Vec<usize>) {
         let mut index = 0..;
         self.scenes.retain(|_| index.next().is_none_or(|index| !indices.contains(&index)));
@@ -110,9 +111,9 @@ pub struct SceneChoice {
     /// The end of the scene's name, which distinguishes the scene from other scenes made from the same file:
     /// `+triangles=1000`.
     pub suffix: String,
-    /// The largest number of triangles that a tree can index. Loading fails if the scene has more. The limit is set
-    /// only if the scene is the config's only scene, every strategy needs a tree, and there is no baseline; otherwise
-    /// it is `None`.
+    /// The largest number of triangles that a tree can index. Loading fails if the scene has more triangles.
+    /// The limit on triangles is `None` unless the scene is the config's only scene, every strategy needs a
+    /// tree, and there is no baseline.
     pub most_triangles: Option<u64>,
     /// The scene's name in results, which differs from the names of the experiment's other scenes; `None` before the
     /// scenes are loaded.
@@ -204,8 +205,9 @@ pub struct NamedStrategy {
     pub strategy: Strategy,
     /// Local sizes: work-items of a work-group, across and down.
     pub local_sizes: Vec<[u32; 2]>,
-    /// The only kind of device on which the strategy is measured: the kind for which its preset is meant. `None` if the
-    /// preset is meant for all kinds, or if the config or the command line asks for all kinds.
+    /// The only kind of device on which the strategy is measured: the kind for which its preset is meant.
+    /// `None` if the preset is meant for all kinds of devices, or if the config or the command line asks for
+    /// all kinds of devices.
     pub meant_for: Option<DeviceKind>,
 }
 
@@ -256,7 +258,8 @@ impl Baseline {
     }
 }
 
-/// Limits of a smaller device to imitate. These limits never raise the device's own limits.
+/// Limits of a smaller device to imitate. The limits of an imitated device can only lower the limits of the
+/// real device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Emulate {
     /// Size in bytes of a work-group's `__local` memory.
@@ -297,8 +300,8 @@ pub struct Timing {
     pub launches: u32,
     /// Smallest number of samples of a point, unless `time_limit_ms` ends the sampling earlier.
     pub min_samples: u32,
-    /// Largest number of samples of a point. Each launch takes an equal part of these samples, but usually at
-    /// least five.
+    /// Largest number of samples of a point. Each launch takes an equal part of a point's samples, but
+    /// usually at least five samples.
     pub max_samples: u32,
     /// Limit, in milliseconds, of the time for the samples of a point, averaged over the points of its group.
     pub time_limit_ms: f64,

@@ -24,7 +24,7 @@ pub struct Experiment {
     /// The answer that the author of the experiment expects, written before measuring [default: none].
     #[schemars(with = "Option<String>", length(min = 1))]
     pub expectation: Option<Spanned<String>>,
-    /// Scene files. Their paths are relative to the folder of the experiment file.
+    /// Scene files. A scene file's path is relative to the folder of the experiment file.
     #[serde(default)]
     #[schemars(with = "Vec<String>")]
     pub scenes: Vec<Spanned<String>>,
@@ -75,7 +75,7 @@ pub struct Experiment {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
-    /// The scene file. Its path is relative to the folder of the experiment file.
+    /// The scene file. The scene file's path is relative to the folder of the experiment file.
     #[schemars(with = "String")]
     pub file: Spanned<String>,
     /// New values of keys of the scene file, such as "object.0.triangles"; a list makes one scene per value.
@@ -115,7 +115,7 @@ pub struct Emulate {
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Number of frames that each point casts in a launch before the point's first sample [default: 2]. A
-    /// point casts fewer of these frames if they take over a tenth of `time_limit_ms`.
+    /// point casts fewer frames before its first sample if these frames take over a tenth of `time_limit_ms`.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
     /// Number of launches [default: 4]. In each launch, new worker processes measure the points. A point's
@@ -125,8 +125,8 @@ pub struct Timing {
     /// Smallest number of samples of a point, unless `time_limit_ms` ends the sampling earlier [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Largest number of samples of a point [default: 100]. Each launch takes an equal part of these samples,
-    /// usually at least five.
+    /// Largest number of samples of a point [default: 100]. Each launch takes an equal part of a point's
+    /// samples, usually at least five samples.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
     /// Time limit in milliseconds for the samples of a point, averaged over the points of its group [default: 5000].
@@ -163,7 +163,8 @@ pub enum Choices {
     List(Vec<Spanned<Choice>>),
 }
 
-/// A `[[strategy]]` entry. Its keys are `name`, `preset`, `local_sizes`, `any_kind` and the names of the axes.
+/// A `[[strategy]]` entry. The keys of a `[[strategy]]` entry are `name`, `preset`, `local_sizes`, `any_kind`
+/// and the names of the axes.
 #[derive(Default)]
 pub struct StrategyEntry {
     pub name: Option<Spanned<String>>,

@@ -7,8 +7,8 @@ use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
 /// The reasons why a device is unusable if its driver lacks a feature. `TOO_OLD` and `UNREADABLE` contain
-/// only the beginning of a reason's text. A device with one of these reasons can only be used with another
-/// driver.
+/// only the beginning of a reason's text. If a device's driver lacks a feature that raycl needs, raycl can
+/// use the device only with another driver.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
 const NO_GROUPS: &str = "its driver reports that a work-group can have at most 0 work-items";

@@ -12,7 +12,8 @@ const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-
 /// because stored records contain only the driver's name. A name of an unknown form is returned unchanged.
 pub fn common_name(name: &str) -> String {
     // In the results that `raycl merge` writes, a text in brackets at the end of a name distinguishes devices
-    // of the same name. The common name ends with the same text in brackets.
+    // of the same name. A device's common name ends with the same text in brackets as the device's name in
+    // the results.
     let brackets = name.find(" (").filter(|_| name.ends_with(')')).unwrap_or(name.len());
     let (name, brackets) = name.split_at(brackets);
     match POCL.iter().find_map(|start| name.strip_prefix(start)) {
@@ -42,7 +43,7 @@ pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str
 
 /// Returns the processor's model. In `rest`, LLVM's name of the processor's type precedes the model, as in
 /// `skylake-avx512-Intel(R) Xeon(R) Processor`. LLVM's names of processor types have neither capital letters
-/// nor blanks. If no model follows, returns LLVM's name.
+/// nor blanks. If `rest` contains only LLVM's name of the processor's type, returns LLVM's name.
 fn model(rest: &str) -> String {
     let parts: Vec<&str> = rest.split('-').collect();
     let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');

@@ -9,14 +9,14 @@ use ocl::{Device, Platform, Program};
 use std::ffi::{CStr, c_void};
 use std::ptr;
 
-/// The largest answer to a query that raycl accepts, in bytes. A driver that announces a larger answer is
-/// broken.
+/// The largest answer to a query that raycl accepts, in bytes. A driver that announces an answer of more than
+/// `LARGEST_BYTES` bytes is broken.
 const LARGEST_BYTES: usize = 1 << 30;
 
 /// The text that raycl shows if the compiler rejects a program without a message.
 const UNEXPLAINED: &str = "the compiler rejects the program, and says nothing about the reason";
 
-/// The OpenCL statuses that raycl's messages name. All other statuses appear as numbers.
+/// The OpenCL statuses that raycl's messages name. Messages show all statuses outside `NAMED` as numbers.
 const NAMED: [Status; 24] = [
     Status::CL_DEVICE_NOT_FOUND,
     Status::CL_DEVICE_NOT_AVAILABLE,
@@ -87,7 +87,7 @@ pub fn devices(platform: Platform) -> Result<Vec<Device>, String> {
 /// Returns a device's answer to a query, as bytes. The error names the status of the failed query.
 pub fn device_answer(device: Device, query: u32) -> Result<Vec<u8>, String> {
     let device = device.as_core().as_raw();
-    // SAFETY: `answer` passes memory of the size that it states.
+    // SAFETY: `answer` passes memory of `size` bytes.
     let ask = |size, value, needed| unsafe { ffi::clGetDeviceInfo(device, query, size, value, needed) };
     answer(ask).map_err(|status| returned("clGetDeviceInfo", status))
 }
@@ -95,7 +95,7 @@ pub fn device_answer(device: Device, query: u32) -> Result<Vec<u8>, String> {
 /// Returns a platform's answer to a query for a text. The error names the status of the failed query.
 pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
     let platform = platform.as_core().as_ptr();
-    // SAFETY: `answer` passes memory of the size that it states.
+    // SAFETY: `answer` passes memory of `size` bytes.
     let ask = |size, value, needed| unsafe { ffi::clGetPlatformInfo(platform, query, size, value, needed) };
     answer(ask).map(|bytes| one_line(&bytes)).map_err(|status| returned("clGetPlatformInfo", status))
 }
@@ -157,7 +157,7 @@ fn build_log(program: &ocl::core::Program, device: Device) -> Vec<u8> {
 fn build_answer(program: &ocl::core::Program, device: Device, query: u32) -> Option<Vec<u8>> {
     let (program, device) = (program.as_ptr(), device.as_core().as_raw());
     answer(|size, value, needed| {
-        // SAFETY: `answer` passes memory of the size that it states.
+        // SAFETY: `answer` passes memory of `size` bytes.
         unsafe { ffi::clGetProgramBuildInfo(program, device, query, size, value, needed) }
     })
     .ok()

@@ -33,8 +33,8 @@ pub struct Survey {
 impl Survey {
     /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in
     /// kernel files of the user: a mistake must not stop a command that uses another device. A device on
-    /// which a kernel file of the user causes an error stays untested. If the user chooses such a device,
-    /// [`Device::test_lanes`] is called again and returns the error.
+    /// which a kernel file of the user causes an error stays untested. If the user chooses an untested
+    /// device, [`Device::test_lanes`] is called again and returns the error.
     pub(super) fn test_lanes(&mut self, sources: &Sources) {
         for device in &mut self.devices {
             let _ = device.test_lanes(sources);
@@ -94,8 +94,9 @@ pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
 const EVERY_CPU: &str = "pthread";
 
 /// Returns advice if the environment variable `POCL_DEVICES` has a value, even an empty one: PoCL then lists
-/// only the devices that the variable names. Returns `None` if the value is [`EVERY_CPU`], which the advice
-/// recommends: if PoCL lists no device with this value, the variable is not the cause.
+/// only the devices that the variable names. Returns `None` if the value is already [`EVERY_CPU`], the value
+/// that the advice recommends. If PoCL lists no device with the value [`EVERY_CPU`], the variable is not the
+/// cause.
 fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
     let value = value.filter(|value| *value != EVERY_CPU)?.display();
     Some(format!(
@@ -232,8 +233,9 @@ fn few_open_files() -> Option<u64> {
     None
 }
 
-/// Returns the number of platforms. The number must be queried before the `ocl` crate is used: if no platform
-/// exists, each enumeration of platforms by the `ocl` crate sleeps 10 seconds, and some enumerations panic.
+/// Returns the number of platforms. The number of platforms must be queried before the `ocl` crate is used.
+/// If no platform exists, each enumeration of platforms by the `ocl` crate sleeps 10 seconds, and some
+/// enumerations panic.
 fn platform_count() -> Result<u32> {
     /// The status CL_PLATFORM_NOT_FOUND_KHR of OpenCL's loader.
     const NOT_FOUND: i32 = -1001;

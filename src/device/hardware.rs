@@ -1,6 +1,6 @@
 //! Properties of a device's hardware that OpenCL 1.2 alone does not report, or that not every driver reports:
-//! compute capability, clock, timer, PCI bus, UUID. Drivers report most of these properties only with an
-//! extension of OpenCL. The device is usable even if some of these properties are missing.
+//! compute capability, clock, timer, PCI bus, UUID. Drivers report most of this module's properties only with
+//! an extension of OpenCL. The device is usable even if some of these properties are missing.
 
 use serde::{Deserialize, Serialize};
 

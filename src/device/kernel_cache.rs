@@ -19,9 +19,10 @@ const ROOM_FILES: u64 = 16;
 
 /// Returns the environment variables for PoCL's folder of compiled kernels, which raycl must set before a
 /// driver is loaded. If PoCL cannot or must not use its default folder, the variables name a private folder
-/// in the system's folder of temporary files instead. If PoCL can use neither folder, the variables name a
-/// folder that cannot exist, so that PoCL lists no device. Returns no variables if PoCL can use its default
-/// folder, or if the user has set `POCL_CACHE_DIR` to a text that is not empty.
+/// in the system's folder of temporary files instead. If PoCL can use none of the folders that raycl tries,
+/// the environment variables name a folder that cannot exist, so that PoCL lists no device. Returns no
+/// variables if PoCL can use its default folder, or if the user has set `POCL_CACHE_DIR` to a text that is
+/// not empty.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
     if cfg!(not(unix)) || named().is_some() {
         return Vec::new();
@@ -34,9 +35,9 @@ pub fn cache_variables() -> Vec<(&'static str, String)> {
         return Vec::new();
     }
     let other = || temporary().map(|folder| folder.join("pocl")).filter(is_fit);
-    // Everybody may write into some volumes of containers. If PoCL's default folder lies in such a volume,
-    // and the folder of temporary files cannot be used either, raycl itself makes PoCL's default folder, as a
-    // private folder.
+    // Everybody may write into some volumes of containers. If PoCL's default folder lies in a volume into
+    // which everybody may write, the default folder must be private. If the folder of temporary files cannot
+    // be used either, raycl itself makes PoCL's default folder, as a private folder.
     let made =
         || default_folder().filter(|folder| folder.is_absolute()).and_then(private_in_shared).filter(is_fit);
     let folder = default.or_else(other).or_else(made);
@@ -93,8 +94,8 @@ fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String 
 }
 
 /// Returns advice if PoCL can store no compiled kernel in its folder, because the disk is full, or can run no
-/// kernel from there, because the file system is mounted with the option noexec. In both cases, PoCL reports
-/// that the build of a program has failed, or ends the process.
+/// kernel from there, because the file system is mounted with the option noexec. With a full disk or the
+/// option noexec, PoCL reports that the build of a program has failed, or ends the process.
 pub fn folder_advice() -> Option<String> {
     let folder = folder().filter(|folder| folder != Path::new(NO_FOLDER))?;
     if is_noexec(&folder) {
@@ -162,7 +163,7 @@ fn room(_: &Path) -> Option<Room> {
 
 /// Returns true if no program can be run from a folder, or from its nearest ancestor that exists, because the
 /// file system is mounted with the option noexec. PoCL's compiled kernels are shared libraries, which cannot
-/// be loaded from such a file system.
+/// be loaded from a file system with the option noexec.
 #[cfg(target_os = "linux")]
 fn is_noexec(folder: &Path) -> bool {
     use crate::cache::existing_ancestor;
@@ -187,8 +188,9 @@ fn named() -> Option<PathBuf> {
     std::env::var_os(FOLDER).filter(|name| !name.is_empty()).map(PathBuf::from)
 }
 
-/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. Returns `None` if `HOME` is not set either, and
-/// `XDG_CACHE_HOME` is not set or empty: PoCL then uses the folder /tmp/pocl/kcache, which all users share.
+/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. If `HOME` is not set, and
+/// `XDG_CACHE_HOME` is empty or not set, returns `None`: PoCL then uses the folder /tmp/pocl/kcache, which
+/// all users share.
 fn default_folder() -> Option<PathBuf> {
     let path_in = |name: &str| std::env::var_os(name).map(PathBuf::from);
     default_in(path_in("XDG_CACHE_HOME"), path_in("HOME"))

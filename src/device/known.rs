@@ -25,14 +25,14 @@ const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 /// The text that raycl adds to the name of an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
-/// Platforms whose drivers list every accelerator of a vendor. Each pair has a text that the platform's name
-/// contains, and the start of the names under which the system shows the vendor's accelerators. The drivers
-/// of other platforms list only devices that the user names (as rusticl does), or list no platform if the
-/// driver has no device.
+/// Platforms whose drivers list every accelerator of a vendor. Each pair contains a part of the platform's
+/// name, and the beginning of the system's names for the vendor's accelerators. The drivers of other
+/// platforms list only devices that the user names (as rusticl does), or list no platform if the driver has
+/// no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
-/// The time for which raycl uses a stored list of devices that may soon change. If raycl did not use lists
-/// that may soon change at all, every process would start all drivers and query all devices, even while
-/// another process measures.
+/// The time for which raycl uses a stored list of devices that may soon change. If raycl never used a list
+/// that may soon change, every process would start all drivers and query all devices, even while another
+/// process measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
 /// The file in which Linux shows an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
@@ -47,8 +47,8 @@ struct Entry {
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. Uses the stored list
 /// of devices if drivers and environment are unchanged and the chosen device still reports the same
-/// properties. If not, lists all devices again; `lane_test` says when the lane operations (how work-items
-/// exchange values) of the newly listed devices are tested.
+/// properties. If the stored list cannot be used, lists all devices again. `lane_test` says when the lane
+/// operations (how work-items exchange values) of the newly listed devices are tested.
 ///
 /// # Errors
 ///
@@ -108,8 +108,8 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
 
 /// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not
 /// store a list with untested lane operations, since later processes would treat the assumed operations as
-/// tested. Stores a list that may soon change with the current time, because the key under which the list is
-/// stored may stay the same after the change.
+/// tested. If the list may soon change, stores the current time too, because the key of the stored list may
+/// stay the same after the change.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms, failed_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
@@ -140,10 +140,10 @@ fn now() -> u64 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
-/// Returns true if a list probably stays the same until the system starts again. The list may change earlier
-/// if a device may be usable soon, or if a driver lists no device although the system shows some. A driver
-/// may list no device, for example, while a GPU is being reset, or while the driver's kernel module is being
-/// loaded again.
+/// Returns true if a list of devices probably stays the same until the system starts again. A device that may
+/// be usable soon may change the list before the system's next start. So may a driver that lists no device
+/// although the system shows accelerators of the driver's vendor. A driver may list no device, for example,
+/// while a GPU is being reset, or while the driver's kernel module is being loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =
@@ -156,11 +156,12 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
 }
 
 /// Returns the key under which the list of devices is stored: a text of everything that affects the list. The
-/// key contains raycl's version, the drivers' files, the drivers' variables, and a hash of the kernel that
-/// tests how work-items exchange values. The key also contains the hardware that the system shows and that
-/// this process may use, and the number of cores that the process may use. The key also contains an
-/// identifier of the system's latest start, since a driver that fails may list its devices after the next
-/// start. For example, NVIDIA's driver fails after an update, until the system is started again.
+/// list's key contains raycl's version, the drivers' files, the drivers' variables, and a hash of the kernel
+/// that tests how work-items exchange values. The list's key also contains the number of cores that the
+/// process may use, and the names of the accelerators that the system shows. Names of accelerators that the
+/// process may not use have a note. The list's key also contains an identifier of the system's latest start,
+/// since a driver that fails may list its devices after the next start. For example, NVIDIA's driver fails
+/// after an update, until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let vendors = vendor_paths(|name| std::env::var_os(name));
     // Systems other than Linux do not have the file `BOOT`, so their stored lists stay valid after the next
@@ -310,7 +311,8 @@ mod tests {
     fn an_accelerator_that_may_be_used_now_changes_the_key() {
         let hardware = tempfile::tempdir().unwrap();
         // Nobody can open a link whose target does not exist, so the link stands for an accelerator that this
-        // process may not use. A file without permissions would not do, since the superuser may open it.
+        // process may not use. A file without permissions cannot stand for such an accelerator, since the
+        // superuser may open the file.
         std::os::unix::fs::symlink("node", hardware.path().join("renderD128")).unwrap();
         let key = || key_of("probe", (2, "boot"), &[], &[hardware.path()], Vec::new());
         let before = key();
@@ -334,7 +336,7 @@ mod tests {
         let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let mut survey = discover_untested().unwrap();
         // This machine may have unusable devices, or devices whose lane operations are only assumed. The test
-        // removes these devices from the list.
+        // removes unusable devices, and devices with assumed lane operations, from the list.
         survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
         store(&cache, "a", &survey, &[]);
         survey.devices[0].lanes_are_tested = false;

@@ -11,8 +11,8 @@ use ocl::{Buffer, Context, Kernel, MemFlags, Queue};
 use serde::{Deserialize, Serialize};
 
 /// The implementations of the operations in cl/common/lanes.cl, by which work-items exchange values. The
-/// slowest implementation comes first. The macros LANES_BY_* in cl/common/lanes.cl have the numbers of these
-/// variants.
+/// slowest implementation comes first. The macros LANES_BY_* in cl/common/lanes.cl have the numbers of the
+/// variants of `LaneOperations`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
@@ -48,8 +48,8 @@ const GROUPS: usize = 4;
 const ANSWERS: usize = 8;
 /// A word with one bit per lane. The test computes each lane's rank among the lanes whose bits are set in this word.
 const AMONG: u32 = 0x0f0f_00ff;
-/// The value of every answer before the kernel runs. No right answer equals this value, so an answer that the
-/// kernel does not write counts as wrong.
+/// The value of every answer before the kernel runs. No right answer equals `NO_ANSWER`, so an answer that
+/// the kernel does not write counts as wrong.
 const NO_ANSWER: u32 = u32::MAX;
 
 /// The file of the kernel that tests how work-items exchange values.
@@ -64,14 +64,14 @@ enum Trial {
     Wrong,
     /// The driver refuses the test's kernel, with this message.
     Refused(String),
-    /// The device cannot be used now, for example because its memory is full, so it is unknown whether the
-    /// implementation works.
+    /// The device cannot be used now, for example because its memory is full. It is unknown whether the
+    /// implementation of lane operations works.
     Unknown,
 }
 
 impl LaneOperations {
-    /// Returns the number of tiles per work-group with which kernels are fastest. The number is 1 with
-    /// barriers, which make the work-items of a tile wait for those of all tiles in the work-group.
+    /// Returns the number of tiles per work-group with which kernels are fastest. With barriers, the number
+    /// of tiles is 1: barriers make the work-items of a tile wait for those of all tiles in the work-group.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
@@ -93,7 +93,8 @@ impl LaneOperations {
     }
 
     /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this
-    /// device. Returns barriers if no implementation passes, and `None` if the device cannot be used now.
+    /// device. Returns barriers if no implementation passes the test, and `None` if the device cannot be used
+    /// now.
     ///
     /// # Errors
     ///
@@ -132,9 +133,9 @@ pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
 /// implementation could not be tested. `try_out` tests an implementation with the given source of the test's
 /// kernel.
 ///
-/// Returns an error if an implementation works with raycl's own kernel files, but not with the user's files.
-/// Without this error, a mistake in a user's file would make raycl select another implementation, whose code
-/// does not contain the user's change.
+/// Returns an error if an implementation of lane operations works with raycl's own kernel files, but not with
+/// the user's files. If raycl ignored a mistake in a user's file, raycl would select another implementation,
+/// whose code does not contain the user's change.
 fn fastest(
     hinted: &[LaneOperations],
     sources: &Sources,
@@ -168,8 +169,8 @@ fn fastest(
     Ok(Some(LaneOperations::default()))
 }
 
-/// Returns the error if an implementation gives wrong answers with the user's kernel files. `paths` are the
-/// paths of these files.
+/// Returns the error for an implementation of lane operations that gives wrong answers with the user's kernel
+/// files. `paths` are the paths of the user's kernel files.
 fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
     let message = format!(
         "work-items that exchange values by {} get wrong values with {}; with raycl's own files, they get the right \
@@ -332,8 +333,9 @@ mod tests {
             let source = functions + &probe(&Sources::Embedded).unwrap().0;
             ask(LaneOperations::SubGroups, &source, &info, platform, device).unwrap()
         };
-        // The last two answers of a lane are the number that another lane has stored, and the lane's own
-        // number. Only these two answers are compared, since the macros do not make all other answers right.
+        // In the test's kernel, the last two answers of a lane are the number that another lane has stored,
+        // and the lane's own number. Only the last two answers of each lane are compared, since the macros do
+        // not make the earlier answers right.
         let last = |all: &[u32]| {
             all.chunks(ANSWERS).map(|answers| answers[ANSWERS - 2..].to_vec()).collect::<Vec<_>>()
         };
@@ -438,8 +440,8 @@ mod tests {
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
         let [_, fifth, _, smaller, _, _, mirrored, own] = answers(1, 2);
         assert_eq!([own, fifth, mirrored], [15, 36 - 32, 7 * 29 + 1 - 6 * 32]);
-        // Of the lanes in `AMONG`, the lanes 0, 1, 5, 6, 19 and 24 of group 1 store the numbers 1, 8, 4, 11,
-        // 6 and 9.
+        // Lane 2 has the number 15. Six of the lanes in `AMONG` have smaller numbers: the lanes 0, 1, 5, 6,
+        // 19 and 24 of group 1 have the numbers 1, 8, 4, 11, 6 and 9.
         assert_eq!(smaller, 6);
     }
 

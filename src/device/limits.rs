@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 /// The limits of a device and its main properties, as its driver reports them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// Bytes of `__local` memory of a work-group. PoCL 3.1 aborts the process if a kernel needs more.
+    /// Bytes of `__local` memory of a work-group. PoCL 3.1 aborts the process if a kernel needs more
+    /// `__local` memory.
     pub local_bytes: u64,
     /// Bytes of `__constant` memory that a kernel may use.
     pub constant_bytes: u64,
@@ -47,8 +48,8 @@ const USUAL_GROUP: usize = 64;
 
 impl DeviceLimits {
     /// Returns the number of work-items in a work-group of one row, for kernels that support work-groups of
-    /// any size. The number is 64 or, if the device allows fewer, the largest power of two that the device
-    /// allows.
+    /// any size. The number of work-items is 64 or, if the device allows fewer work-items, the largest power
+    /// of two that the device allows.
     pub fn usual_group(&self) -> usize {
         self.group(USUAL_GROUP)
     }
@@ -82,8 +83,8 @@ pub fn power_of_two(number: usize) -> usize {
 }
 
 /// Returns the number of rays per vector that suits a device. On a CPU, the number is the reported number of
-/// floats per native vector, rounded down to 1, 2, 4, 8 or 16. On other devices, the number is 1, because the
-/// lanes of such devices are work-items.
+/// floats per native vector, rounded down to 1, 2, 4, 8 or 16. On devices that are no CPUs, the number of
+/// rays per vector is 1, because the lanes of such devices are work-items.
 pub(super) fn native_width(is_cpu: bool, reported: u64) -> u32 {
     if !is_cpu {
         return 1;

@@ -149,8 +149,8 @@ pub struct DeviceInfo {
     /// Number of cores that the process may use; `None` if the device is not a CPU.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// Number of threads with which the device runs kernels; `None` if unknown. The number is known only for
-    /// PoCL.
+    /// Number of threads with which the device runs kernels; `None` if unknown. The number of threads is
+    /// known only for PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
     /// Number of devices that have the same platform and name and precede this device in the list of devices.
@@ -217,8 +217,8 @@ impl DeviceInfo {
     }
 
     /// Returns the number that makes the device's programs differ from those of other devices with the same
-    /// name (twins). For a CPU, the number is `twins_before`. For other devices, the number is 0, since GPUs
-    /// with the same name can share a compiled program.
+    /// name (twins). For a CPU, the function returns `twins_before`. For a device that is no CPU, the
+    /// function returns 0, since GPUs with the same name can share a compiled program.
     pub fn program_twin(&self) -> usize {
         if self.limits.is_cpu { self.twins_before } else { 0 }
     }
@@ -231,8 +231,8 @@ impl DeviceInfo {
     }
 
     /// Returns a text of the properties that affect times measured on the device, beyond the device's
-    /// identity: compute units, cores, threads and the driver's variables. The text of these properties is
-    /// part of the keys under which measured points are stored.
+    /// identity: compute units, cores, threads and the driver's variables. The text of the device's
+    /// properties is part of the keys under which measured points are stored.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -254,7 +254,7 @@ impl DeviceInfo {
         let simulated = platform.contains("oclgrind");
         // raycl cannot try out whether a compiler supports `__builtin_prefetch`: a compiler without this
         // function may end the process, as those of Oclgrind and Mesa do. The compilers of PoCL and Intel for
-        // CPUs support the function.
+        // CPUs support `__builtin_prefetch`.
         let prefetches = is_pocl(&platform) || platform.starts_with("intel");
         Builtins {
             reduce: !simulated,

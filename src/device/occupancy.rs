@@ -16,8 +16,8 @@ const MAX_GROUP_THREADS: u32 = 1024;
 /// Bytes of `__local` memory that a work-group may have. CUDA programs can ask the driver for more `__local`
 /// (shared) memory per work-group, but OpenCL programs cannot.
 const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
-/// Largest number of registers of a work-group from compute capability 3.0 on. Below 3.0, a work-group may use all
-/// registers of the multiprocessor.
+/// Largest number of registers of a work-group from compute capability 3.0 on. Below compute capability 3.0,
+/// a work-group may use all registers of the multiprocessor.
 const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
 
 /// The limit that prevents a multiprocessor from holding one more work-group.
@@ -31,7 +31,8 @@ pub enum Limiter {
     Registers,
     /// The size of the multiprocessor's `__local` memory.
     Local,
-    /// Not even one work-group fits on a multiprocessor. The text is the arithmetic that shows why.
+    /// Not even one work-group fits on a multiprocessor. The text is the arithmetic that shows why no
+    /// work-group fits.
     CannotLaunch(String),
 }
 
@@ -218,7 +219,7 @@ mod tests {
             assert!(limiter.to_string().contains(part), "{limiter}");
         }
         // A multiprocessor of compute capability 3.7 has 128 Ki registers in total. A work-group may use only
-        // half of these registers.
+        // half of these 128 Ki registers.
         assert!(matches!(of("3.7", 128, 0, 1024).limiter, Limiter::CannotLaunch(_)));
     }
 

@@ -27,8 +27,8 @@ struct Known {
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { devices: Vec::new(), failure: None });
 /// The function that this process calls with the error's text before a panic of the crate `ocl` ends the
-/// process. The function passes the text to a process that waits for this one, or restores the terminal
-/// before the text is printed.
+/// process. In a worker process, the function passes the text to the run that waits for the worker. In a
+/// process that shows pictures in a terminal, the function restores the terminal before the text is printed.
 static TOLD: OnceLock<fn(&str)> = OnceLock::new();
 
 thread_local! {
@@ -38,7 +38,8 @@ thread_local! {
 }
 
 /// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed.
-/// The process ends at once, without freeing OpenCL objects. Panics of other code are handled as usual.
+/// The process ends at once, without freeing OpenCL objects. Panics outside the crate `ocl` are handled as
+/// usual.
 pub fn report_panics() {
     let usual = take_hook();
     set_hook(Box::new(move |panic: &PanicHookInfo<'_>| match of_ocl(panic) {
@@ -52,10 +53,10 @@ pub fn report_panics() {
 ///
 /// # Errors
 ///
-/// Fails if the crate `ocl` panics in `work`. Panics of other code propagate to the caller. If the unwinding
-/// of the first panic frees a second OpenCL object and this fails, Rust aborts the process, which raycl
-/// cannot prevent. If the program has replaced the panic hook that the first call of this function sets,
-/// panics of the crate `ocl` propagate to the caller, too.
+/// Fails if the crate `ocl` panics in `work`. Panics outside the crate `ocl` propagate to the caller. While
+/// the first panic unwinds, the freeing of a second OpenCL object may panic too. Rust then aborts the
+/// process, which raycl cannot prevent. If the program has replaced the panic hook that the first call of
+/// this function sets, panics of the crate `ocl` propagate to the caller, too.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {
     hide_caught_panics();
     forget_failures();
@@ -133,8 +134,8 @@ pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 }
 
 /// Stores the message of a panic, and returns true, if [`caught`] catches the panic. Returns false outside
-/// `caught`, and for the second panic inside `caught`: the second panic happens while the first panic frees
-/// OpenCL objects, and Rust would abort the process.
+/// `caught`, and for a second panic inside `caught`. The second panic happens while the unwinding of the
+/// first panic frees OpenCL objects, and Rust would abort the process.
 fn is_caught(message: &str) -> bool {
     CAUGHT.with_borrow_mut(|caught| match caught {
         Some(first @ None) => {

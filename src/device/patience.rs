@@ -7,13 +7,13 @@ use std::sync::mpsc::channel;
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-/// The environment variable that marks a process that does a command's work for its parent process. If the
-/// marked process exits because its driver hangs, the parent process reports this.
+/// The environment variable that marks a process that does a command's work for its parent process. If a
+/// process with the variable `RAYCL_GUARDED` exits because its driver hangs, the parent process reports this.
 pub const GUARDED: &str = "RAYCL_GUARDED";
 /// The exit code of a process whose driver did not answer. Only processes that raycl starts for its own work
 /// exit with this code.
 pub const HUNG: i32 = 124;
-/// The time limit for a driver's answer. Drivers usually start in much less time.
+/// The time limit for a driver's answer. Drivers usually start in much less time than `LIMIT`.
 const LIMIT: Duration = Duration::from_secs(60);
 /// An environment variable with which tests set the time limit for a driver's answer, in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
@@ -29,7 +29,7 @@ pub struct Patience {
 
 impl Patience {
     /// Starts the time limit if a parent process handles the exit of this process (see [`GUARDED`]). Returns
-    /// `None` if no parent process does.
+    /// `None` if no parent process handles the exit.
     ///
     /// # Errors
     ///
@@ -61,9 +61,9 @@ impl Patience {
         };
         Builder::new().spawn(wait).map_err(|error| Error::no_thread(&error))?;
         // A driver that hangs while it is loaded holds the lock of the system's dynamic linker. Starting a
-        // thread takes the same lock, and so does the thread's first use of thread-local values. The thread
-        // that waits for the time limit must therefore have started, and have used thread-local values,
-        // before the driver is loaded.
+        // thread takes the linker's lock too, and so does the thread's first use of thread-local values. The
+        // thread that waits for the time limit must therefore have started, and have used thread-local
+        // values, before the driver is loaded.
         let _ = is_ready.recv();
         Ok(Self { answered })
     }

@@ -12,13 +12,13 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// patterns. Without patterns, returns every usable device.
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's
-/// name, or a device's name, common name or vendor. A pattern that consists of digits must equal a whole
-/// number in one of these texts: `1` does not select an `H100`. A pattern can also be whole words of the
-/// platform's version with a dotted number, such as `pocl 3.1`, or a device's whole name for files (`slug`).
-/// If several devices have the same name, each device's label is its name for files. The case of letters does
-/// not matter. A pattern that matches no usable device is a user error. A mistake in a kernel file of the
-/// user is a user error, too, if a selected device fails the test of its lane operations because of this
-/// mistake.
+/// name, or a device's name, common name or vendor. A pattern that consists of digits matches a text only if
+/// the digits are a whole number in the text: `1` does not select an `H100`. A pattern can also be whole
+/// words of the platform's version with a dotted number, such as `pocl 3.1`, or a device's whole name for
+/// files (`slug`). If several devices have the same name, each device's label is its name for files. The case
+/// of letters does not matter. A pattern that matches no usable device is a user error. A mistake in a kernel
+/// file of the user is a user error, too, if a selected device fails the test of its lane operations because
+/// of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
@@ -101,9 +101,9 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the platform's name, and the device's name, vendor and common name, all in lower case. A pattern selects the
-/// device if [`has_part`] returns true for one of these texts. For a device of PoCL, the text "pocl" is added, even if
-/// no other text contains this word.
+/// Returns the platform's name, and the device's name, vendor and common name, all in lower case. A pattern
+/// selects the device if [`has_part`] returns true for one of the texts that this function returns. For a
+/// device of PoCL, the text "pocl" is added, even if no other text contains this word.
 fn names(info: &DeviceInfo) -> Vec<String> {
     let common = common_name(&info.name);
     let names = [&info.platform, &info.name, &info.vendor, &common].map(|name| name.to_lowercase());
@@ -120,8 +120,8 @@ pub(crate) fn has_part(name: &str, pattern: &str) -> bool {
 }
 
 /// Returns true if a pattern consists of whole words of a platform's version, and at least one of the words
-/// has a dot, as in `pocl 3.1`. A pattern without a dotted number does not match a version, since many words
-/// in versions say nothing about the device, such as "None+Asserts" in the version of PoCL.
+/// has a dot, as in `pocl 3.1`. A pattern without such a number does not match a version. Many words in
+/// versions say nothing about the device, such as "None+Asserts" in the version of PoCL.
 fn is_of_version(version: &str, pattern: &str) -> bool {
     let (words, wanted) = (version_words(version), version_words(pattern));
     let has_dot = wanted.iter().any(|word| word.contains('.'));
@@ -151,7 +151,7 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let kinds = kinds.chain(["all"]).map(str::to_owned);
     let names: Vec<String> = infos.iter().flat_map(|info| names(info)).collect();
     let words = names.iter().flat_map(|name| name.split_whitespace());
-    // The parts of a hyphenated word are candidates, too, such as "pthread" in the name "pthread-skylake".
+    // The parts of a hyphenated word can be suggested, too, such as "pthread" in the name "pthread-skylake".
     let parts = words.clone().flat_map(|word| word.split(|c: char| !c.is_alphanumeric()));
     let words = words.chain(parts);
     let mut candidates: Vec<_> = words.map(str::to_owned).chain(kinds).collect();
@@ -342,7 +342,7 @@ mod tests {
             info.limits.shares_memory = true;
             info
         };
-        // Between CPUs, only the number of compute units decides.
+        // Between CPUs, only the number of compute units decides which CPU is chosen.
         assert_eq!(preferred(&[&example("Intel(R) OpenCL", "a CPU", DeviceKind::Cpu, 8), &cpu]), Some(1));
     }
 

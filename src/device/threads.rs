@@ -13,7 +13,8 @@ const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
 /// neither variable in `COUNTS` is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 /// The environment variables for the smallest number of PoCL's threads: the newer variable, and the older
-/// variable. The smallest number prevails over the number that a variable in `COUNTS` sets.
+/// variable. PoCL starts at least this smallest number of threads, even if a variable in `COUNTS` sets a
+/// lower number.
 const LEAST_COUNTS: [&str; 2] = ["POCL_CPU_MIN_CU_COUNT", "POCL_PTHREAD_MIN_THREADS"];
 
 /// Returns true if `name` is one of the variables in `COUNTS`, which set the number of PoCL's threads.
@@ -38,9 +39,10 @@ const PINNED: &str = "POCL_AFFINITY";
 
 /// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL pins its
 /// threads. Returns no variables if the user has set `POCL_AFFINITY`, or has set a number of threads that is
-/// larger than the process may run at the same time. A value that is not a number counts as too many threads.
-/// Also returns no variables if the processors of the process are not the first processors of the machine, or
-/// if the process may use them only for part of the time.
+/// larger than the process may run at the same time. If the user has set the number of threads to a text that
+/// is not a number, this counts as too many threads. Also returns no variables if the processors of the
+/// process are not the first processors of the machine, or if the process may use them only for part of the
+/// time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     let value_of = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
     pinning(value_of, &processors(), cores())

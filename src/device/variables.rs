@@ -14,11 +14,11 @@ struct Driver {
 }
 
 /// The variables that affect times or pictures, for each driver. The key (a hash) under which a measured
-/// point is stored also depends on the values of these variables, if the variables are set and belong to the
-/// driver of the point's device. Sources: the documentation of PoCL 3.1 and later, the names in PoCL's
-/// library, NVIDIA's CUDA programming guide, Intel's guides to its OpenCL and DPC++ runtimes, the flags of
-/// AMD's runtime (ROCclr), Mesa's list of environment variables, and Oclgrind's manual. Intel's compiler for
-/// GPUs takes each of its flags from a variable that begins with IGC_.
+/// point is stored also depends on the variables that are set for the driver of the point's device. Sources:
+/// the documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide,
+/// Intel's guides to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), Mesa's list of
+/// environment variables, and Oclgrind's manual. Intel's compiler for GPUs takes each of its flags from a
+/// variable that begins with IGC_.
 const DRIVERS: [Driver; 6] = [
     Driver {
         platform: "portable computing language",
@@ -94,13 +94,14 @@ const DRIVERS: [Driver; 6] = [
             "ZINK_DEBUG",
         ],
     },
-    // `oclgrind --build-options` sets this variable.
+    // `oclgrind --build-options` sets the variable `OCLGRIND_BUILD_OPTIONS`.
     Driver { platform: "oclgrind", deciding: &["OCLGRIND_BUILD_OPTIONS"] },
 ];
 
-/// Variables, besides those in `DRIVERS`, that select devices or a number of threads. If these variables are
-/// not set to the same values again, a repeated command may measure on other devices, or with another number
-/// of threads. Variables that schedulers set for each job, such as `CUDA_VISIBLE_DEVICES`, are left out.
+/// Variables, besides those in `DRIVERS`, that select devices or a number of threads. If the variables in
+/// `SELECTING` are not set to the same values again, a repeated command may measure on other devices, or with
+/// another number of threads. `SELECTING` leaves out variables that schedulers set for each job, such as
+/// `CUDA_VISIBLE_DEVICES`.
 const SELECTING: [&str; 7] = [
     "OCL_ICD_FILENAMES",
     "OCL_ICD_VENDORS",

@@ -9,7 +9,8 @@ use std::sync::{Mutex, MutexGuard};
 /// The files of the locks that threads of this process hold or wait for.
 static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// The right of one thread of this process to take a lock. Dropping this value gives up the right.
+/// The right of one thread of this process to take a lock. Dropping a `Claim` gives up the right to take the
+/// lock.
 pub struct Claim(PathBuf);
 
 impl Claim {

@@ -116,8 +116,8 @@ fn shared_path() -> PathBuf {
 }
 
 /// Makes a folder that every user can write to. Does nothing if something exists at `path`. The folder gets
-/// its name only when every user can write to it. If the folder got its name earlier, a process that is
-/// killed too soon would leave a folder that only one user can write to.
+/// its name only when every user can write to it. If the folder got its name before its permissions, a
+/// process that is killed too soon would leave a folder that only one user can write to.
 fn make_shared(path: &Path) -> std::io::Result<()> {
     if path.symlink_metadata().is_ok() {
         return Ok(());

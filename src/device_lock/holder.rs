@@ -77,8 +77,8 @@ mod tests {
         holder.write(&mut file).unwrap();
         assert_eq!(Holder::read(&path), holder);
         assert_eq!(holder.to_string(), "process 7, `raycl run ?[2J` in /home/ada");
-        // The description of a later holder replaces that of an earlier one, and messages show only the first 200
-        // characters of a command.
+        // The description of a lock's later holder replaces the description of an earlier holder. Messages
+        // show only the first 200 characters of a holder's command.
         let long = Holder { command: "x".repeat(300), ..holder };
         long.write(&mut file).unwrap();
         assert_eq!(Holder::read(&path), long);

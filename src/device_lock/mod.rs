@@ -29,24 +29,25 @@ pub struct Locks {
 }
 
 /// A lock on a device. Dropping this value releases the lock. The operating system also releases the lock
-/// when the process ends in any other way.
+/// when the process ends without dropping this value.
 pub struct Held {
     file: File,
-    /// The right of a thread of this process to take the lock. The right is dropped after the lock is
-    /// released, so that the next thread of this process finds the lock free. The field is `None` only if a
-    /// test has taken the lock as if another process held the lock.
+    /// The right of a thread of this process to take the lock. The right to take the lock is dropped after
+    /// the lock is released, so that the next thread of this process finds the lock free. `_claim` is `None`
+    /// only in tests in which this process takes the lock in the role of another process.
     _claim: Option<Claim>,
 }
 
 /// What a process reports while it waits for a lock. A process that waits for another of its own threads
-/// reports only `Still`.
+/// reports only `Still` (the wait goes on).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LockWait<'a> {
     /// The wait for the lock begins, or another process has taken the lock during the wait. The text
     /// describes the process that holds the lock.
     For(&'a str),
-    /// The same as `For`, except that this process has already reported the line. A run waits before each
-    /// group of points, so without the value `Again`, the run would print the same line again and again.
+    /// Another process holds the lock, but this process has already reported the text that describes the
+    /// other process. A run waits for locks before each group of points. Without `Again`, the run would print
+    /// the same line for every group.
     Again(&'a str),
     /// The wait for the lock goes on. A waiting process reports `Still` several times per second.
     Still,
@@ -140,8 +141,8 @@ impl Locks {
         }
     }
 
-    /// For tests: takes a device's lock, which must be free. After that, this process has to wait for the
-    /// lock as if another process held it.
+    /// For tests: takes a device's lock, which must be free. After this call, this process has to wait for
+    /// the lock as if another process held the lock.
     #[cfg(test)]
     pub(crate) fn held_by_another_process(&self, device: &LockName) -> Held {
         let file = self.folder.open(device.file()).expect("a lock's file");
@@ -196,7 +197,8 @@ impl Locks {
         if !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }
-        // The description is only for messages of waiting processes, and a full disk must not stop a measurement.
+        // The holder's description in the lock's file is only for messages of waiting processes, and a full
+        // disk must not stop a measurement.
         let _ = Holder::of_this_process().write(&mut file);
         Ok(Attempt::Held(file))
     }
@@ -214,7 +216,7 @@ fn pause(device: &LockName, tells: &mut dyn FnMut(LockWait<'_>), interrupted: &A
 
 /// The result of one attempt to take a lock.
 enum Attempt {
-    /// This process now holds the lock. The value is the lock's open file.
+    /// This process now holds the lock. The variant contains the lock's open file.
     Held(File),
     /// Another process holds the lock.
     Busy,
@@ -272,7 +274,8 @@ mod tests {
     fn a_process_is_named_once_however_often_others_wait_for_it() {
         let folder = tempfile::tempdir().unwrap();
         let locks = Locks::in_folder(folder.path(), true);
-        // Waits once for a process that holds the lock. If `text` is given, the lock's file describes another process.
+        // Waits once for a process that holds the lock. If `text` is given, the lock's file contains this
+        // text, which describes another process.
         let wait_once = |text: Option<&str>| {
             let mut held = Some(locks.held_by_another_process(&cpu()));
             if let Some(text) = text {
@@ -312,8 +315,8 @@ mod tests {
         let locks = Locks::in_folder(folder.path(), false);
         // The lock's file describes an earlier holder only until this holder has released the lock.
         drop(locks.take(&cpu(), &mut |_| {}, &OFF).unwrap());
-        // The lock's file is opened only for reading here, so the file can be locked but, like a file on a
-        // full disk, not written.
+        // The test opens the lock's file only for reading. The file can then be locked but not written, like
+        // a file on a full disk.
         let file = File::open(locks.folder.path(cpu().file())).unwrap();
         let Attempt::Held(_file) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
         let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();

@@ -5,9 +5,10 @@ use std::cmp::Ordering;
 use std::fmt;
 
 /// The name of a lock. All drivers for the host's processors, and the casters on the host, share one lock.
-/// Two drivers that list the same device, if it is not the host's processors, share a lock if both report the
-/// same UUID or, if neither reports a UUID, the same PCI address. If neither reports a UUID or a PCI address,
-/// each driver has a lock of its own. Names of the same lock are equal, whatever their labels are.
+/// Two drivers that list the same device (but not the host's processors) share a lock if both report the same
+/// UUID. If neither driver reports a UUID, the two drivers share a lock if both report the same PCI address.
+/// If neither driver reports a UUID or a PCI address, each driver has a lock of its own. Names of the same
+/// lock are equal, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct LockName {
     file: String,

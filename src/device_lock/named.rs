@@ -10,7 +10,7 @@ use std::sync::Mutex;
 /// The files of locks for which this process has waited, and the processes that held these locks.
 static NAMED: Mutex<BTreeSet<(PathBuf, Holder)>> = Mutex::new(BTreeSet::new());
 
-/// Returns true if this process now waits for the first time for the lock with this file while `holder` holds the lock.
+/// Returns true if this is the first wait of this process for `holder` to release the lock with this file.
 pub fn is_first(file: &Path, holder: &Holder) -> bool {
     locked(&NAMED).insert((file.to_owned(), holder.clone()))
 }

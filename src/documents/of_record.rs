@@ -16,22 +16,22 @@ pub enum Form {
     Power,
 }
 
-/// The value of a figure.
+/// The value of a figure (a number or a text of a record).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Figure {
     /// A number.
     Number(f64, Form),
     /// A text.
     Words(String),
-    /// The reason why the record has no such figure, such as "infeasible". The reason is an empty text if no
-    /// record matches the query.
+    /// The reason why the record lacks the figure, such as "infeasible". An empty text instead of a reason
+    /// means that no record matches the query.
     Nothing(String),
 }
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The name of the figure for the median of a frame's time. A query without a figure's name asks for this
-/// median.
+/// The name of the figure for the median of a frame's time. A query without a figure's name asks for the
+/// median of a frame's time.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [

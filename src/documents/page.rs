@@ -17,7 +17,7 @@ const END: &str = "<!-- end of figures -->";
 pub struct Difference {
     /// The line's number, from 1; 0 for an entry of docs/figures.toml that no document uses.
     pub line: usize,
-    /// The text in the document.
+    /// The text that stands in the document, such as a number.
     pub stands: String,
     /// The text that raycl computes from the records, or the reason why the records yield no text.
     pub records_say: String,
@@ -30,7 +30,7 @@ pub struct Page {
     pub text: String,
     /// Numbers and lines of the document that differed from the records before the document was rewritten.
     pub stale: Vec<Difference>,
-    /// Mistakes that rewriting cannot correct: wrong queries, numbers without a record.
+    /// Mistakes that rewriting the document cannot correct: wrong queries, numbers without a record.
     pub wrong: Vec<Difference>,
 }
 
@@ -95,7 +95,7 @@ impl Page {
     fn prose(&mut self, number: usize, line: &str, sheet: &Sheet, fences: &mut Fences) {
         let mut made = String::new();
         let mut rest = line;
-        // The text of the line without the numbers that have a query.
+        // The line's text without each number that is followed by a query.
         let mut bare = String::new();
         while let Some((before, comment, after)) = next_comment(rest) {
             let at = before.len() - number_at_end(before).len();
@@ -117,8 +117,8 @@ impl Page {
     }
 
     /// Returns the answer to the query in a comment. If the query has no answer, returns `stands`, the number
-    /// before the comment, and reports the reason in `wrong`. If the answer differs from `stands`, reports
-    /// this in `stale`.
+    /// before the comment, and reports the reason in `wrong`. If the query's answer differs from the number
+    /// before the comment, reports the difference in `stale`.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
         let answer = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();
@@ -141,7 +141,7 @@ impl Page {
     }
 }
 
-/// Returns the name of the block that begins at a line.
+/// Returns the name of a block of lines if the line is the marker at which the block begins.
 fn block_name(line: &str) -> Option<&str> {
     line.trim_end().strip_prefix(BEGIN)?.strip_suffix(" -->")
 }
@@ -186,7 +186,7 @@ mod tests {
     "#;
     const TABLE: [&str; 4] = ["| size | threads |", "|---|---|", "| 8x8 | 512 |", "| 10x10 | 800 |"];
 
-    /// Returns the page of a document whose block consists of `lines`.
+    /// Returns the page of a test document that contains `lines` in a block between markers.
     fn page(lines: &[&str]) -> Page {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join("docs")).unwrap();

@@ -1,4 +1,4 @@
-//! Answers a document's queries for the run times that the student paper that raycl reproduces published.
+//! Answers a document's queries for published run times: those in the student paper that raycl reproduces.
 
 use super::of_record::{Figure, Form};
 use crate::report::paper::curve;

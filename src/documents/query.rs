@@ -22,8 +22,8 @@ const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The published times are part of the program, not
 /// of a folder of records.
 const PUBLISHED: &str = "published";
-/// The source name for numbers of threads on a multiprocessor. raycl computes the numbers of threads on a
-/// multiprocessor instead of reading them from a file.
+/// The source name in queries for the number of threads on a multiprocessor. raycl computes the number of
+/// threads instead of reading it from a file.
 const OCCUPANCY: &str = "occupancy";
 /// The units in which a query can ask for a result: the name of each unit, and the factor by which the figure is
 /// multiplied.
@@ -107,8 +107,8 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The value of one operand of a query. `median_of` contains the record only if the operand's value is the
-/// median of a frame's time.
+/// The value of one operand of a query. If the operand's value is the median of a frame's time, `median_of`
+/// contains the record of this median; otherwise, `median_of` is `None`.
 struct Side {
     value: Figure,
     median_of: Option<Record>,

@@ -58,9 +58,9 @@ struct Table {
     columns: Vec<Column>,
 }
 
-/// A row of a table. The row's words are part of the query of each cell in the row. The words are also the
-/// row's heading, unless a separate heading is given. `with` contains modifiers of the row's queries: a
-/// number of digits or a unit.
+/// A row of a table. Each cell of the row has a query, which contains the row's words. The row's words are
+/// also the row's heading, unless a separate heading is given. `with` contains modifiers (a number of digits
+/// or a unit) that are added to the query of each cell in the row.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -81,8 +81,8 @@ impl Row {
         }
     }
 
-    /// Returns the modifiers for the digits or the unit of the row's numbers, or an empty text. In a cell's
-    /// query, the modifiers of the cell's row follow the modifiers of its column.
+    /// Returns the modifiers for the digits or the unit of the row's numbers, or an empty text. The query of
+    /// a table's cell ends with the modifiers of the cell's column, and then those of the cell's row.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),

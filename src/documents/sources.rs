@@ -25,8 +25,8 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Makes the sources of the repository at `root`. `folders` maps the first part of a source's name to a
-    /// folder.
+    /// Returns access to the stored records of the repository at `root`. `folders` maps the first part of a
+    /// source's name to a folder.
     pub fn new(root: &Path, folders: BTreeMap<String, String>) -> Self {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }

@@ -11,8 +11,8 @@ pub struct Fences {
 }
 
 impl Fences {
-    /// Returns a line without its number in a numbered list ("1. "). A number counts as a list's number only
-    /// if it is 1, or by one larger than the number of the list's last item.
+    /// Returns a line without the number that marks the line as an item of a numbered list. A number counts
+    /// as a list's number only if it is 1, or by one larger than the number of the list's last item.
     fn without_number<'a>(&mut self, line: &'a str) -> &'a str {
         let item = line.split_once(". ").and_then(|(number, rest)| Some((number.parse().ok()?, rest)));
         match item {
@@ -25,8 +25,8 @@ impl Fences {
     }
 }
 
-/// Units of measured numbers. A code span (text between backticks) is checked if it contains a number with a
-/// unit of this list. Other code spans contain options and names, and are not checked.
+/// Units of measured numbers. A code span (text between backticks) is checked if it contains a number with
+/// one of the units in `UNITS`. Code spans without a unit contain options and names, and are not checked.
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
@@ -83,8 +83,8 @@ fn without_links(line: &str) -> String {
     parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
-/// Returns a text without a phrase. The phrase stays wherever it adjoins a letter, a digit or a part of a
-/// number.
+/// Returns `text` without the phrase `phrase` (a fact listed in docs/figures.toml). The phrase stays in the
+/// text wherever the phrase adjoins a letter, a digit or a part of a number.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
     let mut result = String::new();
@@ -100,7 +100,7 @@ fn without(text: &str, phrase: &str) -> String {
     result + rest
 }
 
-/// Returns true if the phrase continues the last word or number of the text before the phrase.
+/// Returns true if `phrase` continues the last word or number of `before`, the text in front of the phrase.
 fn number_begins(phrase: &str, before: &str) -> bool {
     let first_is_number = phrase.starts_with(|c: char| c.is_alphanumeric());
     let part = before.ends_with(|c: char| c.is_alphanumeric() || c == '-' || c == '±');

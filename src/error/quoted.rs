@@ -61,8 +61,9 @@ pub(super) fn cut_long_lines(text: String, offset: usize) -> (String, usize) {
     (shortened, cut)
 }
 
-/// Returns the text with control characters and invisible characters, except tabs and line ends, replaced by question
-/// marks. The positions of all other bytes stay the same. A byte order mark at the start is no mistake and stays.
+/// Returns the text with control characters and invisible characters, except tabs and line ends, replaced by
+/// question marks. The number of question marks is the character's number of bytes, so that the rest of the
+/// text stays at the same positions. A byte order mark at the start is no mistake and stays.
 pub(super) fn printable(text: String) -> String {
     let steers = |c: char| printer::steers(c) && c != '\r';
     if !text.contains(steers) {

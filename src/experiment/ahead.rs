@@ -27,8 +27,9 @@ use std::time::{Duration, Instant};
 
 /// If the scene is small, builders (threads that compile programs in child processes) keep their processes
 /// while they have no program to build, since new processes would have to start their drivers again. A scene
-/// is small if the memory for builders could hold the scene `PLENTY` times for each builder. The memory that
-/// programs and drivers need is not counted, since this need is the same for every scene.
+/// is small if `PLENTY` copies of the scene for each builder fit into the memory that all builders together
+/// may use. The memory that programs and drivers need is not counted, since this need is the same for every
+/// scene.
 const PLENTY: usize = 4;
 
 /// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
@@ -60,8 +61,8 @@ pub struct Order {
     pub program: Program,
     /// The index in the plan of a point that uses the program.
     pub point: usize,
-    /// How many builders fit into memory. The processes of a builder hold the point's scene while they
-    /// compile programs.
+    /// How many builders (groups of processes that compile programs) fit into memory. The processes of a
+    /// builder hold the point's scene while they compile programs.
     pub room: Room,
 }
 
@@ -80,9 +81,10 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs that were requested so far.
     ordered: HashSet<Program>,
-    /// Programs for which no measured point has to wait any more, each with the result of the build. The
-    /// result is `None` if the program was already stored or could not be built, if its builder died or hung,
-    /// or if a point has taken the result. A point that waits for its program takes the result from this map.
+    /// Programs for which measured points no longer have to wait, each with the result of the build. The
+    /// result of a build is `None` if the program was already stored or could not be built, or if its builder
+    /// died or hung. The result is also `None` after a point has taken it from this map. A point that waits
+    /// for its program takes the result from this map.
     done: HashMap<Program, Option<Built>>,
     /// The devices for which builders may begin to build programs. Each device is named by its lock.
     free: BTreeSet<LockName>,
@@ -125,7 +127,7 @@ pub struct Ahead {
     /// For each job (the task of the workers of one device): the stored programs of its device.
     stored: Vec<ProgramCache>,
     /// The lock of the device of each job (the task of the workers of one device). A process holds this lock
-    /// while it measures on the device. If the list has no lock for a job, builders may always use the job's
+    /// while it measures on the device. If `locks` has no lock for a job, builders may always use the job's
     /// device.
     locks: Vec<LockName>,
     state: Mutex<State>,
@@ -274,17 +276,18 @@ impl Ahead {
         !state.closed
     }
 
-    /// Takes the next program that the builder `number` may begin to build. Returns `None` if there is no
-    /// such program now.
+    /// Takes the next program that the builder `number` may begin to build. Returns `None` if the builder may
+    /// not begin any waiting program now.
     fn next(&self, number: usize) -> Option<Order> {
         let mut state = locked(&self.state);
         let index = self.index_of_next(&state, number)?;
         state.waiting.remove(index)
     }
 
-    /// Returns the index of the first waiting program that the builder `number` may begin to build. The
-    /// builder `number` may begin a program if more than `number` builders with the program's scene fit into
-    /// memory, and if no other process measures on the program's device. Returns `None` if there is no such
+    /// Returns the index of the first waiting program that the builder `number` may begin to build. A builder
+    /// compiles programs in processes of its own. The builder with the number `number` may begin a program if
+    /// more than `number` builders with the program's scene fit into memory. In addition, no other process
+    /// may be measuring on the program's device. Returns `None` if the builder may not begin any waiting
     /// program.
     fn index_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =

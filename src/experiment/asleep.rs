@@ -63,9 +63,9 @@ pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }
 
-/// Answers a run's requests in a worker for tests, which has no device. The worker answers a request to cast
-/// a frame after the time of a frame, with the time that it waited. The worker answers all other requests
-/// without waiting.
+/// Answers a run's requests in a worker for tests, which has no device. If a request asks for a frame, the
+/// worker waits for the time that a frame takes, and answers with the time of its wait. The worker answers
+/// all requests that ask for no frame without waiting.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,

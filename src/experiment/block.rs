@@ -12,8 +12,9 @@ pub struct Block {
     pub shard: u32,
     /// The block's points, as indices into the plan.
     pub points: Vec<usize>,
-    /// The control point, which all blocks of its group measure, so that the blocks can be compared. The
-    /// control point itself belongs to one block of the group. `None` if the group is not cut into blocks.
+    /// The control point of the group that was cut into blocks: all blocks of the group measure this point,
+    /// so that the blocks can be compared. The control point itself belongs to one block of the group. `None`
+    /// if the group is not cut into blocks.
     pub control: Option<usize>,
 }
 
@@ -30,7 +31,8 @@ impl Block {
 pub struct Cost {
     /// The point's index in the plan.
     pub point: usize,
-    /// The point's expected time in milliseconds. Only the ratios of the points' times affect the blocks.
+    /// The point's expected time in milliseconds. Only the ratios of the points' times affect how the points
+    /// are divided into blocks.
     pub ms: f64,
     /// True if the point is suitable as a control point: as far as is known, every device can measure the
     /// point.
@@ -43,9 +45,10 @@ type Priced = (f64, Block);
 /// The targets that [`cut`] tries for the expected times of the pieces of a group, largest first. A target is
 /// a fraction of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
-/// Each piece of a cut group measures the group's control point, so smaller pieces mean that control points
-/// are measured more often. Smaller pieces are therefore used only if they shorten the time of the shard that
-/// takes longest by more than the fraction `WORTHWHILE`.
+/// If a group of points is cut into pieces, each piece measures one common point (the control point), so that
+/// the pieces can be compared. Smaller pieces mean that control points are measured more often. Groups are
+/// cut into smaller pieces only if this shortens the time of the shard that takes longest by more than the
+/// fraction `WORTHWHILE`.
 const WORTHWHILE: f64 = 0.05;
 
 /// Cuts groups of comparable points into blocks for `shards` shards. Equal arguments always result in equal
@@ -74,17 +77,18 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
 /// neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
-    // A group that is slightly larger than `most` stays whole, since each of its pieces would measure a control point.
-    // There are at most half as many pieces as points (rounded up), since a control point is not worthwhile for pieces
-    // of a single point.
+    // A group that is slightly larger than `most` stays whole, since each of its pieces would measure a
+    // control point. A group has at most half as many pieces as points (rounded up): if a piece had only a
+    // single point, measuring the control point too would not be worthwhile.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // The points' times, laid end to end, fill the group's time, which is divided into equal intervals,
-        // one per piece. A point goes to the piece whose interval contains the middle of the point's time.
+        // The points' times, laid end to end, fill the time of the group. The group's time is divided into
+        // equal intervals, one for each piece of the group. A point goes to the piece of the group whose
+        // interval contains the middle of the point's time.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
@@ -151,8 +155,8 @@ mod tests {
         costs.iter().map(|group| group.iter().map(&mut cost).collect()).collect()
     }
 
-    /// Returns the expected time of each shard, including the control points that its blocks measure only for
-    /// comparison.
+    /// Returns the expected time of each shard. This time includes the control points that blocks of the
+    /// shard measure only for comparison with other blocks.
     fn loads(costs: &[Vec<f64>], blocks: &[Block], shards: u32) -> Vec<f64> {
         let costs: Vec<f64> = costs.concat();
         let of = |block: &Block| {
@@ -204,8 +208,9 @@ mod tests {
 
     #[test]
     fn a_gain_of_less_than_a_twentieth_cuts_no_group() {
-        // If the groups stay whole, the shard that takes longest takes 52.01 ms. If both groups are cut into
-        // three pieces, the shard that takes longest takes 51.03 ms, about 2% less.
+        // If the groups stay whole, the shard that takes longest takes 52.01 ms. If both groups of points are
+        // cut into three pieces each, the shard that takes longest takes 51.03 ms, about 2% less than with
+        // whole groups.
         let costs = [52, 50].map(|many| [vec![0.01], vec![1.0; many]].concat());
         let blocks = cut(&groups(&costs), 2);
         assert!(blocks.len() == 2 && blocks.iter().all(|block| block.control.is_none()), "{blocks:?}");
@@ -240,8 +245,8 @@ mod tests {
         let pieces = pieces(group, 5.0);
         let points: Vec<_> = pieces.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
-        // The control point, with cost 3, belongs to the first piece. The second piece measures the control
-        // point too, which adds 3 to the cost of the second piece.
+        // The group's control point, with cost 3, belongs to the first piece of the group. The second piece
+        // of the group measures the group's control point too, which adds 3 to the cost of the second piece.
         assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 

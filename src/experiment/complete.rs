@@ -51,8 +51,9 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
 }
 
 /// Returns a warning if starting a frame's kernels takes longer than casting the frame. A frame that takes
-/// less time than the start of its kernels is too short for comparisons. The start's time and the frame's
-/// time are each the least of all samples, since other work on the host can delay the start of kernels.
+/// less time than the start of its kernels is too short for comparisons. The kernels' starting time and the
+/// frame's time are each the least of all samples, since other work on the host can delay the start of
+/// kernels.
 fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;

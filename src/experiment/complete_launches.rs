@@ -7,13 +7,13 @@ use crate::record::LaunchEnd;
 use std::collections::BTreeSet;
 
 /// Returns the numbers of the complete launches in ascending order, each with the reason why the launch
-/// ended. `points` has the key and the samples of each point. `end_of` returns the stored end of a launch,
-/// which states the number of samples of each point that did not fail in this launch. A launch is incomplete
-/// if a point has fewer than `rule.least()` samples in it, or if the stored end lacks a point. A launch in
-/// which every point has at least `rule.least()` samples, and whose stored end lacks no point, is complete if
-/// the points have exactly the numbers of samples that the stored end states. If no end of a launch is stored
-/// (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the launch has
-/// enough samples.
+/// ended. `points` has the key and the samples of each point. `end_of` returns what was stored when a launch
+/// ended (its stored end): the number of samples of each point that did not fail in this launch. A launch is
+/// incomplete if a point has fewer than `rule.least()` samples in the launch, or if the launch's stored end
+/// gives no number of samples for a point. A launch that is not incomplete in this way is complete if each
+/// point has exactly the number of samples that the launch's stored end gives. If no end of a launch is
+/// stored (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the launch
+/// has enough samples.
 pub fn complete_launches(
     points: &[(&str, &[Taken])],
     end_of: impl Fn(u32) -> Option<LaunchEnd>,
@@ -28,9 +28,9 @@ pub fn complete_launches(
             return None;
         }
         let end = end_of(launch);
-        // A point that failed in the launch has samples from before the failure. If the points that did not
-        // fail are not measured again, the rule is applied to fewer points, and the failed point's samples
-        // may seem to be enough.
+        // A point that failed in the launch has samples from before the failure. If only the failed point is
+        // measured again, the stopping rule is applied to this point alone, and its samples may seem to be
+        // enough.
         let lacks_one = |end: &LaunchEnd| points.iter().any(|(key, _)| !end.samples.contains_key(*key));
         if end.as_ref().is_some_and(lacks_one) {
             return None;
@@ -91,8 +91,8 @@ mod tests {
         let reason = |counts, end| reason_of(counts, Some(end));
         assert_eq!(reason([20, 21], [20, 21]), Some(StopReason::NoiseSettled));
         assert_eq!(reason([4, 4], [4, 4]), None, "a launch has at least five samples of each point");
-        // The stored end states 21 samples of the second point, but there are only 20. A sample was lost, so
-        // the stopping rule decides whether the launch is complete.
+        // According to the launch's stored end, the second point has 21 samples, but there are only 20. A
+        // sample was lost, so the stopping rule decides whether the launch is complete.
         assert_eq!(reason([20, 20], [20, 21]), None);
         assert_eq!(reason([30, 30], [30, 31]), Some(StopReason::TimeLimit));
     }

@@ -14,10 +14,10 @@ use crate::scene::{Loaded, Scene, Setting};
 use crate::strategy::{Strategy, Workload};
 use std::sync::Arc;
 
-/// The inputs that are the same for all drafts. A draft is a point's record before the point is tried.
+/// The inputs that are the same for all drafts (records of points before the points are tried).
 #[derive(Clone, Copy)]
 pub struct Drafter<'a> {
-    /// The experiment whose points get drafts.
+    /// The experiment whose points get drafts (records before the points are tried).
     pub experiment: &'a Experiment,
     /// The source files of the kernels, from which the points' programs are made.
     pub sources: &'a Sources,
@@ -119,9 +119,9 @@ impl Drafter<'_> {
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let workload = workload.sampled(&at.scene, &chosen.sampling());
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // The tree is not built yet, so the program's hash does not contain the tree's depth. The point's key
-                // is computed from the scene, the strategy and the code that builds trees, which together determine
-                // this depth.
+                // The tree is not built yet, so the program's hash does not contain the tree's depth. The
+                // point's key is computed from the scene, the strategy and the code that builds trees, which
+                // together determine the tree's depth.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = builder_of(&named.strategy);

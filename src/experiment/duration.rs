@@ -25,7 +25,8 @@ const COMPILE_MS: f64 = 300.0;
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured. A control point is counted at most once, even if several blocks measure it.
+    /// Number of points to be measured. A control point (which several blocks of points measure for
+    /// comparison) is counted at most once.
     pub points: usize,
     /// How many of the points to be measured have a time in an earlier record.
     pub known: usize,
@@ -40,11 +41,11 @@ pub struct Expected {
     /// rounds, or are replaced by additional launches. The field `additional` does not include waits before
     /// the first round of a launch (at most one second each), or other delays, such as crashes of workers.
     pub additional: Duration,
-    /// The longest time that all frames take, including those of the warm-up, if a frame takes at most
-    /// `usual_frame_ms` on average and no sample is repeated. The time for everything else, such as building,
-    /// checking and waiting, is not included. Zero if the time is too long for the type `Duration`.
+    /// If a frame takes at most `usual_frame_ms` on average and no sample is repeated, all frames together
+    /// take at most this time. The frames of the warm-up are included. The time for everything else, such as
+    /// building, checking and waiting, is not included. Zero if the time is too long for the type `Duration`.
     pub most: Duration,
-    /// The longest mean time of a frame, in milliseconds, with which a launch takes its least number of rounds
+    /// A mean time of a frame, in milliseconds: up to this time, a launch takes its least number of rounds
     /// within its time limit.
     pub usual_frame_ms: f64,
     /// Number of records of points that are not in the plan, for example because the config has changed.
@@ -59,16 +60,17 @@ struct Known {
     /// Time of a check that only hashes the picture, and time of a check that compares the picture
     /// with the reference.
     check_ms: [f64; 2],
-    /// Number of samples of the point per launch; `None` if the earlier record's key is not the point's key,
-    /// since the stopping rule may then differ.
+    /// Number of samples of the point per launch. `None` if the earlier record's key differs from the point's
+    /// key, because the rule that ends the sampling may differ too.
     rounds: Option<usize>,
 }
 
 impl Run<'_> {
-    /// Predicts the duration of the run from `earlier` records. A point's time comes from a record of the same scene,
-    /// device, strategy, local size and image size. If there is no such record, the time comes from a record of the
-    /// same scene, device and strategy, scaled by the number of pixels. `past` contains the run's results so far: its
-    /// finished points and its complete launches are not measured again.
+    /// Predicts the duration of the run from `earlier` records. A point's time comes from a record of the
+    /// same scene, device, strategy, local size and image size. If no record has the same sizes, the time
+    /// comes from a record of the same scene, device and strategy, scaled by the number of pixels. `past`
+    /// contains the run's results so far: its finished points and its complete launches are not measured
+    /// again.
     pub fn expected(&self, earlier: &[Record], past: &Past) -> Result<Expected> {
         let launches = self.launches();
         let earlier = ByName::of(earlier);
@@ -102,7 +104,8 @@ impl Run<'_> {
             }
         }
         // If only a shard is measured, `groups` lacks the points of the other shards' blocks. The records of
-        // the other shards' points would be counted in `others` by mistake, so `others` stays 0.
+        // the other shards' points would wrongly be counted as records that are not in the plan, so `others`
+        // stays 0.
         if self.spread || self.blocks.is_none() {
             expected.others = not_planned(&groups, past);
         }
@@ -116,10 +119,10 @@ impl Run<'_> {
     }
 
     /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
-    /// comparable points. A point's time comes from an `earlier` record. If there is no such record, the time
-    /// is estimated from the amount of computation. A point without a record whose preset is meant for
-    /// another kind of device is skipped, so it costs only the start of a worker. Each cost states the index
-    /// of its point in the plan.
+    /// comparable points. A point's time comes from an `earlier` record. If a point has no earlier record,
+    /// its time is estimated from the amount of computation. A point without a record whose preset is meant
+    /// for another kind of device is skipped, so it costs only the start of a worker. Each returned `Cost`
+    /// contains the index of its point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = self.plan_of_one_device();
         let earlier = ByName::of(earlier);
@@ -140,10 +143,10 @@ impl Run<'_> {
         Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
     }
 
-    /// Returns a point's times by an earlier record of the same point or, if there is none, of the same scene,
-    /// device and strategy. Returns `None` if there is no such record, or if the record has no time. Also
-    /// returns `None` if the record says that the point did not fit on its device, but the point fits in this
-    /// session.
+    /// Returns a point's times by an earlier record of the same point or, if there is none, of the same
+    /// scene, device and strategy. Returns `None` if no earlier record matches the point, or if the matching
+    /// record has no time. Also returns `None` if the record says that the point did not fit on its device,
+    /// but the point fits in this session.
     fn known_before(&self, pending: &PendingPoint, earlier: &ByName<'_>) -> Option<Known> {
         let before = earlier.of_same(&pending.record).filter(|before| !pending.fits_meanwhile(before));
         self.known(&pending.record, before?)
@@ -169,8 +172,8 @@ impl Run<'_> {
     }
 
     /// Returns the number of launches in which these points of a group still have to be measured. The number
-    /// is at least 1, since a group without a record is checked once more, even if earlier sessions have
-    /// taken all its samples.
+    /// of launches is at least 1, since a group without a record is checked once more, even if earlier
+    /// sessions have taken all its samples.
     fn launches_left<'r>(&self, points: impl Iterator<Item = &'r Record>, past: &Past) -> usize {
         let samples = |key: &str| past.samples.get(key).map(Vec::as_slice).unwrap_or_default();
         let points: Vec<(&str, &[Taken])> =
@@ -215,7 +218,7 @@ impl Run<'_> {
         (f64::from(timing.warmup) * frame_ms).min(0.1 * timing.time_limit_ms + frame_ms)
     }
 
-    /// Returns the time, in milliseconds, for the rounds of a launch in which all samples count.
+    /// Returns the time, in milliseconds, for the rounds of a launch if no sample of the launch is left out.
     fn rounds_ms(&self, points: &[Known]) -> f64 {
         let rule = self.stopping_rule();
         let round_ms = points.iter().map(|point| point.sample_ms).sum::<f64>();
@@ -254,9 +257,9 @@ impl Together {
     }
 }
 
-/// Returns two lists. The first list has the points of a group that have to be measured. The second list has
-/// the group's control point, if the control point is finished and must be measured again together with the
-/// points of the first list. Points whose keys are in `done` are finished.
+/// Returns two lists. The first returned list has the points of a group that have to be measured. The second
+/// returned list has the group's control point if this point is finished, but must be measured again for
+/// comparison with the first list. Points whose keys are in `done` are finished.
 fn left<'a>(
     group: &'a [PendingPoint],
     done: &HashSet<String>,
@@ -296,10 +299,10 @@ impl<'a> ByName<'a> {
     }
 }
 
-/// Estimates the time of a point that was never measured, well enough to distinguish slow points
-/// from fast points. A ray is tested against every triangle, or against about thirty boxes and
-/// triangles on each level of a tree. The estimate assumes that a device does a fixed number of
-/// these tests per millisecond, and the host a tenth of that number.
+/// Estimates the time of a point that was never measured, well enough to distinguish slow points from fast
+/// points. A ray is tested against every triangle, or against about thirty boxes and triangles on each level
+/// of a tree. The estimate assumes that a device does a fixed number of these tests against triangles or
+/// boxes per millisecond. The host is assumed to do a tenth of the device's number.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
     let rays = draft.primary_rays() * (1.0 + draft.lights.unwrap_or(1) as f64);

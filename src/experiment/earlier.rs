@@ -1,5 +1,5 @@
-//! Reads the results of earlier attempts at the same shard (part of an experiment). The folders of these attempts are
-//! not changed, since one of the attempts may still be running.
+//! Reads the results of earlier attempts at the same shard (part of an experiment). The folders of the
+//! earlier attempts are not changed, since one of the earlier attempts may still be running.
 
 use super::moved_processors::{is_near, near_ns};
 use crate::error::Result;
@@ -26,19 +26,22 @@ pub struct Before {
     /// The ends of the launches in `samples`, with the launches' new numbers and the numbers of samples in
     /// `samples`.
     pub ends: Vec<LaunchEnd>,
-    /// The times of the anchor in the launches in `samples`, with the launches' new numbers.
+    /// The times of the anchor (a fixed kernel) in the launches in `samples`, with the numbers that this
+    /// attempt gives to the launches.
     pub anchors: Vec<AnchorSample>,
-    /// The load during the rounds of the launches in `samples`, with the launches' new numbers.
+    /// The load during the rounds of the launches in `samples`, with the numbers that this attempt gives to
+    /// the launches.
     pub rounds: Vec<RoundLoad>,
 }
 
 /// Reads the results of earlier attempts from their folders. If `keeps_moved_samples` is true, all samples
 /// count, whatever their core-to-core latency. Points with a record are finished, with two exceptions. If
 /// `retry_failed` is true, a point is also unfinished if its record is not final ([`Record::is_final`]): a
-/// failure, or a lack of memory that may be temporary. Unfinished points are measured again. A point that
-/// exceeded a limit of the device which may differ between sessions ([`Record::is_of_the_session`]) is always
-/// unfinished. A point that exceeded a limit of the device in an earlier session may fit now, and another
-/// attempt may have measured some of the point's launches.
+/// failure, or a lack of memory that may be temporary. Unfinished points are measured again. If a point
+/// exceeded a limit of the device, and this limit may differ between sessions
+/// ([`Record::is_of_the_session`]), the point is always unfinished. A point that exceeded a limit of the
+/// device in an earlier session may fit now, and another attempt may have measured some of the point's
+/// launches.
 pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
     let is_finished = |record: &&Record| (!retry_failed || record.is_final()) && !record.is_of_the_session();
@@ -108,8 +111,8 @@ fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
 }
 
 /// In the stored end of each launch, replaces the number of samples of each point by the number of the
-/// point's samples that count. If a sample of a point was lost, removes the point from the end of the
-/// sample's launch, so that this launch does not count as complete.
+/// point's samples that count. If a sample of a point was lost, removes the point from the stored end of the
+/// launch. Without this point, the launch does not count as complete.
 fn count_again(ends: &mut [LaunchEnd], samples: &[Sample], counts: impl Fn(&Sample) -> bool) {
     let mut numbers: HashMap<(u32, &str), [usize; 2]> = HashMap::new();
     for sample in samples {
@@ -222,8 +225,9 @@ mod tests {
             samples,
             [("open", 0, "one launch 3"), ("done", 0, "one launch 3"), ("open", 1, "two launch 1")]
         );
-        // Only the anchors and the load of the two launches in `samples` are taken over. Launch 0 of the
-        // second attempt is left out, since it is a copy of a launch of the first attempt.
+        // Of the earlier times of the anchor (a fixed kernel) and of the load, only those of the two launches
+        // in `samples` are kept. Launch 0 of the second attempt is left out, since it is a copy of a launch
+        // of the first attempt.
         let anchors: Vec<_> = before.anchors.iter().map(|anchor| (anchor.launch, anchor.ms)).collect();
         let rounds: Vec<_> = before.rounds.iter().map(|load| (load.launch, load.ms)).collect();
         assert_eq!(anchors, [(0, 3.5), (1, 1.5)]);
@@ -339,8 +343,8 @@ mod tests {
         let taken =
             |folder: &PathBuf| read(std::slice::from_ref(folder), false, false).unwrap().samples.len();
         assert_eq!(taken(&folder), 0);
-        // Launch 1 measured the control point. No record of the control point contains this launch, so the
-        // launch counts as unfinished.
+        // Launch 1 measured the control point, by which parts of a group of points are compared. No record of
+        // the control point contains this launch, so the launch counts as unfinished.
         let more = attempt(&parent.path().join("more"), "done", &samples);
         JsonLines::append_to(&more.join(CONTROLS)).unwrap().append(&record).unwrap();
         assert_eq!(taken(&more), 1);

@@ -121,11 +121,10 @@ impl Run<'_> {
 
     /// Returns true if `record`, an earlier record of the point, makes another measurement of the point
     /// unnecessary. If the run retries failed points, it measures two kinds of points again: points that
-    /// failed, and points that did not fit only because too little memory was free. Every run measures a
-    /// point again if an earlier session skipped the point, since its preset is meant for another kind of
-    /// device, but this run should measure the point. Every run also measures a point again if the point
-    /// exceeded a limit of the device in an earlier session, but fits now, or if a device other than the
-    /// point's own measured the point.
+    /// failed, and points that did not fit only because too little memory was free. If an earlier session
+    /// skipped a point because its preset is meant for another kind of device, a run without this restriction
+    /// measures the point. Every run measures a point again if the point exceeded a limit of the device in an
+    /// earlier session, but fits now, or if a device other than the point's own measured the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);
@@ -134,7 +133,8 @@ impl Run<'_> {
 
     /// Returns true if the point's own device measured the record. If an earlier session distributed points
     /// over several devices, only `measured_on` says which device measured the record. If this run
-    /// distributes points over its devices, each device of the run counts as the point's own device.
+    /// distributes points over several devices, the function returns true for a record that any device
+    /// measured.
     fn is_of_own_device(&self, record: &Record, pending: &PendingPoint) -> bool {
         let device = device_of(self, pending).filter(|_| !self.spread);
         let measured_on = record.measured_on.as_ref();

@@ -40,7 +40,7 @@ enum Kind {
 pub enum Step {
     /// Checking a point before it is timed.
     Check,
-    /// Casting a frame of a point that is being timed.
+    /// Casting a frame of a point (a strategy with its sizes, scene and device) while the point is timed.
     Cast,
 }
 

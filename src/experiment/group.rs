@@ -57,7 +57,8 @@ impl OpenGroup {
         Self { visits, ..Self::new(points) }
     }
 
-    /// Returns how often this session has visited the group. A visit measures one launch of the group.
+    /// Returns how often this session has visited the group. A visit of a group of points measures one launch
+    /// of the group.
     pub fn visits(&self) -> u32 {
         self.visits
     }
@@ -89,8 +90,8 @@ impl OpenGroup {
     }
 
     /// Binds the group to the device that measured the group's last complete launch in an earlier session, if
-    /// the run has this device. If another device measured the group, the launches of earlier sessions would
-    /// not count.
+    /// the run has this device. The launches of earlier sessions count only if the same device measures the
+    /// group again.
     pub fn return_to_device(&mut self, run: &Run<'_>, sink: &impl ResultSink) {
         let (_, launches) = self.past(run, sink);
         let named = unnamed_device(run);
@@ -109,8 +110,8 @@ impl OpenGroup {
     }
 
     /// Returns the core-to-core latency, in nanoseconds, of near processors (processors at their usual
-    /// distance). A sample with a much larger or smaller latency than that of near processors does not count.
-    /// Returns infinity if all samples count.
+    /// distance). A sample is left out if its latency is much larger or smaller than the latency of
+    /// processors at their usual distance. If no samples are left out, returns infinity as the latency.
     fn near_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
         if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
@@ -175,8 +176,8 @@ impl OpenGroup {
     }
 
     /// Takes over the complete launches of earlier sessions. Incomplete launches are dropped, since the same
-    /// worker processes must measure a whole launch, and the processes of the earlier session have ended.
-    /// Launches that another device of the same model measured are dropped too.
+    /// worker processes must measure a whole launch, and the processes of the earlier session have ended. If
+    /// another device of the same model measured a launch in an earlier session, this launch is dropped too.
     fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
         let (past, launches) = self.past(run, sink);
         for (launch, reason) in launches {
@@ -193,8 +194,9 @@ impl OpenGroup {
         sink.advances(counted * self.points.len());
     }
 
-    /// Checks every point, and stores the records of points that fail. On the first visit, a point is checked
-    /// as soon as its program is built, while builders build the programs of later points.
+    /// Checks every point, and stores the records of points that fail. In the session's first launch of the
+    /// group, a point is checked as soon as its program is built. Meanwhile, builders (processes that compile
+    /// programs) build the programs of later points.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -330,9 +332,10 @@ impl OpenGroup {
     }
 }
 
-/// Returns the device that measured the launches whose samples name no device. A session whose samples name
-/// no device did not distribute points over devices, so the first device, which all records name, measured
-/// the session's launches. Returns `None` if this session does not distribute points either.
+/// Returns the device that measured the launches whose samples name no device. If samples name no device,
+/// their session did not distribute points over devices. The first device, which all records name, has then
+/// measured the session's launches. Returns `None` if the current session does not distribute points over
+/// devices.
 fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
     run.named_device().map(|device| MeasuredOn { slug: device.slug(), hardware: None })
 }
@@ -367,8 +370,8 @@ fn use_check(pending: &mut PendingPoint, record: Record, check_ms: f64) {
 }
 
 /// Copies values that workers do not know from a point's draft (its record before the point was tried) to the
-/// record that the point's check returned. The copied values are the names, the notes, the folder of kernels
-/// and the block.
+/// record that the point's check returned. The values copied from the draft are the names, the notes, the
+/// folder of kernels, and the block (the points that one machine measures together).
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -1,5 +1,5 @@
-//! Baselines: the serial and the parallel casters on the host, timed by the host's clock. Also the properties
-//! of the host that affect the times of baselines.
+//! Baselines: the serial and the parallel casters on the host, timed by the host's clock. The module also
+//! finds the properties of the host that affect the times of baselines.
 
 use crate::clock::ms_since;
 use crate::config::Baseline;

@@ -9,8 +9,9 @@ pub struct KeyParts<'a> {
     pub scene_hash: &'a str,
     /// The platform, its version, the device and the driver. For a baseline: the word "host" and the processor's model.
     pub device: &'a str,
-    /// The number of compute units, the numbers of usable cores and of threads if they are known, and the environment
-    /// variables of the driver. For a baseline, only the numbers of usable cores and of threads.
+    /// The number of compute units, the numbers of usable cores and of threads if they are known, and the
+    /// environment variables of the driver. For a baseline, the text contains only the numbers of usable
+    /// cores and of threads.
     pub state: &'a str,
     /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), in the form in which raycl displays
     /// it.

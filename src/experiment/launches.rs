@@ -26,8 +26,8 @@ impl Waiting {
     }
 
     /// Takes the next group for a device, or for any device if `device` is `None`. Chooses at random among
-    /// the groups that were visited least often; first visits follow the plan's order. Returns `None` if no
-    /// group that may be measured on the device is waiting.
+    /// the groups that were visited (measured in a launch) least often. Groups that were not visited yet are
+    /// chosen in the plan's order. Returns `None` if no group that may be measured on the device is waiting.
     fn take(&self, device: Option<usize>) -> Option<OpenGroup> {
         let mut groups = locked(&self.groups);
         let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));
@@ -37,7 +37,8 @@ impl Waiting {
             .collect();
         let turn = u64::from(visits) << 32 | next.len() as u64;
         let chosen = if visits == 0 { 0 } else { round_order(next.len(), turn, self.seed)[0] };
-        // `remove` keeps the order of the remaining groups, so first visits follow the plan's order.
+        // `remove` keeps the order of the remaining groups, so groups are visited for the first time in the
+        // plan's order.
         Some(groups.remove(next[chosen]))
     }
 
@@ -48,9 +49,9 @@ impl Waiting {
     }
 }
 
-/// Visits groups until they are finished. Each visit measures one launch of a group. If `device` is `None`,
-/// all groups are visited. If `device` is not `None`, only groups that may be measured on this device are
-/// visited. After an error, no other group is visited.
+/// Visits groups until they are finished. Each visit of a group of points measures one launch of the group.
+/// If `device` is `None`, all groups are visited. If `device` is not `None`, only groups that may be measured
+/// on this device are visited. After an error, no other group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

@@ -14,7 +14,7 @@ use std::path::Path;
 const LOCK: &str = ".lock";
 /// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
 /// On a file system that changes the inode numbers of its files, a file always seems to have been removed.
-/// The last attempt therefore does not check whether the file was removed.
+/// The last attempt to lock a file therefore does not check whether the file was removed.
 const ATTEMPTS: u32 = 10;
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the

@@ -7,10 +7,11 @@
 //! line moves from one processor to another. The core-to-core latency is larger than usual if the cores are
 //! far from each other, and smaller if processors share a core. The core-to-core latency is measured between
 //! samples, so it does not depend on the times of the points. *Near* processors run on cores at their usual
-//! distance. A sample does not count if the core-to-core latency around it is much larger or smaller than
-//! that of near processors in the same run. Before a sample, a launch waits until the processors are near,
-//! but only for a limited time. A launch does not count if too few of its samples count; an additional launch
-//! replaces a launch that does not count. A group has at most twice as many launches as requested.
+//! distance. A sample does not count if the core-to-core latency around the sample is much larger or smaller
+//! than the latency of near processors in the same run. Before a sample, a launch waits until the processors
+//! run on cores at their usual distance, but only for a limited time. A launch does not count if too few of
+//! its samples count; an additional launch replaces a launch that does not count. A group has at most twice
+//! as many launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -19,27 +20,28 @@ use std::time::{Duration, Instant};
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
-/// If the core-to-core latency around a sample is more than `FAR` times the latency of near processors, the
-/// processors ran on cores further apart than usual. Readings of the latency between the same two cores
-/// differ by a factor of up to 1.7.
+/// If the core-to-core latency around a sample is more than `FAR` times the usual latency, the processors ran
+/// on cores further apart than usual. Readings of the latency between the same two cores differ by a factor
+/// of up to 1.7.
 const FAR: f64 = 2.0;
-/// If the core-to-core latency around a sample is less than `SHARED` times the latency of near processors,
-/// two processors shared a core. Processors that share a core have 0.45 to 0.5 times the latency of near
-/// processors (docs/log.md, section "2026-11-26, morning: two processors on one core, ...").
+/// If the core-to-core latency around a sample is less than `SHARED` times the usual latency, two processors
+/// shared a core. Processors that share a core have 0.45 to 0.5 times the usual latency (docs/log.md, section
+/// "2026-11-26, morning: two processors on one core, ...").
 const SHARED: f64 = 0.65;
-/// The pause between two readings of the latency while a launch waits for near processors. The processors are
-/// idle during the pause, since a host moves idle processors back sooner than busy processors: after about one
-/// second instead of three to ten seconds (docs/log.md, section "2026-11-26, afternoon: a launch waits for near
-/// processors, ...").
+/// The pause between two readings of the latency while a launch waits until its processors are at their usual
+/// distance. The processors are idle during the pause, since a host moves idle processors back sooner than
+/// busy processors: after about one second instead of three to ten seconds (docs/log.md, section "2026-11-26,
+/// afternoon: a launch waits for near processors, ...").
 const PAUSE: Duration = Duration::from_millis(50);
-/// All waits of a launch for near processors together take at most the fraction `WAITS` of the time for the
-/// launch's samples, plus [`PATIENCE`].
+/// All waits of a launch for processors at their usual distance together take at most the fraction `WAITS` of
+/// the time for the launch's samples, plus [`PATIENCE`].
 pub(super) const WAITS: f64 = 0.5;
-/// How long a launch may wait for near processors in addition to the fraction [`WAITS`] of the time for its
-/// samples. Before its first sample, a launch may wait only for the time `PATIENCE`.
+/// The time that a launch may wait for processors at their usual distance, beyond the fraction [`WAITS`] of
+/// the time for its samples. Before its first sample, a launch may wait only for the time `PATIENCE`.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// A complete launch of a group of points, with the core-to-core latencies around its samples.
+/// A complete launch of a group of points (every point has enough samples), with a core-to-core latency for
+/// each sample.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Launch {
     /// The launch's number, which is unique in the folder of results.
@@ -59,8 +61,8 @@ impl Launch {
         Self { number, latencies_ns: points.map(of_launch).collect() }
     }
 
-    /// Returns true if the launch counts: for each point, at least five samples must count. If a point has
-    /// fewer than five samples in the launch, all its samples must count.
+    /// Returns true if the launch's times are used: for each point, at least five samples must count (see
+    /// [`is_near`]). If a point has fewer than five samples in the launch, all its samples must count.
     fn counts(&self, near_ns: f64) -> bool {
         self.latencies_ns.iter().all(|point| {
             let near = point.iter().filter(|ns| is_near(**ns, near_ns)).count();
@@ -70,31 +72,32 @@ impl Launch {
 }
 
 /// Returns the latency of near processors: the 20th percentile of `latencies_ns`, which are all latencies of
-/// the run in ascending order. Returns infinity if there are no latencies. The smallest latency is not
-/// suitable: if two processors of the virtual machine shared a core during this smallest reading, near
-/// processors would count as far apart. The median is not suitable either: in some runs, the processors run
-/// on cores far from each other for most of the time.
+/// the run in ascending order. Returns infinity if there are no latencies. The function does not return the
+/// smallest latency. If two processors of the virtual machine shared a core during the smallest reading,
+/// processors at their usual distance would count as far apart. The function does not return the median: in
+/// some runs, the processors run on cores far from each other for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Returns true if a sample counts: the core-to-core latency around the sample is unknown, or lies between
-/// `SHARED` and `FAR` times `near_ns`, the latency of near processors. If `near_ns` is infinite, every sample
+/// Returns true if a sample's time is used: the core-to-core latency around the sample is unknown, or lies
+/// between `SHARED` and `FAR` times the usual latency `near_ns`. If `near_ns` is infinite, every sample
 /// counts: either no latency of the run is known yet, or the sample's group keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
 }
 
-/// Returns the reading of the core-to-core latency that decides whether a sample counts, of the readings before and
-/// after the sample: one that is not near, if there is one, and otherwise the larger one.
+/// Of the readings of the core-to-core latency before and after a sample, returns the reading that decides
+/// whether the sample counts. This is a reading far from the usual latency, if there is one, and otherwise
+/// the larger reading.
 pub(super) fn decisive_ns(readings: [Option<f64>; 2], near_ns: f64) -> Option<f64> {
     let known = || readings.into_iter().flatten();
     known().find(|ns| !is_near(Some(*ns), near_ns)).or_else(|| known().reduce(f64::max))
 }
 
-/// Returns how long a launch may still wait for near processors. The launch began `elapsed` ago, and has
-/// spent the part `waited` of this time waiting.
+/// Returns how long a launch may still wait until its processors are at their usual distance. The launch
+/// began `elapsed` ago, and has spent the part `waited` of this time waiting.
 pub(super) fn patience(elapsed: Duration, waited: Duration) -> Duration {
     let most = elapsed.saturating_sub(waited).mul_f64(WAITS) + PATIENCE;
     most.saturating_sub(waited)
@@ -130,8 +133,8 @@ pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }
 
-/// Returns the numbers of the launches that do not count, because too few of their samples count. If too few
-/// samples count in every launch, all launches count.
+/// Returns the numbers of the launches that do not count, because too few of their samples count. If every
+/// launch has too few samples that count, all launches count nevertheless.
 fn moved_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
     let moved = launches.iter().filter(|launch| !launch.counts(near_ns));
     let moved: Vec<u32> = moved.map(|launch| launch.number).collect();
@@ -147,8 +150,8 @@ pub(super) struct LeftOut {
 }
 
 /// Removes two kinds of samples from `taken`: all samples of launches that do not count and, in the other
-/// launches, the samples for which `is_near` is false. If no launch counts, all samples count. Returns how
-/// many launches and samples were left out; `None` if no latency is known.
+/// launches, the samples for which `is_near` is false. If every launch has too few samples that count, no
+/// sample is removed. Returns how many launches and samples were left out; `None` if no latency is known.
 pub(super) fn leave_out_moved(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
     let moved = moved_launches(launches, near_ns);
@@ -214,9 +217,9 @@ mod tests {
         assert_eq!(decisive_ns([Some(14.0), Some(31.0)], f64::INFINITY), Some(31.0));
     }
 
-    /// Waits for near processors, whose latency is 31 ns. Successive readings return the values
-    /// `latencies_ns`, and then always the last value; 0 means that the latency is unknown. Returns the last
-    /// value that was read, and the number of readings during the wait.
+    /// Waits until the core-to-core latency has about its usual value of 31 ns. Successive readings return
+    /// the values `latencies_ns`, and then always the last value; 0 means that the latency is unknown.
+    /// Returns the last value that was read, and the number of readings during the wait.
     fn waits(latencies_ns: &[f64], most: Duration, is_interrupted: bool) -> (Option<f64>, usize) {
         let mut readings = 0;
         let read = || {
@@ -290,13 +293,15 @@ mod tests {
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
         assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
-        // Both launches count if near processors have a latency of 180 ns. Neither launch counts if near
-        // processors have a latency of 20 ns, because another group of the run had samples with this latency.
+        // The times of both launches are used if the usual core-to-core latency is 180 ns. The times of both
+        // launches are left out if the usual latency is 20 ns, because another group of the run had samples
+        // with 20 ns.
         let far = launches(&[180.0, 190.0]);
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }
 
-    /// Returns the latencies of the samples that count, and the numbers of launches and samples that do not.
+    /// Returns the latencies of the samples that are used, and the numbers of launches and samples that are
+    /// left out.
     fn counted(taken: &[Vec<Taken>], launches: &[Launch]) -> (Vec<f64>, Option<[u32; 2]>) {
         let mut taken = taken.concat();
         let left_out = leave_out_moved(&mut taken, launches, 20.0).map(|out| [out.launches, out.samples]);

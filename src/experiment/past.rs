@@ -21,8 +21,9 @@ pub struct MeasuredOn {
 
 impl MeasuredOn {
     /// Returns true if the launch may have been measured on `device`: the names are equal, and the UUIDs or
-    /// PCI addresses are equal or unknown. Equal names alone are not enough. A name only numbers the devices
-    /// that a session sees, and other sessions may see other devices, or see them in another order.
+    /// PCI addresses are equal or unknown. Equal names alone do not show that two devices are the same. A
+    /// name only numbers the devices that a session sees, and other sessions may see other devices, or see
+    /// them in another order.
     pub fn may_be(&self, device: &DeviceInfo) -> bool {
         let known = self.hardware.as_deref().zip(device.hardware.id());
         self.slug == device.slug() && known.is_none_or(|(one, other)| one == other)
@@ -37,7 +38,8 @@ pub struct Past {
     pub records: Vec<Record>,
     /// The samples of every point, by the point's key, in the order of measurement.
     pub samples: HashMap<String, Vec<Taken>>,
-    /// The ends of launches whose points had enough samples, by the launches' numbers.
+    /// The ends (reasons and numbers of samples) of launches whose points had enough samples. The map's keys
+    /// are the launches' numbers.
     pub ends: HashMap<u32, LaunchEnd>,
     /// The device that measured a launch, by the launch's number, if points were distributed over several devices.
     pub devices: HashMap<u32, MeasuredOn>,

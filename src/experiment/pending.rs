@@ -49,8 +49,9 @@ pub struct PendingPoint {
 }
 
 impl PendingPoint {
-    /// Makes a point from three numbers (the point, its job and its scene), from its name as shown to the observer, and
-    /// from its record before it is tried.
+    /// Makes a measured point from the numbers of the point, of the point's job and of the point's scene.
+    /// `label` is the point's name as shown to the observer. `record` is the point's record before the point
+    /// is tried.
     pub fn new([point, job, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
             point,
@@ -83,8 +84,9 @@ impl PendingPoint {
 
     /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
     /// A point that has been cast before fits on the device, and only lacks memory that other programs or
-    /// other points use at the moment. A point that has been cast before therefore counts as failed, not as
-    /// infeasible: nobody would notice that an infeasible point has lost its earlier launches.
+    /// other points use at the moment. A point that has been cast before therefore gets the outcome
+    /// `LaunchFailed`. If its outcome were `Infeasible`, nobody would notice that the point has lost its
+    /// earlier launches.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {
@@ -247,7 +249,8 @@ impl Run<'_> {
             .collect()
     }
 
-    /// Returns the folder of kernels with which `pending` is measured. `kernels` are all folders of the run.
+    /// Returns the folder of kernels with which `pending` is measured. `kernels` contains all folders of
+    /// kernels that the run uses.
     pub(super) fn kernels_of<'k, 'a>(
         &self,
         pending: &PendingPoint,
@@ -287,8 +290,8 @@ impl Kernels<'_> {
     }
 }
 
-/// Returns the labels of two folders of kernels that are compared. In the name of a point of the experiment,
-/// a label shows which of the two folders the point uses.
+/// Returns the labels of two folders of kernels that are compared. A label in the name of a measured point
+/// shows from which folder the point's kernels come.
 fn labels(sources: [&Sources; 2]) -> [String; 2] {
     let name = |sources: &Sources| match sources {
         Sources::Embedded => "built in".to_owned(),
@@ -301,8 +304,9 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// If two folders of kernels are compared, labels a point with the folder that the point uses. The point's
-/// record then names no preset, since a preset's name implies the built-in kernels.
+/// If two folders of kernels are compared, labels a point with the folder that the point uses. If folders are
+/// compared, a point's record names no preset (no strategy with a name of its own), since a preset's name
+/// implies the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;
@@ -441,7 +445,8 @@ mod tests {
             records.map(|record| (record.key, record.operations_per_test)).collect()
         };
         // A worker reads the headers of one folder of kernels only. The worker's drafts (records of points
-        // that are not tried yet) must nevertheless equal the drafts of the run, which reads both folders.
+        // that are not tried yet) must equal the run's drafts, although the run reads both compared folders
+        // of kernels.
         let of_worker = |sources: &Sources| {
             sources.values().unwrap().during(|| drafts(&Run { sources, ..run })).remove(0)
         };

@@ -44,8 +44,9 @@ impl Pictures {
         Ok(path)
     }
 
-    /// Saves a drawing (a picture that no caster made, such as a picture of differences) under `name`. If another
-    /// picture has this name, the drawing's hash is added to the name. Returns the file's path.
+    /// Saves a drawing (a picture that no caster made, such as a picture of differences) under `name`. If
+    /// another picture already has the name `name`, the drawing's hash is added to the drawing's name.
+    /// Returns the file's path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
         let path = self.free_path(&[name], &opaque(drawn.clone()), &blake3::hash(drawn.as_raw()));
         save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;

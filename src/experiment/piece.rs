@@ -1,5 +1,6 @@
 //! The parts into which a plan (the list of an experiment's points) is divided. The points of a part are
-//! measured together. A part is a whole group, the points of a group on one device, or a block.
+//! measured together. A part of the plan is a whole group of points, the points of a group on one device, or
+//! a block (points that one shard measures together).
 
 use super::{Block, Plan, Point};
 use std::collections::HashMap;
@@ -9,10 +10,11 @@ use std::collections::HashMap;
 pub struct Piece {
     /// The indices of the points in the plan.
     pub points: Vec<usize>,
-    /// The number of the block, if the piece is a block of points that one shard measures together.
+    /// The number of the block, if this piece of the plan is a block (points that one shard measures
+    /// together).
     pub block: Option<u32>,
-    /// The index of the control point, which all blocks of a group measure; `None` if the group is not cut into blocks.
-    /// `points` need not contain the control point.
+    /// The index of the control point, which all blocks (parts) of a group of points measure for comparison;
+    /// `None` if the group is not cut into blocks. `points` need not contain the control point.
     pub control: Option<usize>,
 }
 
@@ -24,7 +26,8 @@ impl Piece {
         self.control.iter().chain(others).copied().collect()
     }
 
-    /// Returns true if a point is the control point and is measured only for comparison with other blocks.
+    /// Returns true if a point is the control point, and is measured here only so that this block can be
+    /// compared with other blocks of its group.
     pub fn borrows(&self, point: usize) -> bool {
         self.control == Some(point) && !self.points.contains(&point)
     }
@@ -48,7 +51,8 @@ impl Plan {
         self.groups_by_device().into_iter().map(piece).collect()
     }
 
-    /// Returns the points of some blocks, on each device. The blocks contain indices into the plan for one device.
+    /// Returns the points of the given blocks (parts of groups of points), on each device. The blocks contain
+    /// indices into a plan with only one device.
     pub fn of_blocks(&self, blocks: &[Block]) -> Vec<Piece> {
         let indices = self.indices_on_devices();
         let mut devices: Vec<Option<usize>> = self.points.iter().map(|point| point.device).collect();

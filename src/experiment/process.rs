@@ -54,9 +54,9 @@ impl Processes {
         // The end of a worker's standard error goes into records, where a backtrace would be too
         // long.
         command.env("RUST_BACKTRACE", "0");
-        // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache only if
-        // `driver_cache` is set. If the user has set the environment variable that disables this cache, for example to
-        // 0 to enable the cache, raycl leaves the variable unchanged.
+        // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache
+        // only if `driver_cache` is set. If the user has set the environment variable that disables the
+        // driver's cache, raycl leaves the variable unchanged: the value may be 0, which enables the cache.
         if !self.driver_cache && disabled.is_none() {
             command.env(CACHE_DISABLE, "1");
         }
@@ -150,8 +150,8 @@ fn line_of(message: &impl Serialize) -> Result<Vec<u8>> {
 }
 
 impl WorkerProcess {
-    /// Writes a line to the worker. If the worker has ended, the write fails without an error. The wait for
-    /// the worker's reply later reports the worker's end.
+    /// Writes a line to the worker. If the worker has ended, the write fails without an error. When raycl
+    /// later waits for the worker's reply, the wait reports the worker's end.
     fn write(&mut self, line: &[u8]) {
         if let Some(requests) = &mut self.requests {
             let _ = requests.write_all(line).and_then(|()| requests.flush());

@@ -161,8 +161,8 @@ pub enum Request {
         point: usize,
         /// The key that the point's record must have.
         key: String,
-        /// The hash of the point's picture, if an earlier launch has verified the picture. An identical picture is
-        /// not compared again.
+        /// The hash of the point's picture, if an earlier launch has verified the picture. A picture with the
+        /// same hash is not compared with the reference again.
         verified: Option<String>,
     },
     /// Build the program with which a point is measured, and store the program.
@@ -196,7 +196,8 @@ impl Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reply {
-    /// Reply to the job, the first line that the run sends: the worker's device is open.
+    /// Reply to the first line that the run sends, which describes the worker's job: the worker's device is
+    /// open.
     Started,
     /// Reply to a request to build a program; `None` if the program cannot be built. The point's check will
     /// report the error.
@@ -205,7 +206,8 @@ pub enum Reply {
     Checked {
         /// The point's record after the check.
         record: Box<Record>,
-        /// True if the point has passed the check and can be timed. If false, the record states the reason.
+        /// True if the point has passed the check and can be timed. If the point cannot be timed, the record
+        /// states the reason.
         ready: bool,
     },
     /// Reply to a request to cast a point: the times of the sample.

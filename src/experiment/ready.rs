@@ -9,7 +9,7 @@ use crate::scene::{Sampling, Scene};
 pub enum Ready {
     /// A point that is cast by kernels on a device, with this number of samples per pixel.
     Kernel(Box<Caster>, Sampling),
-    /// A point whose image a baseline casts on the host.
+    /// A point that is cast on the host, by a baseline (a ray caster without OpenCL).
     Host(Baseline),
 }
 

@@ -1,5 +1,5 @@
 //! Does the work of a worker, one request at a time: builds programs, checks points, casts frames, and runs
-//! the anchor.
+//! the anchor (a fixed kernel).
 
 use super::check::Checker;
 use super::draft::{Drafter, HeldScene};
@@ -179,8 +179,8 @@ impl<'a> RequestHandler<'a> {
 }
 
 /// Calls `cast`, which casts on `device` or, without a device, on the host. Returns the result of `cast`, and
-/// the processor time in milliseconds that this process used during the call. The time is `None` if the
-/// device is not a CPU.
+/// the processor time in milliseconds that this process used during the call. The processor time is `None` if
+/// the device is not a CPU.
 fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -> (T, Option<f64>) {
     let before = processor_time();
     let result = cast();
@@ -234,7 +234,7 @@ impl Warmed {
 
 /// Casts up to `frames` frames that are not recorded, and returns their shortest times. If frames are long,
 /// the warm-up ends after a tenth of the time limit. A short warm-up is enough, since the check has already
-/// cast one frame. If a frame fails, the warm-up ends. The sample after the warm-up then fails too, and
+/// cast one frame. If a frame fails, the warm-up ends. The first sample after a failed warm-up fails too, and
 /// reports the failure.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
@@ -504,8 +504,8 @@ mod tests {
 
     #[test]
     fn a_coarse_timer_times_batches_even_without_a_warm_up() {
-        // A sample should take fifty steps of the timer, here 50 s. The test's frames are so short that the
-        // batch gets the largest number of frames, 256.
+        // A sample should take fifty steps of the device's timer, here fifty steps of 1 s. The test's frames
+        // are so short that the batch gets the largest number of frames, 256.
         let batch = sample(DeviceKind::Cpu, Some(1_000_000_000));
         assert_eq!(batch.batch, Some(256));
         // Processor time and elapsed time are both per frame. The limit of the ratio of processor time to

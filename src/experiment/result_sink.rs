@@ -24,7 +24,7 @@ pub trait ResultSink {
     /// `None` if both are unknown.
     fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
     -> Result<()>;
-    /// Stores how a launch ended in which the points got enough samples.
+    /// Stores how a launch ended, if the points got enough samples in the launch.
     fn launch_end(&mut self, end: &LaunchEnd) -> Result<()>;
     /// Stores the load of other processes while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
@@ -39,9 +39,10 @@ pub trait ResultSink {
     fn past(&self, key: &str) -> Vec<Taken>;
     /// Returns the end of a launch of an earlier session or attempt; `None` if no end is stored.
     fn past_end(&self, launch: u32) -> Option<LaunchEnd>;
-    /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed over
-    /// several devices of the same model. Returns `None` if points were not distributed, so that each record names the
-    /// device that measured it, or if the launch measured only baselines.
+    /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed
+    /// over several devices of the same model. Returns `None` if points were not distributed over devices:
+    /// each record then names the device that measured its point. Also returns `None` if the launch measured
+    /// only baselines.
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
     /// Returns the core-to-core latency of near processors in nanoseconds; infinity if the latency is
     /// unknown. Near processors run on cores at their usual distance. The latency is computed from all lines
@@ -55,8 +56,8 @@ pub struct FolderSink<'a> {
     pub results: &'a mut Results,
     /// The observer, to which messages about the run's progress are passed on.
     pub observer: &'a mut dyn Observer,
-    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. Any two of these
-    /// names differ, whereas the records of two scenes may contain the same name.
+    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. Any two
+    /// names in `names` differ, whereas the records of two scenes may contain the same name.
     pub names: HashMap<String, String>,
     /// Number of points of the experiment that are finished, including those that earlier sessions finished.
     pub done: usize,

@@ -64,7 +64,8 @@ impl Results {
     /// has samples of unfinished points, the following data of this launch are copied: all samples that
     /// count, the end, the anchor's times, and the load of the rounds. Each copied sample names the attempt
     /// and launch that took the sample. Unless `keeps_moved_samples` is true, samples whose core-to-core
-    /// latency was far from their attempt's usual latency do not count. The earlier folders are not changed.
+    /// latency was far from their attempt's usual latency do not count. The folders of the earlier attempts
+    /// are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -190,9 +191,9 @@ impl Results {
         self.rounds.append(load)
     }
 
-    /// Returns the core-to-core latency of near processors in nanoseconds, from all lines of the folder's journal of
-    /// rounds, `rounds.jsonl`; infinity if the latency is unknown. Near processors run on cores at their usual
-    /// distance.
+    /// Returns the core-to-core latency of near processors in nanoseconds, from all lines of the folder's
+    /// journal of rounds, `rounds.jsonl`; infinity if the latency is unknown. Processors are near if they run
+    /// on cores at their usual distance from each other.
     pub fn near_ns(&self) -> f64 {
         near_ns(&self.latencies_ns)
     }
@@ -257,16 +258,16 @@ fn keep_environment(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> R
     }
     let kept = earlier(number);
     // The old environment file gets a second name, and keeps its first name until the new file replaces it.
-    // The folder therefore still has its environment if the disk is full, or if this process is killed now.
+    // If the disk is full, or if this process is killed now, the folder thus still has an environment file.
     // On a file system without hard links, the old file is renamed.
     let linked = std::fs::hard_link(&path, &kept);
     linked.or_else(|_| std::fs::rename(&path, &kept)).map_err(|error| Error::unwritable(&kept, &error))?;
     write(&path).inspect_err(|_| {
-        // If the new file cannot be written, this session does not begin. The environment of the previous
-        // session then again gets its first name as its only name, since the previous session is still the
-        // latest one. If the second name cannot be removed, the file keeps both names. If the new file is
-        // already at `path` (only the folder's list of files could not be written to the disk), both files
-        // stay.
+        // If the new file cannot be written, this session does not begin. The environment file of the
+        // previous session then has only its first name again, since the previous session is still the latest
+        // one. If the second name cannot be removed, the file keeps both names. If only the folder's list of
+        // files could not be written to the disk, the new file is already at `path`, and both the old and the
+        // new file stay.
         let is_old =
             || matches!((std::fs::read(&path), std::fs::read(&kept)), (Ok(now), Ok(old)) if now == old);
         let _ = match existing::exists(&path) {

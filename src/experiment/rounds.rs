@@ -6,7 +6,8 @@ use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, StoppingRule, round_order};
 
-/// Times points; [`measure`] decides the order and the number of rounds.
+/// Takes the samples of a launch's points; [`measure`] decides the order of the points and the number of
+/// rounds.
 pub trait Rounds {
     /// Takes one sample of a point: casts a frame or a batch of frames. Returns `None` if the worker process was lost
     /// or the point failed. A failed point is not cast again.
@@ -35,9 +36,9 @@ pub enum End {
     Broken,
 }
 
-/// The largest number of samples of a launch, as a multiple of the number that the launch would need if all
-/// samples counted. If some samples do not count, the launch ends at the latest after the round in which it
-/// reaches this largest number of samples.
+/// The largest number of samples of a launch, as a multiple of the number that the launch would need if no
+/// sample were left out. If some samples are left out, the launch ends at the latest after the round in which
+/// it reaches `MOST` times the usual number of samples.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time in milliseconds, and true if the sample counts.
@@ -56,7 +57,7 @@ fn in_launch(launch: u32, round: u32) -> u64 {
 }
 
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of
-/// rounds is the number after which the launch would end if all samples counted. Samples that do not count
+/// rounds is the number that the launch would need if no sample had to be left out. Samples that do not count
 /// are taken again in the same round, unless they are too many (see [`sample_round`]). If a point still has
 /// too few samples that count after the usual number of rounds, the launch continues until every point has
 /// enough of them. The launch ends earlier if it has taken [`MOST`] times as many samples as there are in the
@@ -103,8 +104,8 @@ pub fn measure(
 /// Takes a sample of each point, in the order `order`, and adds the samples to `samples`. A sample does not
 /// count if the host of a virtual machine had moved the machine's processors to other cores (see
 /// [`Rounds::sampled`]). Samples that do not count are taken again, once, at the end of the round. If more
-/// than half of the round's samples do not count, no sample is taken again: the host has probably not moved
-/// the processors back yet, so new samples would not count either. Returns the time that each cast took, in
+/// than half of the round's samples do not count, no sample is taken again. The processors probably still run
+/// on the other cores, so new samples would not count either. Returns the time that each cast took, in
 /// milliseconds; `None` if the worker process was lost.
 fn sample_round(
     round: u32,
@@ -151,7 +152,8 @@ fn sample(
         return Ok(Some(true));
     };
     let counts = rounds.sampled(point, round, &times)?;
-    // The anchor may run after a sample, and the worker process may be lost while it runs the anchor.
+    // The worker process may run the anchor (a fixed kernel) after a sample, and may be lost while it runs
+    // the anchor.
     if rounds.is_broken() {
         return Ok(None);
     }
@@ -217,8 +219,8 @@ mod tests {
     const RULE: StoppingRule =
         StoppingRule { min_samples: 5, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
 
-    /// Measures a launch with two points that needs seven samples of each. The samples of the rounds `far` do not
-    /// count. Returns the number of rounds, and why the launch ended.
+    /// Measures a launch with two points that needs seven samples of each. The samples of the rounds whose
+    /// numbers are in `far` do not count. Returns the number of rounds, and why the launch ended.
     fn rounds_if_far(far: impl IntoIterator<Item = u32>) -> Result<(usize, End)> {
         let mut fake = Fake { far: far.into_iter().collect(), ..Fake::default() };
         let end = measure(2, &RULE, 0, 1, &mut fake)?;
@@ -250,8 +252,8 @@ mod tests {
     #[test]
     fn a_launch_in_which_no_sample_counts_is_no_longer_than_usual() -> Result<()> {
         assert_eq!(rounds_if_far(0..100)?, (7, End::Enough(StopReason::MaxSamples)));
-        // The first sample that counts comes in round 7, the last of the usual number of rounds. Six more rounds give
-        // the seven samples that the launch needs.
+        // The first sample that counts comes in round 7, the last of the usual number of rounds. Round 7 and
+        // six more rounds give the seven samples of each point that the launch needs.
         assert_eq!(rounds_if_far(0..6)?, (13, End::Enough(StopReason::MaxSamples)));
         Ok(())
     }
@@ -260,8 +262,8 @@ mod tests {
     fn a_sample_that_does_not_count_is_taken_again_at_the_end_of_its_round() -> Result<()> {
         let mut fake = Fake { lost: vec![3], ..Fake::default() };
         assert_eq!(measure(2, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
-        // The second round begins with the third cast, whose sample does not count. The fifth cast, at the
-        // end of the round, repeats this sample.
+        // The second round begins with the third cast, whose sample does not count. The fifth cast of the
+        // launch, at the end of the second round, repeats the sample of the third cast.
         assert_eq!((fake.order.len(), fake.order[2]), (2 * 7 + 1, fake.order[4]));
         // The repeated sample replaces the sample that does not count.
         let mut samples = [Some(Vec::new()), Some(Vec::new())];
@@ -270,8 +272,9 @@ mod tests {
         assert_eq!(casts.map(|times_ms| times_ms.len()), Some(3));
         let counting = samples.map(|point| point.map(|taken| taken.iter().map(|one| one.1).collect()));
         assert_eq!(counting, [Some(vec![true]), Some(vec![true])]);
-        // Two of the second round's three samples do not count. Two of three is more than half of the
-        // samples, so no sample is taken again. The launch therefore needs an eighth round.
+        // Two of the three samples in the second round do not count. Since more than half of the round's
+        // samples do not count, no sample is taken again. Each point needs seven samples that count, so the
+        // launch has an eighth round.
         let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
         measure(3, &RULE, 0, 1, &mut fake)?;
         assert_eq!(fake.order.len(), 3 * 8);

@@ -44,14 +44,15 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked. If `None`, the check of a point builds the point's
     /// program.
     pub ahead: Option<&'a Ahead>,
-    /// True if all samples count. If false, groups that are measured on CPUs leave out samples whose
-    /// core-to-core latency was far from the run's usual latency. A latency far from the usual one shows that
-    /// the host of a virtual machine has moved the machine's processors to other cores.
+    /// True if the run leaves out no samples. If false, groups that are measured on CPUs leave out samples
+    /// whose core-to-core latency was far from the run's usual latency. A latency far from the usual one
+    /// shows that the host of a virtual machine has moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
-/// If this environment variable is `keep`, all samples count. If the variable has another value or is not
-/// set, groups that are measured on CPUs leave out some samples (see [`Run::keeps_moved_samples`]).
+/// If the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, the run leaves out no samples. If
+/// `RAYCL_MOVED_SAMPLES` has another value than `keep`, or is not set, groups that are measured on CPUs leave
+/// out some samples (see [`Run::keeps_moved_samples`]).
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
 /// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
@@ -77,7 +78,8 @@ impl Run<'_> {
         Plan::new(self.experiment, self.devices.len().min(1))
     }
 
-    /// Returns the parts of the plan that the run measures. The points of a part are measured together.
+    /// Returns the parts of the plan that the run measures. The points of one part of the plan are measured
+    /// together.
     pub(super) fn pieces(&self, plan: &Plan) -> Vec<Piece> {
         match self.blocks {
             Some(blocks) => plan.of_blocks(blocks),
@@ -86,8 +88,8 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the first device if the points are distributed over devices of the same model; all records of
-    /// kernels then name this device. Returns `None` if the points are not distributed.
+    /// Returns the first device if the points are distributed over devices of the same model. In this case,
+    /// all records of kernels name the first device. Returns `None` if the points are not distributed.
     pub(super) fn named_device(&self) -> Option<&DeviceInfo> {
         self.devices.first().filter(|_| self.spread).copied()
     }

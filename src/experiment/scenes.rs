@@ -43,7 +43,8 @@ pub fn distinct_scenes(mut experiment: Experiment) -> Result<Experiment> {
 }
 
 /// Returns a record that only identifies a scene, and the hashes of the scene's content. If raycl places the
-/// camera, there is one hash for images of each of the `shapes`; otherwise, there is a single hash.
+/// camera, there is one hash for each shape (ratio of width to height) in `shapes`; otherwise, there is a
+/// single hash.
 fn identified(choice: &SceneChoice, shapes: &[[u32; 2]]) -> Result<(Record, Vec<String>)> {
     let (mut scene, mut hashes) = (Record::default(), Vec::new());
     for &shape in shapes {
@@ -57,8 +58,8 @@ fn identified(choice: &SceneChoice, shapes: &[[u32; 2]]) -> Result<(Record, Vec<
     Ok((scene, hashes))
 }
 
-/// Returns the name of a scene that is left out. If a scene that is kept has the same name, returns the file of the
-/// scene that is left out.
+/// Returns the name of a scene that is left out. If another scene that is measured has the same name, returns
+/// the file of the left-out scene instead of the name.
 fn name_of_copy(copy: &Record, originals: &[Record]) -> String {
     let is_namesake = originals.iter().any(|other| other.scene == copy.scene);
     copy.scene_file.as_ref().filter(|_| is_namesake).unwrap_or(&copy.scene).clone()

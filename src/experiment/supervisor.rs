@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// If `ATTEMPTS` workers have died while they served requests about a point, raycl records the point as
-/// crashed. One dead worker is not enough, since it may have died from an outside cause.
+/// crashed. One dead worker does not show that the point crashes workers, since the worker may have died from
+/// an outside cause.
 const ATTEMPTS: u32 = 2;
 /// After raycl has given up on `PATIENCE` points, no other point is tried twice.
 const PATIENCE: usize = 3;
@@ -76,8 +77,8 @@ pub struct Supervisor<'a> {
     /// The jobs and the scenes of workers that died. A worker that replaces a dead worker compiles its
     /// programs again.
     afresh: HashSet<(usize, usize)>,
-    /// The numbers of the jobs (each the task of one device's workers) on whose devices the anchor failed.
-    /// After a failure, the anchor is not run again for the same job.
+    /// The numbers of the jobs on whose devices the anchor (a fixed kernel) failed. A job is the task of one
+    /// device's workers. After a job's anchor has failed, the anchor is not run again for this job.
     without_anchor: HashSet<usize>,
 }
 
@@ -112,16 +113,16 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Prepares the workers for the launch number `launch` of a group of points. The workers of an earlier
-    /// group continue if the earlier group's launch had the same number. If the number has changed, all
-    /// workers end, so that no worker measures two launches of a group.
+    /// group of points are kept if the earlier group's launch had the same number as this launch. If the
+    /// launch's number has changed, all workers end, so that no worker measures two launches of a group.
     pub fn turn_to<'t>(&mut self, launch: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.launch != launch {
             self.retire();
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker keeps its scene if the scene is still needed. If no worker has a needed scene, a worker of
-        // the same job whose own scene is no longer needed takes over the needed scene.
+        // A worker keeps its scene if the scene is still needed. If a needed scene has no worker, a worker of
+        // the same job takes over this scene, provided that the worker's own scene is no longer needed.
         let (needed, mut free): (Vec<_>, Vec<_>) =
             self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(needed);
@@ -222,10 +223,10 @@ impl<'a> Supervisor<'a> {
         Ok(Some(Err(error)))
     }
 
-    /// Sends a request to the worker of a point of the experiment. If there is no such worker, a new worker
-    /// is started. A worker that did not reply is dropped. A worker that reports that its device refused or
-    /// failed to run a kernel is dropped too. The context of a GPU may be unusable after a fault, and every
-    /// later point of this worker would then fail.
+    /// Sends a request to the worker of a point of the experiment. If the point has no worker yet, a new
+    /// worker is started. A worker that did not reply is dropped. A worker that reports that its device
+    /// refused or failed to run a kernel is dropped, like a worker that did not reply. The context of a GPU
+    /// may be unusable after a fault, and every later point of this worker would then fail.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {

@@ -60,7 +60,7 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
 /// Saves pictures of the cost of each pixel's rays. One picture shows against how many triangles a pixel's
 /// rays are tested: against all triangles, or against the triangles in the leaves that the rays reach. With a
 /// tree, a second picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays,
-/// so it gets no pictures of costs.
+/// so no pictures of rays' costs are saved for a rasteriser.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,
@@ -84,9 +84,10 @@ fn keep_costs(
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
-        // Costs are counted once for both pictures, and not at all if both pictures exist. `in_tree` fails
-        // only if the scene has more triangles than a tree can index. raycl refuses strategies with a tree
-        // for a scene of this size, so `in_tree` does not fail here.
+        // The rays' costs are counted only if the picture of tests or the picture of nodes is missing, and
+        // only once for both pictures. `in_tree` fails only if the scene has more triangles than a tree can
+        // index. raycl refuses strategies with a tree for a scene of this size, so `in_tree` does not fail
+        // here.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&format!("{prefix}-tests-tree{sides}"), tests)?);

@@ -1,5 +1,6 @@
-//! The traits of worker processes (which cast the images of a run's measured points), and the wait for a
-//! worker's reply, which also ends if the worker dies or hangs.
+//! The traits by which a run starts workers and sends them requests, and the wait for a worker's reply.
+//! Workers are processes that cast the images of a run's measured points. The wait also ends if the worker
+//! dies or hangs.
 
 use super::protocol::{Reply, Request};
 use crate::clock::LOOK_UP;
@@ -12,8 +13,8 @@ pub trait Spawner {
     /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
     /// kernels. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
-    /// Lets the worker that `spawn` starts next compile its programs again and remove the stored programs. A
-    /// stored program may have crashed the driver of a worker that died.
+    /// Demands that the next worker compile its programs again and remove the stored programs. A stored
+    /// program may have crashed the driver of a worker that died.
     fn compile_afresh(&mut self) {}
 }
 
@@ -69,9 +70,9 @@ pub fn reply_of(
 }
 
 /// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
-/// `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, only twice `LOOK_UP` is
-/// added, because raycl and its workers must have been stopped for a while, by Ctrl-Z or by a scheduler that
-/// suspends jobs.
+/// `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, raycl and its workers must
+/// have been stopped for a while, by Ctrl-Z or by a scheduler that suspends jobs. Of such a long wait, only
+/// twice `LOOK_UP` is added.
 struct Quiet {
     /// The longest time that a worker may take to reply.
     limit: Duration,
@@ -87,8 +88,8 @@ impl Quiet {
         reply
     }
 
-    /// Returns true if the sum of all waits has reached the limit. The sum also includes waits that ended
-    /// with a reply, so callers use this function only after [`Wait::Silence`].
+    /// Returns true if the sum of all waits has reached the limit. The sum of the waits also includes waits
+    /// that ended with a reply, so callers use this function only after [`Wait::Silence`].
     fn is_over(&self) -> bool {
         self.so_far >= self.limit
     }

@@ -191,7 +191,8 @@ mod tests {
             |wanted: &DeviceInfo, infos: &[DeviceInfo]| index_of(&wanted.identity(), &wanted.hardware, infos);
         let both = [device(0, Some("a"), Some("1")), device(1, Some("b"), Some("2"))];
         assert_eq!([index(&both[0], &both), index(&both[1], &both)], [Some(0), Some(1)]);
-        // The second device is now the only device, so it has the identity that the first device had.
+        // In this loop, only the second device is left, so it has the identity that the first device had in
+        // `both`.
         for left in [device(0, Some("b"), None), device(0, None, Some("2"))] {
             assert_eq!(index(&both[0], &[left]), None);
         }

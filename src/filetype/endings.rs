@@ -56,8 +56,8 @@ const ENDINGS: &[(&[&str], &str, &str)] = &[
     ),
 ];
 
-/// Returns the format that a name's extension stands for, without a final `.gz`; `None` for an extension that is
-/// unknown or stands for a format that raycl reads.
+/// Returns the format that a name's extension (before a final `.gz`) stands for, if raycl does not read this
+/// format. Returns `None` for an unknown extension, and for an extension of a format that raycl reads.
 pub(super) fn foreign(path: &Path) -> Option<Foreign> {
     let name = unpacked_name(path);
     let ending = name.extension()?.to_str()?.to_ascii_lowercase();

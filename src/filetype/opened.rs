@@ -14,8 +14,8 @@ const HEAD_BYTES: usize = 1 << 16;
 /// The first bytes of a gzip file.
 const GZIP: &[u8] = b"\x1f\x8b";
 
-/// An open file. A packed file (gzip) or standard input has been read completely. Of any other file, only the first
-/// bytes have been read.
+/// An open file. A packed file (gzip) or standard input has been read completely. If a file is neither packed
+/// nor standard input, only its first bytes have been read.
 #[derive(Debug)]
 pub struct Opened {
     /// The file, whose bytes after `head` have not been read yet; `None` if `head` contains all bytes.
@@ -117,8 +117,8 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
 /// triangles. A binary file that matches no known type is STL if its name ends in `.stl`, or if the file
 /// begins with triangles and is cut off; the STL reader then reports the error. A JSON file without keys of
 /// glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes may
-/// contain the keys. If the contents show no format, the extension may name one that raycl does not read; a text may
-/// also be a list of points.
+/// contain the keys. If the contents show no format, the file's extension may name a format that raycl does
+/// not read. A text without a known format may also be a list of numbers, such as the coordinates of points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     if of_contents == FileType::Unclear {
@@ -156,7 +156,7 @@ fn half_of_memory() -> u64 {
 }
 
 /// Appends a stream of unknown length to `bytes`. Returns an error if `bytes` has more than `most` bytes
-/// afterwards.
+/// after the stream was appended.
 fn within_memory(stream: impl Read, most: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
     let left = most.saturating_sub(bytes.len() as u64);
     stream.take(left.saturating_add(1)).read_to_end(bytes)?;
@@ -213,7 +213,7 @@ mod tests {
             let members = [&packed(b"v 0 0 0\n")[..], &packed(b"v 1 0 0\n"), rest].concat();
             unpacked(&members[..], Path::new("a.obj.gz")).map(|opened| opened.bytes(Kind::Mesh).unwrap())
         };
-        // The last of these numbers of zeros is larger than the reader's buffer.
+        // The last number of zeros, 100,000, is larger than the reader's buffer.
         for rest in [0, 1, 64, 100_000] {
             assert_eq!(of(&vec![0; rest]).unwrap(), b"v 0 0 0\nv 1 0 0\n", "{rest}");
         }

@@ -4,17 +4,17 @@ use super::{FileType, Foreign, MeshFormat, stl};
 
 /// The advice for files that contain a mesh.
 pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
-/// The advice for files that only the program that made them reads.
+/// The advice for files in a program's own format, which no other program reads.
 pub(super) const OWN: &str = "export the file as glTF or OBJ from the program that made it";
 /// The advice for files of CAD programs, which describe curved surfaces without triangles.
 pub(super) const CAD: &str = "export a mesh (STL) from the file, with FreeCAD for example";
 /// The advice for files with the meshes of simulations, such as finite elements.
 pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaView for example";
-/// The advice for points without triangles.
+/// The advice for files that contain points, but no triangles.
 pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
 /// The advice for files with volumes (a density at each point of a grid).
 pub(super) const SURFACE: &str = "extract its surface as PLY or STL, with ParaView for example";
-/// Every advice by which the user gets a mesh from a file.
+/// All texts of advice that tell the user how to get a mesh from a file.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 pub(super) const UNPACK: &str = "unpack the file first";
 /// The advice for a web server's error page that was downloaded instead of a file.

@@ -14,8 +14,8 @@ pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
 
 /// Returns true if a file is shorter than its count of triangles requires, but begins with triangles. Bytes
 /// count as triangles if all normals are unit vectors or zero, all corners have coordinates of a usual size,
-/// and at least one triangle has three different corners. Files of other types almost never meet these
-/// conditions.
+/// and at least one triangle has three different corners. Files of other types almost never begin with bytes
+/// that count as triangles.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;

@@ -6,7 +6,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write as _;
 
-/// Recognises a file with these bytes. Returns the name of its format, or a word for its type.
+/// Recognises a file with these bytes. Returns the name of the file's format, or a word for the file's type.
 fn called(bytes: &[u8]) -> &'static str {
     match FileType::of(bytes, bytes.len() as u64) {
         FileType::Foreign(Foreign { name, .. }) => name,

@@ -8,8 +8,8 @@ pub const WRONG: [u8; 3] = [255, 0, 0];
 /// Height in pixels of the colour scale below a picture.
 pub const SCALE_HEIGHT: u32 = 18;
 
-/// Nine evenly spaced colours of the colour map viridis (S. van der Walt, N. Smith, E. Firing; CC0), whose lightness
-/// grows evenly.
+/// Nine evenly spaced colours of the colour map viridis, whose lightness grows evenly. The authors of viridis
+/// are Stéfan van der Walt, Nathaniel Smith and Eric Firing (licence CC0).
 const VIRIDIS: [[u8; 3]; 9] = [
     [68, 1, 84],
     [71, 44, 122],
@@ -165,7 +165,7 @@ mod tests {
         let (mut decades, mut counts) = (RgbImage::new(500, SCALE_HEIGHT), RgbImage::new(500, SCALE_HEIGHT));
         draw_scale(&mut decades, 0);
         draw_count_scale(&mut counts, 0, 1);
-        // In the columns that this loop checks, the scales have no tick.
+        // The columns that this loop checks contain no tick of a colour scale.
         for x in [1_u32, 100, 200, 400, 498] {
             let expected = viridis(f64::from(x) / 499.0);
             assert_eq!([decades[(x, 5)].0, counts[(x, 5)].0], [expected; 2], "column {x}");
@@ -185,7 +185,8 @@ mod tests {
         draw_scale(&mut decades, 7);
         draw_count_scale(&mut counts, 7, 29);
         for picture in [decades, counts] {
-            // Column 100 has no tick: from row 7 down, there are two empty rows, six rows of colour, and then nothing.
+            // Column 100 contains no tick of a colour scale. From row 7 down, the column has two empty rows,
+            // six rows of colour, and then only empty rows.
             let coloured: Vec<u32> = (0..30).filter(|&y| picture[(100, y)].0 != [0; 3]).collect();
             assert_eq!(coloured, [9, 10, 11, 12, 13, 14]);
             let written: Vec<u32> =

@@ -55,8 +55,9 @@ impl Shown {
     }
 
     /// Returns the two tables of the display transform that devices read. The first table has, for each 8-bit
-    /// value, the smallest radiance that is displayed as a greater value. The second table has, for each
-    /// pattern of a radiance's upper bits, a lower bound of the radiance's 8-bit value.
+    /// value, the smallest radiance that is displayed as a greater value. The second table has one element
+    /// for each pattern of a radiance's upper bits: a lower bound of the 8-bit values of all radiances with
+    /// these upper bits.
     pub fn tables(&self) -> (&[f32], &[u8]) {
         (&self.0.smallest, &self.0.at_least)
     }
@@ -73,15 +74,15 @@ pub fn transform(radiance: f32, display: Display) -> u8 {
     (255.0 * brightness.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates
 }
 
-/// The display transform of one channel, as tables. Without the tables, each channel of each pixel would need
-/// a power or a binary search, which would take longer than writing the picture's file.
+/// The display transform of one channel, as tables. Without the tables of thresholds, each channel of each
+/// pixel would need a power or a binary search, which would take longer than writing the picture's file.
 struct Thresholds {
     /// For each 8-bit value from 1 to 255, the smallest radiance that is shown as this or a greater value.
     /// The array's first element belongs to the value 1. The array's last element is NaN, so that no radiance
     /// reaches it.
     smallest: [f32; Shown::VALUES],
     /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. In
-    /// most cases, the bound is at most 2 below the 8-bit value.
+    /// most cases, the table's lower bound is at most 2 below the radiance's 8-bit value.
     at_least: Vec<u8>,
 }
 
@@ -113,7 +114,7 @@ impl Thresholds {
 
 /// Returns the smallest radiance that is displayed as `value` or as a greater value. The bits of positive
 /// floats are ordered like the floats, and the transform is monotonic, so a binary search over the bits finds
-/// this radiance.
+/// the smallest radiance.
 fn smallest(value: u8, display: Display) -> f32 {
     let (mut below, mut reached) = (0, f32::INFINITY.to_bits());
     while reached - below > 1 {
@@ -177,7 +178,8 @@ mod tests {
     #[test]
     fn a_colour_of_eight_bits_is_displayed_unchanged() {
         let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };
-        // With the exposures in `rounded`, the radiance of white is rounded down in single precision.
+        // With each exposure in the list `rounded`, the radiance of white is rounded down in single
+        // precision.
         let rounded = [1e-5, 0.001, 0.01, 100.0].map(|exposure| Display { exposure, ..Display::default() });
         for display in [Display::default(), plain].into_iter().chain(rounded) {
             for value in 0..=255 {

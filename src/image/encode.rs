@@ -74,10 +74,10 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
 }
 
 /// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, by factors from 0
-/// to 255. All channels of a pixel share one step, a power of two that follows from the largest channel.
-/// Without this rounding, every picture would become darker, since the encoder itself rounds down to
-/// multiples of the step. A pixel whose channels are all below the smallest normal f32 becomes black, since
-/// the encoder has no exponent for such small values.
+/// to 255. All channels of a pixel share one step, a power of two that follows from the largest channel. If
+/// this function did not round pixels, every picture would become darker, since the encoder itself rounds
+/// down to multiples of the step. A pixel whose channels are all below the smallest normal f32 becomes black,
+/// since the encoder has no exponent for such small values.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {
@@ -128,8 +128,8 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     writer.flush()
 }
 
-/// Writes the output of `write` to the file. `piece` consists of an offset in this output, and the bytes that
-/// are inserted at this offset.
+/// Writes the output of `write` to the file. `piece` consists of an offset in the output of `write`, and the
+/// bytes that are inserted at this offset.
 fn encode(
     file: &mut File,
     piece: (usize, Vec<u8>),

@@ -44,8 +44,8 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 /// shows; EXR and HDR have linear radiance. The file is written completely or not at all. A file that raycl did not
 /// make is replaced only if the user allows it (`--force`).
 ///
-/// An unknown extension, a missing folder, or a file that may not be replaced is a user error. If writing fails for
-/// another reason, the error says that the run failed.
+/// An unknown extension, a missing folder, or a file that may not be replaced is a user error. If writing
+/// fails although the user made no mistake, the error says that the run failed.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
@@ -71,8 +71,8 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
 }
 
 /// Returns an error if an image has no pixels, if its lists of pixels do not match its size, or if the file's
-/// format cannot hold its values. For an image that raycl has cast, this happens only if a program that uses
-/// the library has changed the image.
+/// format cannot hold its values. An image that raycl has cast is refused only if a program that uses the
+/// library has changed the image.
 pub fn check_image(image: &Radiance, target: &Target) -> Result<()> {
     let Radiance { width, height, pixels, coverage } = image;
     let refused = |why: String, remedy: &str| {
@@ -262,8 +262,9 @@ fn known(path: &Path) -> Option<Format> {
 }
 
 /// Returns a path that a message can suggest in place of `path`, which has no known extension. If `path`
-/// names a folder, suggests the path of a picture in the folder. For `a.png.gz`, suggests `a.png`. For any
-/// other path, suggests the path with `.png` in place of its last extension.
+/// names a folder, suggests the path of a picture in the folder. For `a.png.gz`, suggests `a.png`. If a path
+/// names no folder and has no second extension of a picture, suggests the path with `.png` in place of its
+/// last extension.
 fn picture_for(path: &Path) -> PathBuf {
     if names_a_folder(path) || path.is_dir() {
         return path.join("picture.png");
@@ -289,9 +290,9 @@ fn format(path: &Path) -> Result<Format> {
     })
 }
 
-/// Returns true if a path is in a folder of the system, such as /dev. A user who names such a path probably
-/// means standard output or a pipe, as in `-o /dev/stdout` or `-o >(command)`. /dev/shm does not count, since
-/// users may store files there.
+/// Returns true if a path is in a folder of the system, such as /dev. A user who names a path in /dev or
+/// /proc for a picture probably means standard output or a pipe, as in `-o /dev/stdout` or `-o >(command)`.
+/// /dev/shm does not count, since users may store files there.
 fn is_of_system(path: &Path) -> bool {
     let is_in = |folder: &str| path.starts_with(folder);
     cfg!(unix) && (is_in("/proc") || is_in("/dev") && !is_in("/dev/shm"))
@@ -362,8 +363,8 @@ mod tests {
         for (written, read) in image.pixels.iter().zip(&read.pixels) {
             let most = f64::from(written.iter().copied().fold(0.0, f32::max));
             let step = 2.0_f64.powi(most.log2().floor() as i32 - 7);
-            // A channel is stored as a number of steps in one byte, which cannot hold 256 steps, but can hold
-            // 128 steps of twice the size.
+            // A channel is stored in one byte as a number of steps. One byte cannot hold 256 steps, but it
+            // can hold 128 steps if each step is twice as large.
             let step = if most >= 255.5 * step { 2.0 * step } else { step };
             let errors = [0, 1, 2].map(|i| (f64::from(read[i]) - f64::from(written[i])) / step);
             assert!(errors.iter().all(|error| error.abs() < 0.500_1), "{written:?}: {read:?}");
@@ -402,8 +403,8 @@ mod tests {
         let (_folder, path) = saved("picture.jpg", &gradient(61, 37));
         let bytes = std::fs::read(path).unwrap();
         let begin = bytes.windows(2).position(|marker| marker == [0xff, 0xfe]).unwrap() + 2;
-        // The length of the JPEG's comment segment includes the two bytes of the length itself. Another
-        // marker follows the comment.
+        // The length of the JPEG's comment segment includes the two bytes of the length itself. Another JPEG
+        // marker follows the comment segment.
         let after = begin + usize::from(u16::from_be_bytes([bytes[begin], bytes[begin + 1]]));
         assert!(bytes[begin + 2..after].starts_with(b"made by raycl"), "{:?}", &bytes[..after]);
         assert!(bytes[after] == 0xff && bytes[after + 1] != 0, "{:?}", &bytes[after..after + 2]);
@@ -500,7 +501,8 @@ mod tests {
             let (_folder, path) = saved(name, &image);
             std::fs::read(path).unwrap()
         });
-        // Returns the offset of the mark's end. A mark ends with this label and a hash of 64 digits.
+        // Returns the offset at which raycl's mark in a picture file ends. A mark ends with this label and a
+        // hash of 64 digits.
         let mark = |bytes: &[u8]| {
             let label = b"blake3 of the rest: ";
             bytes.windows(label.len()).position(|window| window == label).unwrap() + label.len() + 64

@@ -6,8 +6,8 @@ use std::io::Cursor;
 
 /// The first bytes of a Radiance HDR picture.
 const SIGNATURE: &[u8] = b"#?RADIANCE";
-/// The first bytes of the Radiance HDR pictures that some programs write. The decoder does not know this
-/// signature.
+/// The first bytes of the Radiance HDR pictures that some programs write. The decoder does not know the
+/// signature `#?RGBE`.
 const OTHER_SIGNATURE: &[u8] = b"#?RGBE";
 
 /// Returns a file's bytes. If the file is a Radiance HDR picture with the signature `#?RGBE`, replaces this
@@ -20,8 +20,8 @@ pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// The numbers by which a program has multiplied the radiance before it wrote a picture: for each channel,
-/// the product of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For pictures in other
-/// formats, the three numbers are 1.
+/// the product of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For pictures in
+/// formats other than Radiance HDR, the number of each channel is 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HdrExposure([f64; 3]);
 

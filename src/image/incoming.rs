@@ -30,8 +30,8 @@ impl Incoming {
         }
     }
 
-    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows, except the
-    /// last call, which may get any number.
+    /// Returns the number of picture rows that are encoded together. Each call of `take` must get a multiple
+    /// of this number of rows, except the last call, which may get any number.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,

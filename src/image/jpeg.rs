@@ -184,8 +184,8 @@ mod tests {
 
     #[test]
     fn bands_show_what_the_whole_shows() {
-        // The five sizes give, in this order: one band; a band and a row; whole bands; more bands than the eight
-        // numbers of restart markers; a width that is not a multiple of 8.
+        // The five pictures give, in this order: one band of rows; a band and a single row; only whole bands;
+        // more bands than restart markers have numbers (eight); a width that is not a multiple of 8.
         for (width, height) in [(40, 30), (40, 129), (64, 256), (33, 128 * 11 + 5), (9, 1)] {
             let picture = picture(width, height);
             let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());

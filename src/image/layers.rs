@@ -142,7 +142,8 @@ fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
     picture(layers, |pixel| match numbers[pixel] {
         NOTHING => [0; 3],
         number => {
-            // Multiplicative hashing (Knuth, volume 3, section 6.4) makes a colour from the number.
+            // Multiplicative hashing (Knuth, volume 3, section 6.4) makes a colour from a pixel's number,
+            // such as the number of its triangle.
             let bits = number.wrapping_add(1).wrapping_mul(2_654_435_769).to_be_bytes();
             [bits[0], bits[1], bits[2]].map(|byte| 48 + byte / 5 * 4)
         }

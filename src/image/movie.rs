@@ -19,7 +19,7 @@ pub struct Movie {
 
 #[derive(Clone, Copy, Debug)]
 enum Format {
-    /// An animated PNG. The number is its number of frames.
+    /// An animated PNG with this number of frames.
     Apng(u32),
     /// A stream in the format YUV4MPEG2, with the colours of BT.709 in the limited range (Y from 16 to 235), and one
     /// chroma sample per 2 x 2 pixels (4:2:0).
@@ -210,7 +210,8 @@ mod tests {
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
 
-    /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of the two frames arrive.
+    /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of the two frames are
+    /// given to the writer.
     fn write_frames(path: &std::path::Path, count: usize) -> Result<()> {
         let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
         let frames = frames.into_iter().take(count).map(|frame| Frame::Radiance(frame, Display::default()));

@@ -38,8 +38,8 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
-    // If no layer of an OpenEXR can be decoded, the picture is a Radiance HDR picture, or has no
-    // chromaticities.
+    // If there is no OpenEXR layer that can be decoded, the bytes are read as a Radiance HDR picture. A
+    // picture of another kind states no chromaticities.
     let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
     // Some programs write eight zeros instead of chromaticities. A header with eight zeros counts as a header
     // without chromaticities.

@@ -37,8 +37,8 @@ impl Alone {
         builder
     }
 
-    /// Runs the kernel that `kernel` makes, and returns the `len` results that the kernel writes. `kernel`
-    /// gets the buffer for these results.
+    /// Runs the kernel that `kernel` makes, and returns the `len` results that the kernel writes. The
+    /// function `kernel` gets the buffer into which the kernel writes its results.
     pub fn results<T: OclPrm>(
         &self,
         len: usize,

@@ -145,7 +145,8 @@ impl<'a> Arguments<'a> {
     }
 
     /// Replaces the values of a kernel's parameters. The kernel's parameter and the argument must have the
-    /// same name, and `bind` must have bound the parameter by this name. All other arguments are ignored.
+    /// same name, and `bind` must have bound the parameter by this name. Arguments that match no bound
+    /// parameter are ignored.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {

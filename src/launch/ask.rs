@@ -8,7 +8,7 @@ use crate::program::{BuiltProgram, ProgramCache, ProgramSpec};
 use ocl::{Buffer, Kernel, MemFlags};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The answer for a name that the compiler does not define.
+/// The kernel's answer for a name (of a macro or a built-in function) that the compiler does not define.
 const ABSENT: i64 = i64::MIN;
 
 /// Preprocesses a program as the device's compiler would. If the condition of an `#if` uses a name that
@@ -56,7 +56,7 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
         let kernel = kernel.program(&program.program).name("ask").queue(commands);
         let kernel = kernel.global_work_size(1).arg(&answer).build()?;
         // SAFETY: the kernel's only argument is the buffer that its source declares, and the buffer has room
-        // for one number per name.
+        // for one number per element of `names`.
         unsafe { kernel.enq()? };
         let mut values = vec![ABSENT; names.len()];
         answer.read(&mut values).enq()?;
@@ -65,7 +65,8 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
     run().map_err(|error| error.to_string())
 }
 
-/// Returns the source lines that write the answer for one name to `answer[at]`. An empty macro has the value 0.
+/// Returns the source lines of a kernel that write the answer for the name `name` (a macro or a built-in
+/// function) to `answer[at]`. An empty macro has the value 0.
 fn question(at: usize, name: &str) -> String {
     if name.starts_with("__has_builtin(") {
         return format!("#ifdef __has_builtin\n#if {name}\nanswer[{at}] = 1;\n#endif\n#endif\n");
@@ -80,7 +81,8 @@ mod tests {
 
     #[test]
     fn a_question_compiles_for_an_empty_macro_and_where_no_built_in_function_can_be_asked_for() {
-        // `(+ 0)` is 0; without the sum, nothing would stand between `=` and `;`.
+        // If the macro `A` is empty, `(A + 0)` becomes `(+ 0)`, which is 0. Without the sum, the source would
+        // have no value between `=` and `;`.
         assert_eq!(question(2, "A"), "#ifdef A\nanswer[2] = (A + 0);\n#endif\n");
         assert_eq!(question(0, "__has_builtin"), "#ifdef __has_builtin\nanswer[0] = 1;\n#endif\n");
         let of_function = "#if __has_builtin(f)\nanswer[1] = 1;\n#endif";

@@ -5,8 +5,8 @@ use std::ops::Range;
 /// A band of a frame: a range of the frame's rows of work-groups, counted from the top.
 pub type Band = Range<usize>;
 
-/// Number of bisections with which [`balance`] searches for the time that each part takes. After so many bisections,
-/// the time is as precise as a floating-point number allows.
+/// Number of bisections with which [`balance`] searches for the time that each part takes. After `HALVINGS`
+/// bisections, the time is as precise as a floating-point number allows.
 const HALVINGS: usize = 60;
 
 /// The time that a device takes for a frame, and how this time is distributed over the frame's rows.
@@ -79,8 +79,8 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
 
 /// Returns the rows of pixels of each device's part: the first row, and the row after the last. `ends` are
 /// the ends of the parts, as [`balance`] returns them. `height` is the frame's height in pixels, and
-/// `group_heights` are the heights in pixels of the devices' work-groups. A part that is not empty begins at
-/// a multiple of the height of its device's work-groups.
+/// `group_heights` are the heights in pixels of the devices' work-groups. A device's part of the frame,
+/// unless it is empty, begins at a multiple of the height of the device's work-groups.
 pub fn rows(ends: &[f64], height: u32, group_heights: &[u32]) -> Vec<[u32; 2]> {
     let mut starts = vec![0_u32];
     for (end, group) in ends.iter().zip(&group_heights[1..]) {
@@ -120,9 +120,9 @@ mod tests {
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
-        // Each device has its own costs. The second device needs time only for the lower half. The two
-        // devices take equally long if the first device casts the upper two thirds and the second device
-        // casts the lowest third.
+        // Each device has its own costs of casting the frame's rows. The second device needs time only for
+        // the lower half. The two devices take equally long if the first device casts the upper two thirds
+        // and the second device casts the lowest third.
         let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
         assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }

@@ -28,9 +28,10 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
 }
 
 /// Makes a read-only buffer of `rows` rows with `row` values each. `fill` gets a range of rows, and the
-/// memory into which it writes the values of these rows. If the device shares the host's memory, this memory
-/// is the buffer itself: a copy would take longer than computing the values. If the device has separate
-/// memory, `fill` writes into the host's memory, from which the values are then transferred to the buffer.
+/// memory into which it writes the values of these rows. If the device shares the host's memory, `fill`
+/// writes into the buffer itself: a copy would take longer than computing the values. If the device has
+/// separate memory, `fill` writes into the host's memory, from which the values are then transferred to the
+/// buffer.
 pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
     [rows, row]: [usize; 2],
@@ -57,9 +58,9 @@ pub fn upload_rows<T: OclPrm>(
 }
 
 /// Passes the rows `rows` of a buffer to `take`. Each row has `row` values. If the device shares the host's
-/// memory, `take` is called once and reads the rows in place. If the device has separate memory, `take` gets
-/// copies of the rows. A large transfer is divided into pieces: `take` processes one piece while the next
-/// piece is being transferred.
+/// memory, `take` is called once and reads the rows in place. If the device has separate memory, the function
+/// `take` gets copies of the buffer's rows. A large transfer is divided into pieces: `take` processes one
+/// piece while the next piece is being transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,
@@ -119,8 +120,8 @@ mod tests {
     fn rows_are_read_from_their_place_in_the_buffer() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let open = || Queue::open(&device).unwrap();
-        // The first queue reads the buffer in place, the second queue reads pieces of two rows, and the third
-        // queue reads all rows at once.
+        // The first queue reads the buffer without a copy. The second queue reads pieces of two rows of the
+        // buffer, and the third queue reads all rows at once.
         let shared = Queue { shares_memory: true, ..open() };
         let separate = [2 * ROW * size_of::<u32>(), 1 << 20].map(|bytes| open().with_separate_memory(bytes));
         let values: Vec<u32> = (0..30).collect();

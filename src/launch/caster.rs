@@ -51,8 +51,8 @@ pub struct Caster {
     has_own_file: bool,
     records_ms: Option<f64>,
     _bytes: Option<FrameBytes>,
-    /// The tree, whose buffers the kernels use. Some of these buffers may be lists in the memory of the mesh.
-    /// The caster's reference to the tree keeps these buffers and the mesh from being freed.
+    /// The tree, whose buffers the kernels use. Some of the tree's buffers may be lists in the memory of the
+    /// mesh. The caster's reference to the tree keeps the tree's buffers and the mesh from being freed.
     _tree: Option<Arc<DeviceTree>>,
 }
 
@@ -69,7 +69,8 @@ impl Caster {
     }
 
     /// Makes buffers and kernels for a half picture (a picture of half the width and height, for soft light).
-    /// The bytes of these buffers are already counted as bytes of the frame that uses the half picture.
+    /// The bytes of the half picture's buffers are already counted as bytes of the frame that uses the half
+    /// picture.
     pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
         Self::of(setup, None)
     }
@@ -174,8 +175,8 @@ impl Caster {
 
     /// Casts a picture with all samples of each pixel. A frame casts several samples at once, if the strategy
     /// supports several samples per frame. The image becomes the mean of the samples. If `sampling` asks for
-    /// soft light at half resolution, the half pictures are cast, too, and applied to the image. Returns the
-    /// total times of all frames.
+    /// soft light at half resolution, two pictures of half the width and height are cast, too. The image is
+    /// multiplied by the filtered ratio of these two pictures. Returns the total times of all frames.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -213,8 +214,8 @@ impl Caster {
         Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded, half_hit_shares }))
     }
 
-    /// Returns the two half pictures (for soft light); `None` if the caster has no half pictures, or if
-    /// `sampling` does not use them.
+    /// Returns the two pictures of half the width and height, for soft light. Returns `None` if the caster
+    /// has no such half pictures, or if `sampling` does not use them.
     fn half_light(&self, sampling: &Sampling) -> Option<&HalfLight> {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
@@ -237,8 +238,8 @@ impl Caster {
     }
 
     /// Casts the given samples of each pixel. One frame casts several samples, if the strategy supports
-    /// several samples per frame. `rough` is the number of rough blocks if only these blocks get the samples,
-    /// and `None` otherwise.
+    /// several samples per frame. `rough` is the number of rough blocks (blocks of pixels that differ
+    /// visibly) if only these blocks get the samples, and `None` otherwise.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,
@@ -278,8 +279,8 @@ impl Caster {
         rough: Option<usize>,
     ) -> Result<FrameTimes, LaunchError> {
         let Some(first) = samples.first() else { return Ok(FrameTimes::default()) };
-        // If a frame casts several samples, the kernel shifts their rays within the pixel. For a single sample, the
-        // camera is shifted instead.
+        // If a frame casts several samples, the kernel shifts their rays within the pixel. If a frame casts a
+        // single sample, the camera is shifted in place of the rays.
         let offset = if samples.len() > 1 { [0.0; 2] } else { first.offset };
         self.look_from(&camera.of_sample(&Sample { offset, ..*first }))?;
         let arguments = sample_argument(Arguments::default(), first);
@@ -325,8 +326,8 @@ fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
-    // The workload `own` leaves out the working vectors of half pictures, because half pictures have buffers
-    // of their own.
+    // The workload `own` leaves out the two half pictures for soft light, since their working vectors have
+    // buffers of their own.
     let own = Workload { half_light: false, ..*workload };
     let bytes = Requirements::working_bytes(strategy, &own) as usize;
     Ok(match strategy.vectors.memory() {

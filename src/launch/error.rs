@@ -40,7 +40,7 @@ pub enum LaunchError {
     Kernel {
         /// The name of the kernel family that lacks the kernel.
         family: &'static str,
-        /// The work of the missing kernel, in words such as "casts shadow rays".
+        /// The work for which the family lacks a kernel, in words such as "casts shadow rays".
         work: &'static str,
     },
     /// A mistake in kernel files that the user changed or added: the program lacks a kernel that raycl
@@ -97,8 +97,8 @@ impl LaunchError {
         }
     }
 
-    /// Returns the error about a kernel that uses `used` bytes of `__local` memory, although `stated` bytes
-    /// follow from the headers of kernel files. `own_files` are the paths of the user's files whose headers
+    /// Returns the error about a kernel that uses `used` bytes of `__local` memory, although the headers of
+    /// kernel files imply only `stated` bytes. `own_files` are the paths of the user's files whose headers
     /// may be wrong.
     pub(crate) fn of_local_memory(kernel: &str, [used, stated]: [u64; 2], own_files: &[String]) -> Self {
         let headers = if own_files.len() == 1 { "the header" } else { "the headers" };

@@ -29,12 +29,12 @@ pub struct FrameTimes {
     /// Time for primary rays; `None` if the kernel that casts them also casts shadow rays.
     pub primary_ms: Option<f64>,
     /// Time for shadow rays; `None` if the kernel that casts them also casts primary rays. If `shade_ms` is
-    /// `None`, this time includes shading.
+    /// `None`, the time for shadow rays includes shading.
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose
-    /// work-items share tiles have this time. If passes are fused, and a frame casts one ray per pixel at a
-    /// time, the shading kernel also casts the leftover shadow rays, so this time includes these rays (shadow
-    /// rays that tiles have not decided).
+    /// work-items share tiles have a time for shading. The time for shading includes leftover shadow rays
+    /// (which tiles have not decided) if passes are fused and a frame casts one ray per pixel at a time: the
+    /// shading kernel then casts these rays too.
     pub shade_ms: Option<f64>,
     /// Time for the frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
@@ -146,8 +146,9 @@ impl FrameTimes {
     }
 
     /// Returns the mean times per frame of the finished commands `steps`, which belong to `frames` frames.
-    /// `host_ms` is the host's time for all these frames. Only the host's time includes the time between
-    /// commands. Between two commands, some drivers compile a kernel that is started for the first time.
+    /// `host_ms` is the host's time for all `frames` frames together. Only the host's time includes the time
+    /// between commands. Between two commands, some drivers compile a kernel that is started for the first
+    /// time.
     pub fn of(steps: &[(Pass, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());

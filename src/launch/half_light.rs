@@ -1,6 +1,7 @@
 //! Casts soft light at half resolution. Two pictures of half the width and height are cast, one with and one
-//! without shadows. One kernel filters the ratio of these two pictures. Another kernel multiplies the whole
-//! picture (the picture of full size) by the filtered ratio.
+//! without shadows. One kernel filters the ratio of the picture with shadows to the picture without shadows.
+//! Another kernel multiplies the whole picture (the picture of full size) by the filtered ratio of the two
+//! small pictures.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -26,9 +27,10 @@ pub struct LightParts {
     pub hits: usize,
     /// For each pixel of the whole picture, the share of its samples that hit something.
     pub hit_shares: Vec<f32>,
-    /// The half picture with shadows: its light is the light that arrives at the surfaces.
+    /// The half picture (half the width and height) with shadows: its light is the light that arrives at the
+    /// surfaces.
     pub lit: Radiance,
-    /// The half picture with unoccluded light.
+    /// The half picture (half the width and height) with unoccluded light (nothing blocks any light).
     pub unoccluded: Radiance,
     /// For each pixel of the half pictures, the share of its samples that hit something.
     pub half_hit_shares: Vec<f32>,
@@ -41,12 +43,14 @@ impl LightParts {
     }
 }
 
-/// The two half pictures of soft light, with the kernels that filter their ratio and apply it to the whole
-/// picture.
+/// The two half pictures (half the width and height) of soft light: one with shadows, and one with unoccluded
+/// light. Two kernels filter the ratio of these pictures, and multiply the whole picture by the filtered
+/// ratio.
 pub(super) struct HalfLight {
-    /// The half picture with shadows: its light is the light that arrives at the surfaces.
+    /// The half picture (half the width and height) with shadows: its light is the light that arrives at the
+    /// surfaces.
     lit: Caster,
-    /// The half picture with unoccluded light.
+    /// The half picture (half the width and height) with unoccluded light (nothing blocks any light).
     unoccluded: Caster,
     filter: Step,
     apply: Step,
@@ -56,8 +60,8 @@ pub(super) struct HalfLight {
 }
 
 impl HalfLight {
-    /// Allocates the two half pictures (for soft light) of a frame whose whole picture is `image`. The half
-    /// pictures are cast by the frame's program.
+    /// Allocates the two half pictures (for soft light) of a frame whose whole picture is `image`. The
+    /// frame's program casts the two half pictures (half the width and height).
     pub fn new(setup: &Setup<'_>, image: &Buffer<Float4>) -> Result<Self, LaunchError> {
         let workload = setup.workload.halved();
         let half = Setup { workload: &workload, ..*setup };
@@ -78,8 +82,8 @@ impl HalfLight {
         Ok(Self { lit, unoccluded, filter, apply, whole_size: setup.workload.image_size })
     }
 
-    /// Casts the two half pictures in which soft light is cast. Returns the sums of the times of both half
-    /// pictures.
+    /// Casts soft light in two half pictures (half the width and height): with shadows, and without shadows.
+    /// Returns the sums of the times of these two pictures of half the width and height.
     pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let camera = camera.covering(self.whole_size);
         let cast = |caster: &Caster, light| caster.cast_round(&camera, &sampling.of_half_light(light), None);
@@ -87,8 +91,9 @@ impl HalfLight {
         Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
     }
 
-    /// Filters the ratio of the half pictures and multiplies the whole picture by the filtered ratio. Returns
-    /// the total times of the filtering kernel and the multiplying kernel.
+    /// Filters the ratio of the half picture with shadows to the half picture with unoccluded light, and
+    /// multiplies the whole picture by the filtered ratio. Returns the total times of the filtering kernel
+    /// and the multiplying kernel.
     pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let steps = [&self.filter, &self.apply];
@@ -99,8 +104,8 @@ impl HalfLight {
         Ok(FrameTimes::of(&events, ms_since(start), 1)?)
     }
 
-    /// Sets the background of the half pictures, and the distance from a surface at which shadow rays start,
-    /// to those of `scene`.
+    /// In the two half pictures for soft light, uses the background of `scene`, and its shadow bias (the
+    /// distance from a surface at which shadow rays start).
     pub fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         let arguments = background_arguments(Arguments::default(), scene);
         self.apply.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;
@@ -166,7 +171,7 @@ mod tests {
                 let pixels = picture.pixels.iter().zip(&expected.pixels);
                 let largest = pixels.map(|(a, b)| relative_difference(*a, *b, 1e-4)).fold(0.0, f64::max);
                 assert!(largest < 1e-4, "{name}, {size:?}: {largest}");
-                // If there is more than one pixel, some pixels are in shadow.
+                // If the picture has more than one pixel, some of its pixels are in shadow.
                 let darker =
                     parts.whole.pixels.iter().zip(&picture.pixels).filter(|(a, b)| b[1] < 0.9 * a[1]);
                 assert!(darker.count() * 50 > picture.pixels.len() || size == [1, 1], "{name}, {size:?}");

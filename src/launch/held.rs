@@ -25,7 +25,8 @@ impl Frames {
     }
 }
 
-/// The bytes of one frame's buffers. When this value is dropped, the bytes are subtracted from the count.
+/// The bytes of one frame's buffers. When a `FrameBytes` is dropped, its bytes are subtracted from the count
+/// of all frames' bytes.
 pub(super) struct FrameBytes {
     all: Frames,
     own_bytes: u64,

@@ -19,7 +19,7 @@ pub(super) struct Lent<T: OclPrm> {
 
 impl<T: OclPrm> Lent<T> {
     /// Makes a buffer that contains the list that `list` returns. If the device has memory of its own, the
-    /// list is copied. The buffer of an empty list has one value.
+    /// mesh's list is copied to this memory. The buffer of an empty list has one value.
     pub fn of(
         queue: &Queue,
         mesh: &Arc<Mesh>,
@@ -28,9 +28,10 @@ impl<T: OclPrm> Lent<T> {
         let values = list(mesh);
         let buffer = if queue.shares_memory && !values.is_empty() {
             let builder = Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_ONLY);
-            // SAFETY: the buffer is read-only, so that no command writes the list. The list belongs to the mesh, and
-            // `_mesh` keeps the mesh alive as long as the buffer. A caster owns the tree with the buffers of its
-            // kernels, and `drop` waits until no command uses the buffer. No command uses two buffers of the same list.
+            // SAFETY: the buffer is read-only, so that no command writes the list. The list in the buffer
+            // belongs to the mesh, and `_mesh` keeps the mesh alive as long as the buffer. A caster owns the
+            // tree with the buffers of its kernels, and `drop` waits until no command uses the buffer. No
+            // command uses two buffers of the same list of the mesh.
             unsafe { builder.use_host_slice(values) }.len(values.len()).build()?
         } else {
             upload(queue, values)?

@@ -1,6 +1,6 @@
 //! Tests of offsets and indices, most of which have more than 31 bits. Most of the tests' kernels compute
 //! addresses, but read nothing from these addresses, so that the tests need no large buffers. The kernel of
-//! the last test computes indices.
+//! this file's last test computes indices.
 
 use super::alone::Alone;
 use super::buffers::allocate;
@@ -49,8 +49,8 @@ fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
 }
 
 /// A band consists of some of a frame's rows of work-groups. The band of this test has 4 rows of 10
-/// work-items and begins in row 20 of the frame. The test looks at the band's last work-item. The work-items
-/// above the band have no vectors in the buffer.
+/// work-items and begins in row 20 of the frame. The test looks at the last work-item of this band of rows.
+/// The work-items in the frame's rows above the band have no vectors in the buffer.
 #[test]
 fn the_working_vectors_of_a_band_are_counted_from_its_first_work_item() {
     const ITEMS: u64 = 4 * 10;

@@ -15,7 +15,7 @@ use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 
 /// A driver may report up to this many bytes of `__local` memory more than a kernel's arrays have, since the
-/// driver aligns arrays. NVIDIA's driver 580 reports up to 16 B more.
+/// driver aligns arrays. NVIDIA's driver 580 reports up to 16 B more than the arrays have.
 const PADDING_BYTES: u64 = 128;
 
 /// The inputs from which all kernels of a frame are made.

@@ -73,7 +73,7 @@ fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, Launc
     }
     if setup.strategy.intersector.counts_in_pixels() {
         return Err(LaunchError::GivenRays(
-            "ray-triangle tests with pixel-linear planes only suit a camera's rays",
+            "ray-triangle tests with planes that depend on a pixel's position only suit a camera's rays",
         ));
     }
     setup.kernel_for(Role::Rays)

@@ -1,6 +1,6 @@
 //! Decides how many samples each block of pixels gets, for pictures with several samples per pixel. Buffers
-//! on the device contain these numbers, and a kernel marks rough blocks. Rough blocks get more samples,
-//! because neighbouring pixels of a rough block differ visibly after the first samples.
+//! on the device contain the blocks' numbers of samples, and a kernel marks rough blocks. Rough blocks get
+//! more samples, because neighbouring pixels of a rough block differ visibly after the first samples.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -17,11 +17,13 @@ use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use std::time::Instant;
 
-/// The buffers on the device for several samples per pixel, and the kernel that marks rough blocks.
+/// The buffers on the device for several samples per pixel, and the kernel that marks rough blocks (which get
+/// more samples).
 pub(super) struct Samples {
     /// The number of samples that each block of pixels gets.
     wanted: Buffer<u32>,
-    /// The positions of the rough blocks. Only these blocks get further samples after the first samples.
+    /// The positions of the rough blocks (blocks whose pixels differ visibly after the first samples). Only
+    /// rough blocks get further samples after the first samples of every pixel.
     rough: Buffer<u32>,
     /// The number of rough blocks.
     rough_counter: Buffer<u32>,
@@ -361,8 +363,9 @@ mod tests {
         }
     }
 
-    /// In each picture, one colour channel changes between two neighbouring columns, or between two neighbouring rows.
-    /// A block is rough if it contains pixels of at least one of these two columns or rows.
+    /// In each picture, one colour channel changes between two neighbouring columns, or between two
+    /// neighbouring rows. A block is rough if it contains pixels of at least one of the two columns or rows
+    /// between which the colour changes.
     #[test]
     fn an_edge_is_in_the_blocks_on_both_its_sides() {
         let marking = Marking::new();
@@ -390,8 +393,8 @@ mod tests {
     }
 
     /// To find rough blocks, the kernel compares displayed values. Values beyond white are therefore equal,
-    /// and a gamma of 2 enlarges differences near black. If pixels have more first samples, a smaller
-    /// difference makes a block rough.
+    /// and a gamma of 2 enlarges differences near black. The more samples a pixel has when the kernel
+    /// compares values, the smaller is the difference that makes a block rough.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
         let mut marking = Marking::new();
@@ -410,8 +413,8 @@ mod tests {
         }
     }
 
-    /// Exposed radiances of 1.05 and 7 are both white with the usual curve. With the filmic curve, these
-    /// radiances are displayed as 230 and 255.
+    /// Exposed radiances of 1.05 and 7 are both white with the usual curve. With the filmic curve, exposed
+    /// radiances of 1.05 and 7 are displayed as 230 and 255.
     #[test]
     fn a_tone_curve_that_keeps_shades_makes_blocks_of_bright_pixels_rough() {
         let mut marking = Marking::new();

@@ -33,8 +33,8 @@ pub(super) struct Sets<I: ocl::OclPrm> {
 }
 
 impl<I: ocl::OclPrm> Sets<I> {
-    /// Returns the buffers of the sets and of the indices as kernel arguments; `of` turns a buffer of indices
-    /// into an argument.
+    /// Returns kernel arguments for the buffers of the mesh's sets (positions, normals and materials), and of
+    /// the triangles' indices into these sets. `of` turns a buffer of indices into an argument.
     pub fn arguments<'a>(&'a self, of: impl Fn(&'a Buffer<I>) -> Argument<'a>) -> Arguments<'a> {
         Arguments::default()
             .with("position_set", &self.positions)
@@ -137,8 +137,8 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
 }
 
 /// Returns the factor by which the kernels multiply the offset of a light's sample point from its position.
-/// For a ball, the factor is the radius. For an area light, the factor is 1, since the edges already have
-/// their lengths.
+/// For a light with the shape of a ball, the factor is the light's radius. For an area light, the factor is
+/// 1, since the vectors of the light's edges already have the edges' lengths.
 fn radius(light: &Light) -> f32 {
     if light.area.is_some() { 1.0 } else { light.radius }
 }

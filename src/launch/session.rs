@@ -37,7 +37,7 @@ pub struct Session {
 }
 
 /// [`Session::rounding_stacks`] rounds the sizes of stacks up to multiples of this number of entries. Kernels
-/// traverse a tree with a stack. Most trees need fewer entries.
+/// traverse a tree with a stack. Most trees need stacks of fewer than `ROUNDED_STACK` entries.
 pub const ROUNDED_STACK: usize = 128;
 
 impl Session {
@@ -86,9 +86,9 @@ impl Session {
         Self { programs, ..self }
     }
 
-    /// Sets how many of the devices that precede the session's device in the list of devices have the same
-    /// name. If at least one device with this name precedes the session's device, the session's programs get
-    /// an additional define, so that these programs differ from the other devices' programs. PoCL 5.0 is
+    /// Sets `twins_before`: how many devices in front of the session's device in the list of devices have the
+    /// same name. If at least one device with this name precedes the session's device, the session's programs
+    /// get an additional define, so that these programs differ from the other devices' programs. PoCL 5.0 is
     /// aborted by an assertion (`pocl_release_dlhandle_cache`) if two of PoCL's devices run the same program
     /// in one process.
     #[must_use]
@@ -118,7 +118,8 @@ impl Session {
         Self { rounds_stacks: true, ..self }
     }
 
-    /// Sets for how many frames trees are built. Without this call, trees are built for many frames.
+    /// Sets for how many frames trees are built. If this function is not called, trees are built as for many
+    /// frames.
     #[must_use]
     pub fn with_tree_use(self, tree_use: TreeUse) -> Self {
         Self { tree_use, ..self }
@@ -172,9 +173,10 @@ impl Session {
         self.prepare_workload(strategy, &workload)
     }
 
-    /// Prepares a strategy like [`Self::prepare`], at a local size that the user did not choose. If work-items share
-    /// tiles, the number of tiles in a work-group is halved until the work-group fits on the device. The work-group is
-    /// also halved while a compiled kernel supports fewer work-items.
+    /// Prepares a strategy like [`Self::prepare`], at a local size that the user did not choose. If
+    /// work-items share tiles, the number of tiles in a work-group is halved until the work-group fits on the
+    /// device. The work-group is halved again as long as it has more work-items than a compiled kernel
+    /// supports.
     pub fn prepare_fitting(
         &mut self,
         strategy: &Strategy,
@@ -212,7 +214,7 @@ impl Session {
         self.prepare_workload(strategy, &Workload { given_rays: true, ..workload })
     }
 
-    /// Does the second and the last step of [`Self::prepare`]: `spec` and `build`.
+    /// Does two steps of [`Self::prepare`]: the second step (`spec`) and the last step (`build`).
     fn prepare_workload(
         &mut self,
         strategy: &Strategy,
@@ -330,13 +332,13 @@ impl Session {
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Other strategies use only the device's global memory, so their bytes matter only if global
-            // memory is missing.
+            // Other strategies of the session use only the device's global memory. The reason of a refusal
+            // therefore names their bytes only if global memory is missing.
             let shared = refused.cause == Cause::GlobalMemory;
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;
-        // The memory that the strategy needs on the host includes the mesh. Lists of the mesh that the device reads in
-        // place are therefore not counted again.
+        // The memory that the strategy needs on the host includes the mesh. `held_of_host` therefore leaves
+        // out lists of the mesh that the device reads in place.
         let held_of_host = if self.queue.shares_memory { held_beside_mesh } else { 0 };
         self.host_needs(strategy, workload)
             .check_now(held_of_host)
@@ -516,8 +518,8 @@ mod tests {
         assert!(reason.contains(&format!(", in addition to {held} B ")), "{reason}");
     }
 
-    /// A strategy that does not read the mesh's lists is refused if the device has no room for the strategy's
-    /// buffers beside these lists.
+    /// A strategy is refused if the device has no room for the strategy's buffers in addition to lists of the
+    /// mesh, even if the strategy does not read these lists.
     #[test]
     fn lists_of_the_mesh_that_other_points_read_in_place_count_as_the_devices() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

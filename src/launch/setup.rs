@@ -184,7 +184,7 @@ pub(super) fn soft_arguments<'a>(
 
 /// Adds three numbers to `arguments`: which sample of every pixel is cast, how many samples were cast before
 /// this sample, and how many samples the sample's round has (the first samples of a pixel, or the later
-/// ones). If the third number is 0, kernels compute unoccluded light.
+/// ones). If the third number (the number of samples in the round) is 0, kernels compute unoccluded light.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
     let count = if sample.light == SampleLight::Unoccluded { 0 } else { sample.count };

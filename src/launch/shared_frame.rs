@@ -23,9 +23,10 @@ pub(super) struct SharedFrame<'p, 'a> {
     /// first lights).
     fused: bool,
     /// True if the shading kernel also casts the leftover shadow rays (shadow rays that tiles have not
-    /// decided). A group that has cast all leftover shadow rays of a pixel then shades and stores this pixel
-    /// itself. All other pixels are shaded by other groups at the same time. The field is false if `fused` is
-    /// false, or if frames cast several samples of a pixel: a pixel then has several primary rays.
+    /// decided). A group of 32 work-items that has cast all shadow rays of a pixel that tiles left undecided
+    /// then shades and stores this pixel itself. At the same time, other groups of work-items shade the
+    /// pixels without leftover shadow rays. `shades_leftover` is false if `fused` is false. It is also false
+    /// if frames cast several samples of a pixel: a pixel then has several primary rays.
     shades_leftover: bool,
 }
 
@@ -46,10 +47,12 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
     }
 
     /// Returns the steps of a frame. If `fused` is false, the first steps prepare planes and cast the primary
-    /// rays. The steps of the rounds of lights follow. Each round of lights has a fixed number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). The steps of a round cast shadow
-    /// rays, then leftover shadow rays (each by a whole group of 32 work-items), and then shade. If
-    /// `shades_leftover` is true, one kernel both casts the leftover shadow rays and shades.
+    /// rays. Further steps follow for each round of lights (a few lights that are processed together). Each
+    /// round of lights has a fixed number of lights
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). In each round of lights, these
+    /// steps cast shadow rays, then the leftover shadow rays that tiles have not decided (each by a whole
+    /// group of 32 work-items), and then shade. If `shades_leftover` is true, one kernel shades and also
+    /// casts the leftover shadow rays (which tiles have not decided).
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -111,9 +114,9 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
     }
 
     /// Returns the step that prepares the planes of a tree's triangles for the ray origins `origins` of a
-    /// round. Origin 0 is the eye, and origin 1 is the first light of the round of lights. The step also
-    /// empties the queue of leftover shadow rays. Returns `None` if the strategy uses no planes, or if there
-    /// are no triangles or no origins.
+    /// round. Origin 0 is the eye, and origin 1 is the first light of the round of lights. The step that
+    /// prepares planes also empties the queue of leftover shadow rays (which tiles have not decided). Returns
+    /// `None` if the strategy uses no planes, or if there are no triangles or no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

@@ -32,8 +32,8 @@ impl Kind {
 pub(super) struct PartBytes {
     /// Bytes of all buffers except those with lists of the mesh, such as its normals.
     pub buffers: u64,
-    /// Bytes of the lists of the mesh that kernels read. A device that shares the host's memory reads these
-    /// lists in place.
+    /// Bytes of the lists of the mesh that kernels read. A device that shares the host's memory reads the
+    /// mesh's lists in place.
     pub mesh_lists: u64,
 }
 
@@ -50,10 +50,11 @@ impl SharedScene {
         self.trees.get(&Kind::of(strategy).tree?).map(|(tree, _)| Arc::clone(tree))
     }
 
-    /// Returns the bytes of the parts that are on the device but that `strategy` does not use.
+    /// Returns the bytes of the layouts and trees that are on the device but that `strategy` does not use.
     /// `reads_in_place` is true if the device shares the host's memory. If `reads_in_place` is true, all
-    /// strategies read the same lists of the mesh: the lists count once, or not at all if `strategy` reads
-    /// them too. If `reads_in_place` is false, each tree has a copy of the lists, and every copy counts.
+    /// strategies read the same lists of the mesh. The bytes of the mesh's lists then count once, or not at
+    /// all if `strategy` reads the lists too. If `reads_in_place` is false, each tree has its own copy of the
+    /// mesh's lists, and the bytes of every copy count.
     pub fn bytes_beside(&self, strategy: &Strategy, reads_in_place: bool) -> PartBytes {
         let own = Kind::of(strategy);
         let layouts = self.layouts.iter().filter(|(kind, _)| **kind != own.layout);

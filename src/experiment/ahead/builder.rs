@@ -10,8 +10,9 @@ use std::time::Duration;
 /// The two spawners (objects that start processes) from which a builder starts its child processes. A thread
 /// of the run lets the builder's child processes build one program after another.
 pub struct Builder {
-    /// Starts the usual processes, which use the driver's cache of programs. The usual processes store
-    /// machine code in the driver's cache, so that the workers that measure do not generate the code again.
+    /// Starts the builder's usual processes, which use the driver's cache of programs. The builder's usual
+    /// processes store machine code in the driver's cache, so that the workers that measure do not generate
+    /// the code again.
     pub usual: Box<dyn Spawner + Send>,
     /// Starts processes that do not use the driver's cache, for programs that an earlier process stored in
     /// this cache. A driver that finds a program in its cache does not compile the program again, and does
@@ -27,8 +28,9 @@ pub struct Patience<'a> {
     pub interrupted: &'a AtomicBool,
 }
 
-/// The processes of one builder, either with or without the driver's cache. Each job (the task of the workers
-/// of one device) has one process, which is started when the first program of the job is built.
+/// The processes with which one builder compiles programs, either with or without the driver's cache. Each
+/// job (the task of the workers of one device) has one process, which is started when the first program of
+/// the job is built.
 pub struct Pool {
     spawner: Box<dyn Spawner + Send>,
     workers: HashMap<usize, Box<dyn Worker>>,
@@ -59,8 +61,8 @@ impl Pool {
 
     /// Ends all processes of the pool. A new process builds the next program.
     pub fn end(&mut self) {
-        // Dropping a `Worker` waits until its process has ended. All processes are told to end first, so that
-        // they end at the same time.
+        // Dropping a `Worker` waits until its process has ended. All processes are told to end before the
+        // first wait, so that the processes end at the same time.
         self.workers.values_mut().for_each(|worker| worker.dismiss());
         self.workers.clear();
     }
@@ -94,9 +96,9 @@ mod tests {
     /// A time limit that is far longer than anything in these tests takes.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Starts processes that reply to each `Build` with the next of `answers`. Stores for which jobs (tasks
-    /// of the workers of one device) processes were started, which points were sent to the processes, and how
-    /// long the pool waited.
+    /// Starts processes that reply to each `Build` with the next of `answers`. Stores the jobs (tasks of the
+    /// workers of one device) for which processes were started, and the points that were sent to the
+    /// processes. Also stores the time limit of each wait for a process.
     #[derive(Clone, Default)]
     struct Scripted {
         answers: Arc<Mutex<Vec<Wait>>>,
@@ -141,8 +143,8 @@ mod tests {
         Wait::Reply(Reply::Built(Some(Built { build_ms, from_cache: false, key: None, lacks_log: false })))
     }
 
-    /// Builds the programs of these orders one after another, and returns the build times that the processes
-    /// reply. Each order consists of a job's number and a point's number.
+    /// Builds the programs of `orders` one after another, and returns the build times in the processes'
+    /// replies. Each order consists of a job's number and a point's number.
     fn build(processes: &Scripted, orders: &[(usize, usize)], limit: Duration) -> Vec<Option<f64>> {
         let (mut pool, interrupted) = (Pool::new(Box::new(processes.clone())), AtomicBool::new(false));
         let patience = Patience { limit, interrupted: &interrupted };

@@ -161,9 +161,10 @@ fn a_run_that_ends_builds_nothing_more() {
     assert!(ahead.next(0).is_none() && !ahead.has_next(0));
 }
 
-/// Lets one builder build two programs one after the other. `scenes` is the number of builders whose scenes would fit
-/// into memory. After the first program, waits until `ends[0]` of the builder's processes have ended, and after the
-/// second, until `ends[1]` have ended. Returns the number of processes that were started.
+/// Lets one builder build two programs one after the other. `scenes` is the number of builders whose scenes
+/// would fit into memory. After the first program, waits until `ends[0]` of the builder's processes have
+/// ended. After the second program, waits until `ends[1]` of the builder's processes have ended. Returns the
+/// number of processes that were started.
 fn processes(scenes: usize, ends: [usize; 2]) -> usize {
     let (noting, never, ahead) = (Noting::default(), AtomicBool::new(false), Ahead::default());
     let work = || {

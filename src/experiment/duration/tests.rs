@@ -7,8 +7,8 @@ use crate::measure::StopReason;
 use crate::record::LaunchEnd;
 
 /// The earlier times of three points. The first two of the three points were sampled four times per launch.
-/// The number of rounds of the third point is unknown, so the estimate assumes four rounds for this point
-/// too.
+/// The number of rounds of the third point in `POINTS` is unknown, so the estimate assumes four rounds for
+/// the third point too.
 const POINTS: [Known; 3] = [
     Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
     Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },
@@ -39,9 +39,9 @@ fn a_group_takes_at_most_twice_its_launches_with_twice_their_rounds_and_waits() 
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
     let locks = fixtures::own_locks();
     let run = fixtures::run(&experiment, &[], &locks);
-    // At most, all three launches are replaced. A replacement consists of the start of a worker, the checks (100
-    // ms) and four rounds of 20 ms. Each of the six launches may take four more rounds, and wait for half the time
-    // of all eight rounds.
+    // In the worst case, additional launches replace all three launches of the group. An additional launch
+    // consists of the start of a worker, the checks (100 ms) and four rounds of 20 ms. Each of the six
+    // launches may take four more rounds, and wait for half the time of all eight rounds.
     let replaced_ms = 3.0 * (START_MS + 100.0 + 80.0);
     assert_eq!(run.most_additional_ms(&POINTS, 3), replaced_ms + 6.0 * 160.0);
     assert_eq!(run.most_additional_ms(&POINTS, 1), replaced_ms + 4.0 * 160.0);
@@ -235,7 +235,7 @@ fn launches_that_are_complete_are_not_expected_again() {
     let earlier: Vec<Record> = groups.iter().flatten().map(timed).collect();
     let times = FrameTimes::whole(1.0, 1.0);
     let sample = |launch: u32| Taken { launch, at_ms: 0.0, core_to_core_ns: None, times };
-    // In the last of these launches, the second point lacks one sample.
+    // In the last launch of `launches`, the second point lacks one sample.
     let expected = |launches: &[u32]| {
         let all: Vec<Taken> =
             launches.iter().flat_map(|launch| std::iter::repeat_n(sample(*launch), 5)).collect();
@@ -280,8 +280,8 @@ fn a_launch_that_was_interrupted_is_expected_again() {
 
 #[test]
 fn a_warm_up_of_long_frames_ends_early() {
-    // The point with frames of 2 ms casts both of its warm-up frames. For the other points, the estimate of the
-    // warm-up is a tenth of the 30 ms limit, plus one frame.
+    // The point with frames of 2 ms casts both of its warm-up frames. For the two points with longer frames,
+    // the estimate of the warm-up is a tenth of the 30 ms limit, plus one frame.
     let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
     assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
 }
@@ -307,8 +307,8 @@ fn a_time_of_another_size_is_scaled_by_the_number_of_pixels() {
     let scaled = run.known(&larger, &earlier).unwrap();
     assert_eq!((scaled.sample_ms, scaled.check_ms, scaled.rounds), (24.0, [34.0, 400.0], None));
     let smaller = Record { key: "tiny".into(), image_size: [4, 5], ..earlier.clone() };
-    // A part of a check's time does not depend on the image size, so the time of a first check is not
-    // scaled down.
+    // A part of a check's time does not depend on the image size. For a smaller image, the time of a point's
+    // first check is therefore not scaled down.
     assert_eq!(run.known(&smaller, &earlier).unwrap().check_ms, [13.0, 100.0]);
     let refused = Record { outcome: Outcome::Infeasible, host_median_ms: None, ..earlier.clone() };
     assert_eq!(run.known(&refused, &refused).unwrap().sample_ms, 0.0);

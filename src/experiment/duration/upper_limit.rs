@@ -5,18 +5,18 @@ use crate::experiment::Run;
 use crate::numbers::significant;
 
 impl Run<'_> {
-    /// Returns the longest mean time of a frame, in milliseconds, with which a launch takes its least number
-    /// of rounds within its time limit. If frames take longer than this mean time, a launch exceeds its time
-    /// limit.
+    /// Returns a mean time of a frame, in milliseconds: up to this time, a launch takes its least number of
+    /// rounds within its time limit. If frames take longer than the returned mean time, a launch exceeds its
+    /// time limit.
     pub(super) fn usual_frame_ms(&self) -> f64 {
         let rule = self.stopping_rule();
         rule.time_limit_ms / rule.least() as f64
     }
 
-    /// Returns the longest time, in milliseconds, for the frames of `launches` launches of a group with
-    /// `points` points, if a frame takes at most [`usual_frame_ms`](Self::usual_frame_ms) on average. A
-    /// launch ends after the round in which it reaches its time limit, so it may exceed the limit by the time
-    /// of a round.
+    /// Returns the longest time, in milliseconds, that the frames of a group of `points` points take in
+    /// `launches` launches. A frame is assumed to take at most [`usual_frame_ms`](Self::usual_frame_ms) on
+    /// average. A launch ends after the round in which it reaches its time limit, so it may exceed the limit
+    /// by the time of a round.
     pub(super) fn most_frames_ms(&self, points: usize, launches: usize) -> f64 {
         let (rule, frame_ms) = (self.stopping_rule(), self.usual_frame_ms());
         let sampling_ms = (rule.time_limit_ms + frame_ms).min(rule.max_samples as f64 * frame_ms);

@@ -30,15 +30,16 @@ struct Answering {
     /// When the workers have received `interrupts_at` requests, the user interrupts the run.
     interrupts_at: usize,
     interrupted: Arc<AtomicBool>,
-    /// The outcome that every check of a point has; `reason` is the check's reason for this outcome.
+    /// The outcome that workers report for every check of a point; `reason` is the reason that the workers
+    /// report.
     outcome: Outcome,
     reason: Option<String>,
     /// True if a point passes its check in the first launch, whatever the outcome of later checks is.
     passes_once: bool,
     /// True if workers refuse to cast any frame of a point that has passed its check.
     refuses: bool,
-    /// The hash in each request to a worker. A picture with the hash in the request need not be compared
-    /// again.
+    /// The hash in each request to a worker. If a worker's picture has the hash in the request, the picture
+    /// need not be compared with the reference again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
@@ -276,8 +277,8 @@ fn a_record_of_another_device_counts_only_if_points_are_distributed_over_the_dev
     let (one, locks) = (asleep::device(1.0), fixtures::own_locks());
     let two = DeviceInfo { twins_before: 1, ..asleep::device(1.0) };
     let devices = [&one, &two];
-    // Returns how many points need not be measured if the device `measured_on` has already measured the first
-    // point.
+    // Returns how many points this run need not measure again if the device `measured_on` measured the first
+    // point in an earlier session.
     let done = |spread: bool, measured_on: Option<String>| {
         let run = Run { spread, ..fixtures::run(&experiment, &devices, &locks) };
         let plan = run.plan();
@@ -314,9 +315,9 @@ fn a_point_that_lacks_memory_in_a_later_launch_fails_and_a_retry_measures_only_t
 fn a_launch_of_an_earlier_session_counts_as_a_step_and_is_not_repeated() {
     let folder = tempfile::tempdir().unwrap();
     let lines = format!("local_sizes = [1]\n{TIMING}");
-    // The first launch consists of eleven requests: the point is checked once and cast five times, and the anchor runs
-    // once in each of the five rounds. The next request, at which the user interrupts the run, belongs to the second
-    // launch.
+    // The first launch consists of eleven requests: the point is checked once and cast five times, and the
+    // anchor runs once in each of the five rounds. The twelfth request, at which the user interrupts the run,
+    // is the first request of the second launch.
     let first = Answering { interrupts_at: 12, ..Answering::default() };
     assert!(session(folder.path(), &lines, &first, plain).0.is_err());
     let second = Answering::default();
@@ -566,8 +567,8 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
     };
     let (anchor_samples, samples, _) = anchors(7, 2);
     let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
-    // In each launch, each of seven kernels is cast five times. The anchor runs after the frames 1, 7, 13,
-    // 19, 25 and 31 of these 35 frames.
+    // In each launch, each of seven kernels is cast five times. The anchor (a fixed kernel) runs after the
+    // frames 1, 7, 13, 19, 25 and 31 of a launch's 35 frames.
     let of: Vec<_> = anchor_samples.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
     assert_eq!(of, [0, 1].map(|launch| [0, 0, 1, 2, 3, 4].map(|round| (launch, round))).concat());
     for anchor in &anchor_samples {
@@ -576,8 +577,8 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
         let first_ms = of_round.filter_map(|one| one.at_ms).fold(f64::INFINITY, f64::min);
         assert!(anchor.at_ms >= first_ms, "{anchor:?}");
     }
-    // If a round has fewer than six frames, the anchor runs once in each round, so that the anchor has the
-    // five samples that an interval needs.
+    // If a round of a launch has fewer than six frames, the anchor (a fixed kernel) runs once in each round.
+    // The anchor then has the five samples that a 95% interval needs.
     for points in [1, 3, 5] {
         let of: Vec<_> = anchors(points, 2).0.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
         let expected = [0, 1].map(|launch| [0, 1, 2, 3, 4].map(|round| (launch, round))).concat();
@@ -657,7 +658,8 @@ fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
     let ordered = |kind: DeviceKind| {
         let ahead: &'static Ahead = Box::leak(Box::default());
         let workers = Answering::default();
-        // There are no builders, so the run waits for the first group's program until the user ends the run.
+        // There are no builders (processes that compile programs), so the run waits for the first group's
+        // program until the user ends the run.
         workers.interrupted.store(true, Ordering::Relaxed);
         let device = DeviceInfo { kind, ..asleep::device(1.0) };
         let (records, _) = on_devices(&lines, &[&device], &workers, |run| Run { ahead: Some(ahead), ..run });
@@ -686,8 +688,8 @@ fn after_an_error_no_other_group_is_visited() {
         let mut supervisor = Supervisor::new(&mut workers, &interrupted, run.limit);
         serve(&run, &waiting, Some(0), &mut supervisor, &mut sink).is_ok()
     };
-    // The first call of `serve` ends with an error, since the run is interrupted. The second call then finds
-    // no group to measure.
+    // The first call of `serve` ends with an error, since the run is interrupted. The second call of `serve`
+    // then finds no group to measure.
     assert!(!served(true) && served(false));
     assert_eq!(workers.requests.load(Ordering::Relaxed), 0);
 }

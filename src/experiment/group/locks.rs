@@ -43,10 +43,10 @@ pub(super) fn take_locks(
         LockWait::Still => sink.waits(),
     };
     let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
-    // Builders (processes that compile programs) may start to compile programs again, even if the locks could
-    // not be taken. With `--spread`, each device has a thread of its own, and the run ends only when all
-    // these threads have ended. If builders stayed paused, the thread of another device with the same lock
-    // might wait for a program that no builder builds.
+    // Builders (processes that compile programs) may go on compiling programs, whether or not the locks could
+    // be taken. With `--spread`, each device has a thread of its own, and the run ends only when all these
+    // threads have ended. If builders stayed paused after a failure to take locks, another device's thread
+    // that shares a lock might wait for a program that no builder builds.
     run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
     held
 }

@@ -28,7 +28,8 @@ struct Noting {
     past: HashMap<String, Vec<Taken>>,
     /// The device that measured each earlier launch.
     measured_on: HashMap<u32, MeasuredOn>,
-    /// The ends of launches that the run has stored in this sink.
+    /// How launches ended (the reasons, and the points' numbers of samples), as the run has stored it in this
+    /// sink.
     ends: Vec<LaunchEnd>,
     /// For each sample, the UUID or the PCI address of the device that took the sample; `None` if both are
     /// unknown.
@@ -43,8 +44,8 @@ struct Noting {
     loads: Vec<RoundLoad>,
     anchors: Vec<AnchorSample>,
     waits: usize,
-    /// A device's lock that another process seems to hold. The lock is released when this run begins to wait
-    /// for the lock.
+    /// A device's lock that another process seems to hold. The test releases the device's lock when the run
+    /// begins to wait for the lock.
     of_another: Option<Held>,
     /// The folder of the locks. When this run has to wait, a file takes the place of the folder, so that no lock can be
     /// taken.
@@ -126,7 +127,7 @@ impl ResultSink for Noting {
 struct Mortals {
     started: Rc<Cell<usize>>,
     frames: Rc<Cell<usize>>,
-    /// True if the anchor fails in every worker.
+    /// True if the anchor (a fixed kernel) fails in every worker.
     fails_anchor: bool,
 }
 
@@ -426,9 +427,9 @@ fn builders_begin_nothing_before_a_run_had_its_devices_lock_or_while_it_waits_fo
     assert_eq!(take(Some(of_another)), (vec![false], true));
 }
 
-/// With `--spread`, each device has a thread, and the thread of another device may be waiting for a program that a
-/// builder (a process that compiles programs) has to build. If builders stayed paused after the lock could not be
-/// taken, this thread would wait until the user ends the run.
+/// With `--spread`, each device has a thread, and the thread of another device may be waiting for a program
+/// that a builder (a process that compiles programs) has to build. If builders stayed paused after a device's
+/// lock could not be taken, the waiting thread would wait until the user ends the run.
 #[test]
 fn builders_go_on_if_a_device_waits_in_vain_for_a_lock() {
     let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));

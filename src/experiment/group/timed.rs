@@ -35,8 +35,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
     /// For each job (the task of the workers of one device): the number of samples since the device's anchor
-    /// was last run. The anchor is run again when enough samples were taken since its last run. A job whose
-    /// anchor has not been run yet has no entry.
+    /// was last run. A device's anchor (a fixed kernel) is run again when enough samples were taken since its
+    /// last run. A job whose anchor has not been run yet has no entry.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -75,9 +75,10 @@ impl Latency {
         self.waited += start.elapsed();
     }
 
-    /// Returns one of two readings of the core-to-core latency, before and after a sample that has just ended,
-    /// in nanoseconds (see [`decisive_ns`]). If the last reading is more recent than [`READING_EVERY`], no new
-    /// reading is taken, and the last reading is returned. Returns `None` if no reading is known.
+    /// Of two readings of the core-to-core latency, before and after a sample that has just ended, returns
+    /// the reading that decides whether the sample counts, in nanoseconds (see [`decisive_ns`]). If the last
+    /// reading is more recent than [`READING_EVERY`], no new reading is taken, and the last reading is
+    /// returned. Returns `None` if no reading is known.
     fn around_sample(&mut self, near_ns: f64) -> Option<f64> {
         let (at, before) = self.last?;
         if at.elapsed() < READING_EVERY {
@@ -93,9 +94,9 @@ impl Latency {
 /// distance from each other.
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
-/// A device's anchor is run at least once for `CASTS_PER_ANCHOR` samples of points. `CASTS_PER_ANCHOR` is
-/// small enough that the anchor's time is known more precisely than a point's time, and large enough that the
-/// anchor takes little time compared with the samples.
+/// A device's anchor (a fixed kernel) is run at least once for every `CASTS_PER_ANCHOR` samples of measured
+/// points. `CASTS_PER_ANCHOR` is small enough that the time of the anchor kernel is known more precisely than
+/// a point's time. It is large enough that the anchor kernel takes little time compared with the samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
@@ -113,10 +114,10 @@ impl<K: ResultSink> Timed<'_, '_, K> {
 
     /// Runs the anchor (a fixed kernel) of a point's device if the anchor is due. The anchor is first run
     /// after the device's first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has
-    /// fewer than [`CASTS_PER_ANCHOR`] samples on the device, the anchor is run once in every round. A launch
-    /// has at least five rounds, so the anchor is run at least five times, as often as an interval needs.
-    /// Does not run the anchor in a run with a single launch, which is too short to need the anchor. If the
-    /// anchor fails, the user is told why, and new workers repeat the launch.
+    /// fewer than [`CASTS_PER_ANCHOR`] samples on the device, the device's anchor kernel is run once in every
+    /// round. A launch has at least five rounds, so the anchor is run at least five times, as often as an
+    /// interval needs. Does not run the anchor in a run with a single launch, which is too short to need the
+    /// anchor. If the anchor fails, the user is told why, and new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.launches() > 1) else {
@@ -132,9 +133,10 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         }
         self.casts.insert(pending.job, 0);
         // If points are distributed over devices of the same model, these devices do equal work. The anchors
-        // of all devices of the model therefore have the name of the first device's anchor, just as the
-        // points on these devices have equal keys. If the anchors had different names, blocks that different
-        // devices measured could not be compared by their anchors.
+        // (fixed kernels) of all devices of the model therefore have the same name: that of the first
+        // device's anchor. Likewise, the points on these devices have equal keys. If the anchors had
+        // different names, their times could not be used to compare blocks (parts of a group of points) that
+        // different devices measured.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,

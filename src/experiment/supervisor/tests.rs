@@ -20,13 +20,13 @@ struct Noting {
     dismissed: Rc<Cell<usize>>,
     /// What workers return instead of the usual replies, from the next request on.
     instead: Rc<RefCell<VecDeque<Wait>>>,
-    /// A flag that the next request sets, if there is a flag.
+    /// A flag that interrupts the run, if there is one; the next request sets this flag.
     interrupts: Option<Rc<AtomicBool>>,
     /// What the next worker sends instead of `Reply::Started`.
     at_start: Option<Wait>,
     /// The time limit of every wait for a worker.
     limits: Rc<RefCell<Vec<Duration>>>,
-    /// If a worker sends no reply: how long the wait for the reply takes.
+    /// How long the wait for a reply takes if the worker sends no reply.
     silence: Duration,
     /// The number of workers that were started before each call of `compile_afresh`.
     afresh: Rc<RefCell<Vec<usize>>>,
@@ -328,7 +328,8 @@ fn a_frame_is_not_cast_if_its_point_fails_the_check_and_is_cast_again_if_its_wor
     assert_eq!(failure, PointFailure::new(Outcome::WrongImage, "dark"));
     assert_eq!(*noting.requests.borrow(), [check(0)]);
     for point in [0, 1] {
-        // A point that failed its check is checked again. Every point of a new worker is checked too.
+        // A point that failed its check is checked again. A new worker also checks each point before it casts
+        // the point.
         for outcome in ["it is cast", "its worker dies"] {
             noting.requests.borrow_mut().clear();
             assert!(matches!(supervisor.cast(task(point, 0, 0)), Ok(Some(Ok(_)))), "{outcome}");
