@@ -57,17 +57,17 @@ impl Raycaster {
     /// devices with the same name. The first device that matches is used. If `device` is `None`, the device
     /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used
     /// if there is one, else a CPU, else an accelerator. Of several GPUs, those with memory of their own are
-    /// preferred and, among these, those with a vendor's driver. Of devices that are still equal, the device
-    /// with the most compute units is used.
+    /// preferred and, among these, those with a vendor's driver. Of devices that are equal in kind, memory
+    /// and driver, the device with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). A program that calls
     /// [`serve_if_worker`] first limits these threads to the processors on which the program may run, as
     /// `raycl render` does.
     ///
-    /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics into
-    /// errors. To turn panics into errors, the first call of `open` sets a panic hook, which hides panics of
-    /// `ocl`; all other panics reach the hook that was set before. A program that sets a panic hook of its
-    /// own should set the hook before the first call of `open`.
+    /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics of
+    /// `ocl` into errors. To turn panics into errors, the first call of `open` sets a panic hook, which hides
+    /// panics of `ocl`; all other panics reach the hook that was set before. A program that sets a panic hook
+    /// of its own should set the hook before the first call of `open`.
     ///
     /// # Errors
     ///
@@ -275,9 +275,10 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 /// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an
 /// interrupted run. Worker processes measure the experiment's points. Each worker process is the calling
 /// program, started again; therefore the program's `main` must begin with [`serve_if_worker`]. raycl sets the
-/// environment variable `RAYCL_WORKER` for its workers. In a process with this variable, `run_experiment`
-/// fails, since a program without `serve_if_worker` would start itself again and again. For the same reason,
-/// `run_experiment` fails in a program that has not called `serve_if_worker`.
+/// environment variable `RAYCL_WORKER` for its workers. In a process with the variable `RAYCL_WORKER`,
+/// `run_experiment` fails. Otherwise, a program that does not call `serve_if_worker` would start itself again
+/// and again. `run_experiment` also fails in a program that has not called `serve_if_worker`, since the
+/// workers of such a program could not measure points.
 ///
 /// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or on devices
 /// without locks. If another process measures on a device, the function waits until that process ends.

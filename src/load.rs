@@ -80,8 +80,9 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // `own` is read process by process, so the time of a worker that ends during the reading may be missing
-    // in this reading. The difference of two readings of `own` may therefore be negative.
+    // `own` (the time of raycl's own processes) is read process by process, so the time of a worker that ends
+    // during the reading may be missing in this reading. Of two readings of `own`, the later one may
+    // therefore be smaller than the earlier one.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Available bytes; `u64::MAX` if the system does not report available memory.
     pub bytes: u64,
-    /// The path of the file that contains `bytes`, or that contains the limit from which `bytes` was computed;
-    /// "nothing" if the system does not report available memory.
+    /// The path of the file that states `bytes`, or that states a limit on memory from which `bytes` was
+    /// computed; "nothing" if the system does not report available memory.
     pub source: String,
 }
 
@@ -153,7 +153,8 @@ const VERSION_2: GroupFiles =
     GroupFiles { limit: "memory.max", used: "memory.current", reclaimable: "inactive_file" };
 
 /// Returns the folder of every control group whose limit applies to a process, innermost first. `text` is the content
-/// of the process's /proc/self/cgroup. A container may see its own group as the root, so the root is always included.
+/// of the process's /proc/self/cgroup. A container may see its own control group as the root of all groups,
+/// so the root is always included.
 fn group_folders(text: &str) -> Vec<(PathBuf, &'static GroupFiles)> {
     let mut folders = Vec::new();
     for line in text.lines() {

@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The value that the environment variable with the names of drivers' libraries had before any driver was loaded.
+/// The value of the environment variable `LIBRARIES` (names of drivers' libraries) before any driver was
+/// loaded.
 static LIBRARIES_AT_FIRST: OnceLock<Option<OsString>> = OnceLock::new();
 
-/// Stores the value of the variable that names drivers' libraries. Processes that raycl starts later get this value.
-/// This function must be called before a driver is loaded: some loaders split the variable's value in place, so that
-/// the environment contains only the first name afterwards.
+/// Stores the value of the variable that names drivers' libraries. Processes that raycl starts later get the
+/// stored value of this variable. This function must be called before a driver is loaded: some loaders split
+/// the variable's value in place, so that the environment contains only the first name afterwards.
 pub fn remember_libraries() {
     LIBRARIES_AT_FIRST.get_or_init(|| std::env::var_os(LIBRARIES));
 }

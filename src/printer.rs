@@ -1,7 +1,8 @@
 //! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
 //! Markdown. All text that raycl did not write itself must pass through this module. Control characters could
 //! move a terminal's cursor, rename its window or forge lines of a log, and invisible characters could hide a
-//! mistake. Characters of both kinds are printed as escapes such as `\u001b`, which are also valid JSON.
+//! mistake. Control characters and invisible characters are printed as escapes such as `\u001b`, which are
+//! also valid JSON.
 
 use std::borrow::Cow;
 use std::cell::Cell;

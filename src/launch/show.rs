@@ -15,7 +15,7 @@ use std::ops::Range;
 const FILE: &str = "display/show.cl";
 /// The name of the kernel that applies the display transform.
 const KERNEL: &str = "show_pixels";
-/// Number of pixels that a work-item displays. The 12 bytes of these pixels fill three words.
+/// Number of pixels that a work-item displays. The 12 bytes of four displayed pixels fill three words.
 const ITEM_PIXELS: usize = 4;
 /// Bytes of a displayed pixel: red, green and blue.
 const BYTES: usize = 3;
@@ -215,8 +215,9 @@ mod tests {
     #[test]
     fn every_byte_is_the_hosts() {
         let pixels = radiances();
-        // The first queue transfers the image in pieces, and the second queue transfers the whole image at
-        // once. The third queue treats its device as if the device allowed only small work-groups.
+        // Of the three queues, the first transfers the image in pieces, and the second transfers the whole
+        // image at once. The third of the three queues treats its device as if the device allowed only small
+        // work-groups.
         let queues = [queue(), queue_of(1 << 20), queue().in_groups_of(8)];
         let displays = [Display::default(), display(1.0, 1.0), display(0.0, 2.2), display(1e6, 5.0)];
         for (display, queue) in

@@ -25,7 +25,7 @@ const TRIAL_ROWS: u32 = 256;
 /// how the cost is distributed over the frame's rows.
 const TRIAL_MS: f64 = 5.0;
 /// Number of casts per measurement. The measurement's result is the smallest or the median time of these
-/// casts.
+/// `CASTS` casts.
 const CASTS: usize = 3;
 /// A device is left out if it takes more than this many times as long as the fastest device. The slow device
 /// could save at most a tenth of the frame's time. The slow device would cost time if its rows took slightly
@@ -69,7 +69,7 @@ pub struct Casting {
 pub struct Share {
     /// The device's label.
     pub device: String,
-    /// The strategy with which the device cast its part.
+    /// The strategy with which the device cast its part of the frame.
     pub strategy: Strategy,
     /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
@@ -79,7 +79,7 @@ pub struct Share {
     pub build_ms: f64,
     /// Time for uploading the scene to the device.
     pub upload_ms: f64,
-    /// The times of each cast of the device's part.
+    /// The times of each cast of the device's part of the frame.
     pub frames: Vec<FrameTimes>,
     /// Time for reading the device's rows back.
     pub read_ms: f64,
@@ -90,7 +90,7 @@ pub struct Share {
 pub struct LeftOut {
     /// The device's label.
     pub device: String,
-    /// Why the device casts no part.
+    /// Why the device casts no part of the frame.
     pub reason: String,
 }
 
@@ -150,7 +150,8 @@ impl Ready {
         }
         let part_ms = |part: usize| {
             let rows = [end(part), end(part + 1)];
-            // The heights of parts may differ by a row of work-groups, so the cost is given per row of pixels.
+            // The parts of the frame may differ in height by a row of work-groups, so a part's cost is given
+            // per row of pixels.
             Ok(fastest_ms(&self.caster(image_size, rows)?)? / f64::from(rows[1] - rows[0]))
         };
         (0..PARTS).map(part_ms).collect()
@@ -176,8 +177,8 @@ impl Team<'_> {
     }
 
     /// Removes the slowest device from the team. Returns this device with the reason for its removal.
-    /// `reason` gets the time in milliseconds that this device takes for a whole trial frame. Returns `None`
-    /// if the team is empty.
+    /// `reason` turns the time in milliseconds that the slowest device takes for a whole trial frame into the
+    /// text of the reason. Returns `None` if the team is empty.
     fn without_slowest(&mut self, reason: impl Fn(f64) -> String) -> Option<LeftOut> {
         let whole_ms = |index: &usize| self.costs[*index].whole_ms;
         let slowest = (0..self.ready.len()).max_by(|a, b| whole_ms(a).total_cmp(&whole_ms(b)))?;
@@ -224,10 +225,11 @@ impl Split<'_> {
     }
 
     /// Returns the devices that will cast, and the devices that are left out. Devices that are much slower
-    /// than the fastest are left out first ([`Self::trial`]). The remaining devices then cast a trial frame
-    /// together. If these devices together are not faster than the fastest device alone, the slowest device
-    /// is left out, and all others cast another trial frame. Devices are left out until the remaining devices
-    /// are faster together, or until one device remains. If `every_device` is true, no device is left out.
+    /// than the fastest are left out first ([`Self::trial`]). After that, all remaining devices cast a trial
+    /// frame (the frame, usually at a smaller size) together. If all remaining devices together are not
+    /// faster than the fastest device alone, the slowest device is left out, and the others cast the trial
+    /// frame again. Devices are left out until the remaining devices are faster together, or until one device
+    /// remains. If `every_device` is true, no device is left out.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -248,9 +250,10 @@ impl Split<'_> {
     }
 
     /// Returns the size of a trial frame. The trial frame grows until it takes the fastest device at least
-    /// [`TRIAL_MS`], or until it is the full frame. The function also measures each device's time for the
-    /// trial frame. Moves devices that are much slower than the fastest from `team` to `left_out`, unless
-    /// `every_device` is true: for a larger frame, the difference would be even larger.
+    /// [`TRIAL_MS`], or until it is the full frame. The function measures the time that each device takes for
+    /// each trial frame (the frame, usually at a smaller size). Moves devices that are much slower than the
+    /// fastest from `team` to `left_out`, unless `every_device` is true: for a larger frame, the difference
+    /// would be even larger.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -296,8 +299,8 @@ impl Split<'_> {
     }
 }
 
-/// Returns why the slowest device is left out if a trial frame takes the devices together no less time than the fastest
-/// device alone.
+/// Returns why the slowest device is left out if all devices together take at least as long for a trial frame
+/// as the fastest device alone.
 fn no_gain(together_ms: f64, alone_ms: f64) -> String {
     format!(
         "a trial frame took {together_ms:.3} ms on this device and the others together, and {alone_ms:.3} ms on the fastest device alone"
@@ -346,9 +349,9 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// Casts the first frame of a caster, in which the driver may compile. Only one device at a time casts such a
-/// first frame: PoCL 3.1 miscounts the users of a kernel if two devices of one process compile the kernel at
-/// the same time, and aborts when the devices release the kernel.
+/// Casts the first frame of a caster, in which the driver may compile. Only one device at a time casts the
+/// first frame of a caster. If two devices of one process compile a kernel at the same time, PoCL 3.1
+/// miscounts the users of the kernel, and aborts when the devices release the kernel.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
     // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread

@@ -27,7 +27,8 @@ impl Default for Staging {
 }
 
 impl Staging {
-    /// Returns a `Staging` whose pieces have `piece_bytes` bytes. The pieces are allocated at first use.
+    /// Returns a `Staging` whose pieces have `piece_bytes` bytes. The pieces of pinned memory are allocated
+    /// at first use.
     pub fn of(piece_bytes: usize) -> Self {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
@@ -84,10 +85,10 @@ impl Staging {
     }
 
     /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together`
-    /// rows. `enqueue` is called with the range of a piece's rows. If a kernel must compute these rows first,
-    /// `enqueue` enqueues this kernel. `enqueue` returns the buffer that will contain the rows, and the index
-    /// of the rows' first value in this buffer. `take` is called with the same range and the values of the
-    /// rows.
+    /// rows. `enqueue` is called with the range of a piece's rows. If a kernel must compute the rows of a
+    /// piece before they can be read, `enqueue` enqueues this kernel. `enqueue` returns the buffer that will
+    /// contain the rows, and the index of the rows' first value in this buffer. After a piece was read, the
+    /// callback `take` is called with the range of the piece's rows and the values of these rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,

@@ -19,8 +19,8 @@ pub(super) enum Step {
     Fill(Buffer<i32>, i32),
     /// Runs a kernel with the same number of work-items in every frame.
     Run(Kernel),
-    /// Runs a kernel in which every work-item casts its own rays. For a frame with several samples per pixel, such a
-    /// kernel needs more work-items.
+    /// Runs a kernel in which every work-item casts its own rays. For a frame with several samples per pixel,
+    /// a kernel whose work-items cast their own rays needs more work-items than for one sample per pixel.
     Cast(Kernel),
 }
 

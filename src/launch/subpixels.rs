@@ -17,16 +17,17 @@ const fn room(bits: u32) -> usize {
     1 << (2 * bits)
 }
 
-/// Returns the coarsest division of a pixel that has a sub-pixel for each of `samples` samples, as the binary logarithm
-/// of the number of sub-pixels across.
+/// Returns the binary logarithm of the number of sub-pixels across a pixel. A pixel is divided into the
+/// fewest sub-pixels that suffice for `samples` samples.
 fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
 /// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the number of sub-pixels
-/// across. Only strategies that cast tiles can cast several rays of one pixel in a frame. Tiles whose rays are in
-/// vectors divide pixels only with fused passes. If the sky's picture is seen, pixels are not divided, since the kernel
-/// that adds the picture supports only whole pixels.
+/// across. Only strategies that cast tiles can cast several rays of one pixel in a frame. If vectors contain
+/// the rays of a tile, pixels are divided only with fused passes (one kernel casts primary and shadow rays).
+/// If the sky's picture is seen, pixels are not divided, since the kernel that adds the picture supports only
+/// whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -46,7 +47,8 @@ pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
 
 /// Distributes the samples of one round of samples (the first samples of every pixel, or the later samples)
 /// over frames. A frame divides a pixel into at most 2^`most_bits` sub-pixels across. At least three quarters
-/// of a frame's sub-pixels have a sample. The remaining samples are cast in frames with fewer sub-pixels.
+/// of a frame's sub-pixels have a sample. If the remaining samples fill less than three quarters of a frame's
+/// sub-pixels, they are cast in frames with fewer sub-pixels per pixel.
 pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
     std::iter::from_fn(move || {
         let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;

@@ -33,8 +33,8 @@ impl DeviceTextures {
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
     }
 
-    /// Adds the textures' arguments for shading. If there are cut-outs, adds the same buffers again under
-    /// other names, for the test whether rays pass through holes.
+    /// Adds the textures' arguments for shading. If there are cut-outs, adds the same two buffers again as
+    /// `mask_rows` and `mask_words`, for the test whether rays pass through holes.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with("texture_rows", &self.rows).with("texture_words", &self.words);
         if !self.cut_outs {

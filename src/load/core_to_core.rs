@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-/// The number of round trips in one timed piece of the measurement. A piece takes tens of microseconds, so few pieces
-/// are interrupted.
+/// The number of round trips in one timed piece of the measurement. A timed piece of the measurement takes
+/// tens of microseconds, so few pieces are interrupted.
 const ROUND_TRIPS: u32 = 100;
 /// The number of timed pieces; the time of the fastest piece is the result.
 const PIECES: u32 = 5;
@@ -55,8 +55,8 @@ fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Optio
             fastest
         };
         let Ok(timed) = timer.spawn_scoped(scope, timing) else {
-            // The thread that times the exchange could not start. Storing `OVER` ends the exchange, so that
-            // the answering thread does not wait for the timing thread.
+            // The thread that times the round trips could not start. Storing `OVER` ends the exchange, so
+            // that the answering thread does not wait for the timing thread.
             word.0.store(OVER, Ordering::Release);
             return None;
         };
@@ -76,15 +76,16 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     Some(one_way_ns(start.elapsed()))
 }
 
-/// Returns the mean time of half a round trip in nanoseconds. All round trips of a piece together took
-/// `elapsed`.
+/// Returns the mean time of half a round trip in nanoseconds. All round trips of one timed piece together
+/// took the time `elapsed`.
 fn one_way_ns(elapsed: Duration) -> f64 {
     elapsed.as_nanos() as f64 / f64::from(2 * ROUND_TRIPS)
 }
 
-/// Waits until it is this thread's turn, then gives the turn to the other thread. The word equals `own` during this
-/// thread's turn, and `others` during the other thread's turn. Returns false if the exchange is over, or if the other
-/// thread does not give the turn back before `end`.
+/// Waits until it is this thread's turn, then gives the turn to the other thread. The shared word `word`
+/// equals `own` during this thread's turn, and `others` during the other thread's turn. Returns false if the
+/// threads no longer take turns (`OVER`), or if the other thread does not give the turn back before the time
+/// `end`.
 fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
     let looks = || {
         (0..LOOKS).any(|_| {

@@ -9,7 +9,7 @@ pub const NO_HIT: i32 = i32::MAX;
 /// common origin of rays.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
 /// Number of working vectors of a ray (its origin, direction, normal and others), with three floats each. The
-/// student paper that raycl reproduces keeps these vectors in arrays.
+/// student paper that raycl reproduces keeps the working vectors of rays in arrays.
 pub const WORKING_VECTORS: usize = 9;
 /// Returns the number of floats of a triangle without shared vertices: corners 9, normals 9, material 8, or more in a
 /// scene in which surfaces emit light (`emissive`).
@@ -23,21 +23,23 @@ pub const LIGHT_FLOATS: usize = 6;
 /// two edges, and the shape.
 pub const AREA_LIGHT_FLOATS: usize = 16;
 /// Number of floats that describe the sky: its radiance at zenith and horizon, the upward direction, and its reach
-/// (surfaces farther away do not block the sky). In the buffer, the lights' radii follow these floats.
+/// (surfaces farther away do not block the sky). In the buffer, the lights' radii follow these floats of the
+/// sky.
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
-/// The side, in pixels, of a square block of pixels. All pixels of a block get the same number of samples. A
-/// vector of rays in a tile covers one block, if each pixel has one ray.
+/// The side, in pixels, of a square block of pixels. All pixels of a block get the same number of samples. If
+/// each pixel has one ray, the 16 rays of a vector in a tile cover one block.
 pub const SAMPLED_BLOCK: u32 = 4;
 /// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ
-/// in a channel of the displayed picture by more than this number of 8-bit steps. If raycl casts several
-/// samples per pixel before it looks for such blocks, the number of steps is divided by the square root of
-/// the number of these samples, since chance affects a mean of samples less than a single sample.
+/// in a channel of the displayed picture by more than `ROUGH_STEPS` 8-bit steps. If raycl casts several
+/// samples per pixel before it looks for blocks that differ so much, `ROUGH_STEPS` is divided by the square
+/// root of the number of these first samples, since chance affects a mean of samples less than a single
+/// sample.
 pub const ROUGH_STEPS: u32 = 30;
-/// The sample points of lights and the directions of the sky repeat after this many pixels of the half
-/// picture, across and down. Across and down, the filter of soft light covers one pixel more than this
-/// number. The filter's two outermost pixels have half weight.
+/// The half picture is a picture of half the width and height. The sample points of lights and the directions
+/// of the sky repeat after `INTERLEAVED` pixels of the half picture, across and down. Across and down, the
+/// filter of soft light covers `INTERLEAVED` + 1 pixels. The filter's two outermost pixels have half weight.
 pub const INTERLEAVED: u32 = 4;
 /// How strongly the filter of soft light lowers the weight of a pixel whose unoccluded light differs from the
 /// unoccluded light of the filtered pixel.

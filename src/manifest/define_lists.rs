@@ -63,9 +63,11 @@ pub const CAST_DEFINES: Defines = &[
     (Indexed, "MATERIALS"),
     (Tiled, "TILE_TRIANGLES"),
 ];
-/// The define of the families that support both fused and separate passes.
+/// The define of the kernel families that support both fused passes (one kernel casts primary and shadow
+/// rays) and separate passes.
 pub const PASSES_DEFINES: Defines = &[(Always, "FUSED")];
-/// The define of the families with a kernel for rays that the caller provides.
+/// The define of those kernel families that have an additional kernel, which casts rays that the caller
+/// provides.
 pub const RAYS_DEFINES: Defines = &[(Always, "GIVEN_RAYS")];
 pub const TREE_DEFINES: Defines = &[
     (Tree, "ROW_FLOATS"),

@@ -9,7 +9,7 @@ use super::{Family, Rule};
 /// All kernel families. `Strategy::family` determines the family of a strategy.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
-/// The kernels whose rays are each tested against every triangle.
+/// The kernels that test each ray against every triangle.
 pub static EXHAUSTIVE: Family = Family {
     name: "exhaustive",
     label: "traversal = exhaustive",
@@ -94,9 +94,9 @@ pub static TILE_CPU: Family = Family {
     ],
     rules: &[
         // The rule about the strategy's axis `width` is the first, because messages give the reason of the
-        // first rule that a strategy breaks. If the width is wrong, a message about another axis would
-        // mislead, since another width may allow the value on that axis. Tiles with `width = 1` belong to the
-        // family `TILE_GPU`.
+        // first rule that a strategy breaks. If the width is wrong, a message about the value of another axis
+        // would mislead, since this value may be allowed with another width. Tiles with `width = 1` belong to
+        // the family `TILE_GPU`.
         only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -163,7 +163,7 @@ const NO_TREE: &str = "uses no tree, so only the default value is allowed";
 const NO_TILES: &str = "casts no tiles of rays, so only the default value is allowed";
 const LEAF_ORDER: &str = "reads whole triangles from global memory, in the order of its tree's leaves";
 const NORMALS_ONLY: &str =
-    "reads corners in the order of its tree's leaves, and has files for the normals alone";
+    "reads corners in the order of its tree's leaves, and has layout files only for the normals";
 const SHADES_ONCE: &str = "shades only the nearest hit of each ray";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles itself, once for all rays of a tile";
 const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";

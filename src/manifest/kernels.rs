@@ -243,7 +243,7 @@ const SHOW_SKY: Kernel = Kernel {
     parameters: &[SOFT, CAMERA, SIZE, IMAGE, SAMPLES, HITS_BEFORE],
 };
 
-/// The kernel that decides which pixels get more samples. All kernel families have the same such kernel.
+/// The kernel that decides which pixels get more samples. This kernel is the same in all kernel families.
 const MARK_KERNEL: Kernel =
     Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
 

@@ -1,10 +1,10 @@
 //! The manifest: a table that describes the kernels in `cl/` for the host, by family.
 //!
-//! A [`Family`] is a set of kernels that casts a frame. The table has a row for each family. The row names
-//! the family's kernels with their parameters, the defines for compilation, and the values of axes that the
-//! family supports. The row also names one file, which includes all other files of the family. The row
-//! determines which source is compiled and hashed, how arguments are bound, which kernel's registers are
-//! reported and which strategies are allowed.
+//! A [`Family`] is a set of kernels that casts a frame. The table has a row for each family. A family's row
+//! names the family's kernels with their parameters, the defines for compilation, and the values of axes that
+//! the family supports. A family's row also names one file, which includes all other files of the family. A
+//! family's row determines which source is compiled and hashed, how arguments are bound, which kernel's
+//! registers are reported and which strategies are allowed.
 
 mod constants;
 mod define_lists;
@@ -53,9 +53,11 @@ pub enum Fact {
     Emissive,
     /// The scene has a sky, or lights with a radius or an area that are sampled: a property of the scene.
     Soft,
-    /// Hits are lit on a smooth surface above their triangles: a property of the scene.
+    /// Hits are lit as if they lay on a smooth surface above their triangles (smooth shadows): a property of
+    /// the scene.
     SmoothShadows,
-    /// The scene has area lights (rectangles or discs), sampled or as points: a property of the scene.
+    /// The scene has area lights (rectangles or discs), whether they are sampled or treated as points: a
+    /// property of the scene.
     AreaLights,
     /// Pixels get several samples: a property of the picture.
     Sampled,
@@ -84,7 +86,8 @@ pub enum Role {
     Prepare,
     /// Casts primary rays, and also casts shadow rays and shades hits, as far as one kernel can do all this.
     Frame,
-    /// Finds the nearest hits of primary rays. If several kernels find the hits together, only the first has this role.
+    /// Finds the nearest hits of primary rays. If several kernels find the hits together, only the first of
+    /// these kernels has the role `Primary`.
     Primary,
     /// Completes the result of the primary kernel: if that kernel finds only the nearest depth of each pixel, this
     /// kernel finds the triangle at that depth.
@@ -93,7 +96,8 @@ pub enum Role {
     Shadow,
     /// Casts leftover shadow rays: those that tiles have not decided.
     Leftover,
-    /// Shades the nearest hits. If no kernel has the role `Shadow`, this kernel also casts shadow rays.
+    /// Shades the nearest hits. If no kernel has the role `Shadow`, the kernel with the role `Shade` also
+    /// casts shadow rays.
     Shade,
     /// Shows the sky where rays have hit nothing.
     Background,
@@ -103,7 +107,8 @@ pub enum Role {
     Records,
     /// Decides which pixels get more samples; runs between a picture's frames.
     Mark,
-    /// Filters the soft light of a half picture; runs after a picture's frames.
+    /// Filters the soft light of a half picture (a picture of half the width and height); runs after a
+    /// picture's frames.
     FilterLight,
     /// Applies the filtered light to the whole picture.
     ApplyLight,
@@ -166,19 +171,19 @@ impl Kernel {
 /// The values of a strategy's axis that a kernel family supports.
 #[derive(Clone, Copy, Debug)]
 pub enum Supported {
-    /// The family supports only the listed values of the axis.
+    /// The kernel family supports only the listed values of the rule's axis.
     Only(&'static [&'static str]),
-    /// The family supports all values of the axis except the listed ones.
+    /// The kernel family supports all values of the rule's axis except the listed values.
     AllBut(&'static [&'static str]),
-    /// The family supports the values that have a file in this folder. If a condition is given, values for
-    /// which the condition is true are excluded.
+    /// The kernel family supports the values of the rule's axis that have a file in this folder. If a
+    /// condition is given, values for which the condition is true are excluded.
     FilesIn(&'static str, Option<Fact>),
 }
 
 impl Supported {
-    /// Returns true if the family supports the value `value` of the axis. `has_file` returns true if the
-    /// value has a file in a folder. `holds` returns true if a condition is true of a strategy with the
-    /// value.
+    /// Returns true if the family supports the value `value` of the rule's axis. For a folder of kernel
+    /// files, `has_file` returns true if the folder has a file for `value`. For a condition, `holds` returns
+    /// true if the condition is true of a strategy with `value`.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),
@@ -208,13 +213,14 @@ pub struct Family {
     pub name: &'static str,
     /// The description of the family's strategies in messages.
     pub label: &'static str,
-    /// The file under `cl/` that includes all other files of the family.
+    /// The file under `cl/` that includes all other files of the kernel family.
     pub entry: &'static str,
     /// The kernels of the family. A program contains only those kernels whose condition (`when`) is true.
     pub kernels: &'static [Kernel],
     /// The names of the family's defines, in groups that several families use.
     pub defines: &'static [&'static [(Fact, &'static str)]],
-    /// The axes of strategies of which the family supports only some values.
+    /// The rules of the kernel family. A rule names an axis of strategies, and the values of the axis that
+    /// the family supports.
     pub rules: &'static [Rule],
 }
 
@@ -224,8 +230,9 @@ impl Family {
         self.kernels.iter().find(|kernel| kernel.role == role)
     }
 
-    /// Returns true if the family supports scenes with this property (`Textured`, or `Soft` for soft lights
-    /// and a sky): one of the family's kernels has a parameter with this condition.
+    /// Returns true if the family supports scenes with the property `fact`, such as `Textured`, or `Soft` for
+    /// soft lights and a sky. The family supports such scenes if one of its kernels has a parameter with the
+    /// condition `fact`.
     pub fn takes(&self, fact: Fact) -> bool {
         let parameters = self.kernels.iter().flat_map(|kernel| kernel.parameters.iter().copied().flatten());
         parameters.into_iter().any(|parameter| parameter.when == fact)

@@ -71,11 +71,12 @@ pub const TEXTURES: &[Parameter] = &[
 ];
 /// The colours of the triangles' corners.
 pub const COLOURS: &[Parameter] = &[p(CornerColours, WORDS, "corner_colours")];
-/// The texture coordinates and the textures under other names, for the kernels of tiles that test whether rays pass
-/// through the holes of cut-outs.
+/// The texture coordinates and the textures, for the kernels that cast tiles and test whether rays pass
+/// through the holes of cut-outs. The names of these parameters differ from those for shading.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this
-/// sample's set. The first samples of a pixel are one set, and the later samples are another set.
+/// sample's set. The first samples of a pixel are one set of samples, and the pixel's later samples are
+/// another set.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// For each block of pixels, the number of samples per pixel that the block should get. A further parameter
 /// is the number of samples per pixel that the image has from earlier frames.
@@ -88,10 +89,10 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// For tiles that are each shared by 32 work-items: the base-2 logarithm of the number of sub-pixels across a
-/// pixel in this frame, and the number of samples that the frame casts per pixel. `positions` has the
-/// position (x and y) of each sample in its pixel. The frame casts only the rough blocks of pixels, which
-/// `rough` lists, or all blocks if `rough_count` is 0.
+/// Parameters for tiles that are each shared by 32 work-items. `subpixel_bits` is the base-2 logarithm of the
+/// number of sub-pixels across a pixel in this frame. `samples_of_frame` is the number of samples that the
+/// frame casts per pixel. `positions` has the position (x and y) of each sample in its pixel. The frame casts
+/// only the rough blocks of pixels, which `rough` lists, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
@@ -101,11 +102,11 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
 ];
 /// For each pixel, how many samples of earlier frames hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
-/// The image after the first samples, the display's exposure and the coefficients of its tone curve, and two
-/// numbers of samples per pixel: `first` for blocks that are not rough, `most` for rough blocks.
-/// `alpha_scale` is the displayed value of an alpha of 1: 255, or 0 if the background is not transparent. The
-/// kernel writes each block's number of samples per pixel into `wanted`, and lists the rough blocks in
-/// `rough`.
+/// `means` is the image after the first samples. `exposure` and `tone` are the display's exposure and the
+/// coefficients of its tone curve. `most` is the number of samples per pixel in rough blocks (blocks in which
+/// neighbouring pixels differ), and `first` is this number in all other blocks. `alpha_scale` is the
+/// displayed value of an alpha of 1: 255, or 0 if the background is not transparent. The kernel writes each
+/// block's number of samples per pixel into `wanted`, and lists the rough blocks in `rough`.
 pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, QUADS, "means"),
     p(Sampled, "const float", "exposure"),
@@ -120,7 +121,8 @@ pub const MARK_ROUGH: &[Parameter] = &[
 /// The unoccluded light (without shadows) in each pixel of the half picture, and the half picture's size.
 pub const HALF_LIGHT: &[Parameter] =
     &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
-/// For each pixel of the half picture with shadows, the light that arrives at its surfaces.
+/// For each pixel of the half picture (half the width and height) with shadows, the light that arrives at the
+/// pixel's surfaces.
 pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 /// For each pixel of the half picture, the fraction of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
@@ -130,7 +132,8 @@ pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "r
 /// `prepared_row` is the number of triangles in a row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
-/// The parameters that describe the camera. Functions that kernels call have these parameters too.
+/// The parameters that describe the camera. Functions that kernels call have the same parameters for the
+/// camera.
 pub const CAMERA: &[Parameter] = &[
     p(Always, "const float4", "eye"),
     p(Always, "const float4", "corner"),

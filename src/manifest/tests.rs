@@ -96,8 +96,8 @@ fn kernels_in(text: &str) -> BTreeMap<&str, &str> {
 }
 
 /// Other tests go through the families in the table `FAMILIES`, so a family that the table lacks would not be
-/// tested. The table must also contain the families of combinations of values that raycl refuses, since the
-/// reason for the refusal comes from the rules of the family.
+/// tested. The table must also contain the families of strategies that raycl refuses, since the reason for a
+/// refusal comes from the rules of the strategy's family.
 #[test]
 fn the_family_of_every_traversal_and_width_is_in_the_table() {
     for preset in PRESETS {
@@ -182,8 +182,8 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Only programs of scenes with textures, cut-outs, colours of corners, soft lights, area lights, a sky, smooth shadows
-    // or several samples use these files.
+    // Only programs of scenes with textures, cut-outs, colours of corners, soft lights, area lights, a sky,
+    // smooth shadows or several samples use the files that are added below.
     let of_scenes = ["textures", "cutouts", "corner_colours", "area_light"];
     named.extend(of_scenes.map(|name| format!("common/{name}.cl")));
     named.extend(PICTURE_FILES.map(str::to_owned));
@@ -282,8 +282,8 @@ fn area_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
     }
 }
 
-/// If the programs of other pictures also had these defines, the programs would be compiled again whenever a
-/// value of these defines changes.
+/// If programs without soft light at half resolution had the defines of this light, these programs would be
+/// compiled again whenever a value of such a define changes.
 #[test]
 fn the_defines_of_light_at_half_resolution_are_in_its_programs_alone() {
     for strategy in PRESETS.iter().map(|preset| preset.strategy).filter(|of| of.family().takes(Fact::Soft)) {

@@ -1,15 +1,16 @@
 //! Computes how many frames a sample needs, given the resolution of the device's timer.
 
 /// The shortest pass of a frame, added up over the frames of a batch, should take at least `STEPS` steps of
-/// the device's timer. The timer rounds the start and the end of each command of a pass to a step. If the
-/// pass takes at least `STEPS` steps, the error of its mean time is usually at most a few per cent.
+/// the device's timer. The device's timer rounds the start time and the end time of each command to whole
+/// steps. If the pass takes at least `STEPS` steps, the error of its mean time is usually at most a few per
+/// cent.
 const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since the number of OpenCL events and the length of a queue are limited.
 const MOST: u32 = 256;
 
 /// Returns the number of frames per sample: the smallest number for which the shortest pass takes at least
 /// `STEPS` steps of the timer, but at most `MOST`. `shortest_ms` is the time of the shortest pass of one
-/// frame, and `resolution_ns` is one step of the timer. Returns 1 if the resolution is unknown or
+/// frame, and `resolution_ns` is one step of the timer. Returns 1 if the timer's resolution is unknown or
 /// `shortest_ms` is not finite.
 pub fn batch_size(shortest_ms: f64, resolution_ns: Option<u64>) -> u32 {
     let Some(resolution_ns) = resolution_ns else { return 1 };

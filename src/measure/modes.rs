@@ -7,16 +7,18 @@ use std::collections::BTreeMap;
 /// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
 /// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution
 /// has the largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13,
-/// 1985). In a simulation, the dips of 99.9% of the sets of 10 to 200 times from the uniform distribution
-/// stayed below this threshold. Therefore, if the times of a point have one mode, the probability of a dip
-/// above the threshold is at most 1 in 1000. In practice the probability is lower, since distributions of
-/// times have tails, unlike the uniform distribution.
+/// 1985). In a simulation, sets of 10 to 200 times were drawn from the uniform distribution. The dips of
+/// 99.9% of these sets stayed below the threshold. Therefore, if the times of a point have one mode (they
+/// cluster around one value), their dip exceeds the threshold with a probability of at most 1 in 1000. In
+/// practice the probability of such a dip is lower, since distributions of times have tails, unlike the
+/// uniform distribution.
 const DIP_LIMIT: f64 = 0.8;
 const DIP_DECREASE: f64 = 0.75;
 /// [`Modes::of`] returns `None` for fewer than `FEWEST` times.
 const FEWEST: usize = 10;
 /// Two modes count as one mode if the slower mode's time exceeds the faster mode's time by at most the
-/// fraction `LEAST_DISTANCE`. If closer modes counted, a timer's steps would look like modes.
+/// fraction `LEAST_DISTANCE`. If modes that are closer together counted as two modes, a timer's steps would
+/// look like modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
 /// Two values around which times cluster.
@@ -49,11 +51,12 @@ impl Modes {
         (are_apart && are_two).then_some(modes)
     }
 
-    /// Returns true if the times' dip exceeds the threshold (see [`DIP_LIMIT`]) and two groups of the sizes
-    /// `samples` can have a dip above this threshold. If n times have only two values, and the rarer value
-    /// occurs k times, the dip is k / 2n. If the values within the two groups differ, the dip is larger by at
-    /// most about 1 / 2n. If the smaller group is too small to cause the dip, it consists of a few samples
-    /// that took long, and the dip has another cause, such as the steps of a timer.
+    /// Returns true if two conditions hold. First, the [`dip`] of the times exceeds the threshold (see
+    /// [`DIP_LIMIT`]). Second, two groups of times with the sizes `samples` can have a dip above this
+    /// threshold. If n times have only two values, and the rarer value occurs k times, the dip of these times
+    /// is k / 2n. If the values within the two groups of times differ, the dip is larger than k / 2n by at
+    /// most about 1 / 2n. If the smaller group of times is too small to cause the dip, this group consists of
+    /// a few samples that took long. The dip then has another cause, such as the steps of a timer.
     fn have_dip(&self, sorted: &[f64]) -> bool {
         let n = sorted.len() as f64;
         let root = n.sqrt();
@@ -63,9 +66,9 @@ impl Modes {
 
     /// Returns true if there are at least two launches, each launch has at least [`MIN_SAMPLES`] times, and
     /// no launch has times of both modes. A comparison of launches can find one slow launch of four even if
-    /// the launches have too few times for a large dip. If all launches are equally fast, the five times of a
-    /// given launch exceed the fifteen times of the three other launches with a probability of only 1 in
-    /// 15,504.
+    /// the launches have too few times for the dip test ([`dip`]). If all launches are equally fast, the five
+    /// times of a given launch exceed the fifteen times of the three other launches with a probability of
+    /// only 1 in 15,504.
     fn are_launches(&self, times_ms: &[f64], launches: &[u32]) -> bool {
         let mut counts: BTreeMap<u32, [usize; 2]> = BTreeMap::new();
         for (launch, ms) in launches.iter().zip(times_ms) {
@@ -76,8 +79,9 @@ impl Modes {
     }
 }
 
-/// Returns true if the gap between two groups of sorted times is wider than each of the groups. If the gap is
-/// narrower, all launches may differ a little from each other, instead of having one of two speeds.
+/// Returns true if the gap between two groups of sorted times is wider than each of the groups. If the gap
+/// between fast and slow times is narrower, all launches may differ a little from each other, instead of
+/// having one of two speeds.
 fn is_gap_wide(fast: &[f64], slow: &[f64]) -> bool {
     let width = |group: &[f64]| group.first().zip(group.last()).map_or(0.0, |(first, last)| last - first);
     let gap = fast.last().zip(slow.first()).map_or(0.0, |(below, above)| above - below);
@@ -85,7 +89,7 @@ fn is_gap_wide(fast: &[f64], slow: &[f64]) -> bool {
 }
 
 /// Splits sorted values into two groups such that the sum of the squared distances from the groups' means is least.
-/// Returns the number of values in the lower group.
+/// Returns the number of values in the group with the lower values.
 fn cut(sorted: &[f64]) -> usize {
     let total: f64 = sorted.iter().sum();
     let n = sorted.len() as f64;
@@ -95,8 +99,8 @@ fn cut(sorted: &[f64]) -> usize {
         lower += value;
         let below = (index + 1) as f64;
         // Up to a constant, `between` is the sum of the squared distances of the groups' means from the mean of all
-        // values, each weighted by the group's size. If this sum is greatest, the sum of the squared distances within
-        // the groups is least.
+        // values, each weighted by the group's size. If `between` is greatest, the sum of the squared
+        // distances within the two groups is least.
         let between = lower * lower / below + (total - lower) * (total - lower) / (n - below);
         if between > best.1 {
             best = (index + 1, between);
@@ -110,10 +114,11 @@ fn cut(sorted: &[f64]) -> usize {
 /// to Test for Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which
 /// the mode lies. The algorithm compares the distribution function with two hulls: the greatest convex
 /// minorant (the highest convex curve that is nowhere above the function) and the least concave majorant (the
-/// lowest concave curve that is nowhere below it). Below the interval, the algorithm measures the distance
-/// between the function and the minorant; above the interval, the distance between the function and the
-/// majorant. The narrowing ends when the interval stays the same, or when the largest distance between the
-/// two hulls within the interval is at most the largest distance measured so far.
+/// lowest concave curve that is nowhere below it). Below the modal interval, the algorithm measures the
+/// distance between the distribution function and its convex minorant; above the modal interval, the distance
+/// between the distribution function and its concave majorant. The algorithm ends when the modal interval
+/// stays the same, or when the largest distance between the two hulls within the modal interval is at most
+/// the largest distance measured so far.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut dip) = (0, n - 1, 1.0_f64);
@@ -148,9 +153,9 @@ fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// Returns the indices of the points of the distribution function (value, index) that lie on a hull. The
-/// arguments of `bent` are the slopes of the hull before and after a point, multiplied by the same number.
-/// `bent` returns true if the point does not lie on the hull.
+/// Returns the indices of those points of the distribution function that lie on a hull. The coordinates of a
+/// point are a value and the value's index. The arguments of `bent` are the slopes of the hull before and
+/// after a point, multiplied by the same number. `bent` returns true if the point does not lie on the hull.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
     for index in low..=high {
@@ -169,8 +174,8 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
 }
 
 /// Returns the greatest distance between the two hulls, measured at the points of both hulls. The hulls are
-/// the convex minorant `below` and the concave majorant `above`. The other two results are the first and the
-/// last index of the modal interval that follows from the greatest distance.
+/// the convex minorant `below` and the concave majorant `above`. Also returns the first and the last index of
+/// the narrower modal interval in which this distance was measured.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {
@@ -200,15 +205,16 @@ fn on_hull(sorted: &[f64], hull: &[usize], index: usize) -> f64 {
     }
 }
 
-/// Returns the height of the straight line from point `one` to point `other` above point `one`, at the value
-/// with the index `at`.
+/// Returns the difference in height between a straight line and point `one`, at the value with the index
+/// `at`. The straight line connects point `one` with point `other`.
 fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
     let across = sorted[other] - sorted[one];
     if across > 0.0 { (other - one) as f64 * (sorted[at] - sorted[one]) / across } else { (at - one) as f64 }
 }
 
-/// Returns the greatest distance between the steps of the distribution function and the line between two points of a
-/// hull, but at least 1. `distance` takes the height of a step and the height of the line, and returns their distance.
+/// Returns the greatest distance between the steps of the distribution function and the line between two
+/// points of a hull. The result is at least 1. `distance` takes the heights of the distribution function's
+/// step and of the line at the same value, and returns their distance.
 fn deviation(sorted: &[f64], ends: &[usize], distance: impl Fn(f64, f64) -> f64) -> f64 {
     let (one, other) = (ends[0], ends[1]);
     let at = |index: usize| distance((index - one) as f64, line(sorted, one, other, index));
@@ -260,7 +266,8 @@ mod tests {
     #[test]
     fn two_speeds_are_detected_with_their_times() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
-        // Every third time is slow. No set has 15 times, since five slow times would be too few for a second mode.
+        // Every third time is slow. Each set has at least 24 times: of 15 times, only five would be slow,
+        // which are too few for a second mode.
         for n in [24, 30, 60] {
             let mut time = |index: usize| {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();
@@ -292,7 +299,8 @@ mod tests {
         assert_eq!(with(8).map(|modes| modes.samples), Some([32, 8]));
     }
 
-    /// With one slow launch among four launches of five times each, the dip stays below the threshold.
+    /// If one of four launches with five times each is slow, the dip of all times stays below the threshold
+    /// for two modes.
     #[test]
     fn a_launch_of_another_speed_is_a_mode_although_the_dip_is_small() {
         let launches: Vec<u32> = (0..20).map(|index| index / 5).collect();

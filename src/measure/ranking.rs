@@ -14,9 +14,9 @@ pub struct Ranking<T> {
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points by their levels, such as the logarithms of their times. The lowest level is the best. A
-    /// point without a level has no rank. `ties` takes a point and the best point, and returns true if the
-    /// two points tie.
+    /// Ranks points by their levels, such as the logarithms of their times. The point with the lowest level
+    /// is the best. A point whose level is unknown has no rank. `ties` takes a point and the best point, and
+    /// returns true if the two points tie.
     pub(crate) fn by(
         points: impl IntoIterator<Item = (T, Option<f64>)>,
         ties: impl Fn(T, T) -> bool,

@@ -19,8 +19,8 @@ pub struct StoppingRule {
     pub max_samples: usize,
     /// Samples are precise if their standard deviation divided by their mean is below this value.
     pub relative_sigma: f64,
-    /// The limit of the time per point, as a mean over the group. Even beyond this limit, [`MIN_SAMPLES`] rounds are
-    /// measured, or `max_samples` if that is less.
+    /// The limit of the time per point, as a mean over the group. Even if this time limit is exceeded,
+    /// [`MIN_SAMPLES`] rounds are measured, or `max_samples` if that is less.
     pub time_limit_ms: f64,
 }
 

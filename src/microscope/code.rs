@@ -12,10 +12,10 @@ pub struct Instruction {
     /// The instruction's line in the source, from the compiler's line table; `None` if the table has no line
     /// for the instruction.
     pub line: Option<u32>,
-    /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label
-    /// before the instruction. Before the first label of a function that the kernel calls, the part is this
-    /// function's name; before the kernel's own first label, the part is empty. On a CPU, the part is the
-    /// name of the function.
+    /// The part of the kernel to which the instruction belongs. In PTX and SASS, `part` is the last label
+    /// before the instruction. For instructions before the first label of a function that the kernel calls,
+    /// `part` is the function's name. For instructions before the kernel's own first label, `part` is empty.
+    /// In the machine code of a CPU, `part` is the name of the function that contains the instruction.
     pub part: String,
     /// The kinds of work that the instruction does. The list is empty for instructions that do no work of any
     /// [`Kind`] (such as padding and prefetches), and for instructions of processors other than x86-64 and

@@ -11,16 +11,16 @@ pub enum Memory {
     Global,
     /// `__local`: the memory of a work-group.
     Local,
-    /// `__constant`, and constants of the program.
+    /// The address space `__constant`, and constants that the compiler stored in the program.
     Constant,
-    /// Private memory outside registers: arrays and spilled registers. On a CPU, this is the stack, if the instruction
-    /// states the address relative to the stack pointer or the frame pointer.
+    /// Private memory outside registers: arrays and spilled registers. On a CPU, an access to the stack is
+    /// `Private` if the instruction states the address relative to the stack pointer or the frame pointer.
     Private,
     /// The memory that contains the kernel's arguments.
     Argument,
-    /// A memory that the instruction's text does not determine: the address decides when the instruction
-    /// runs. On a CPU all OpenCL address spaces are the same memory. All accesses on a CPU are therefore
-    /// `Generic`, except `Private` accesses and accesses to constants of the program.
+    /// The instruction's text does not show which memory is accessed: the address decides when the
+    /// instruction runs. On a CPU all OpenCL address spaces are the same memory. All accesses on a CPU are
+    /// therefore `Generic`, except `Private` accesses and accesses to constants of the program.
     Generic,
 }
 

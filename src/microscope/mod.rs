@@ -1,6 +1,6 @@
 //! The microscope: shows which instructions a compiler generated for each line of a kernel.
 //!
-//! raycl compiles the program again, with a line table. The source of this compilation is the preprocessed
+//! raycl compiles the program again, with a line table. For this compilation, raycl uses the preprocessed
 //! text that `raycl kernel` prints, reduced to the kernels that the scene's frames run. In the preprocessed
 //! text, `#if` conditions are already evaluated, macros are expanded, and a file that is included twice
 //! appears twice. Therefore each line of the preprocessed text belongs to one place in the program only.
@@ -37,13 +37,14 @@ use serde::Serialize;
 const FILE: &str = "kernel.cl";
 
 /// Options that make compilers add a line table. The first option is for NVIDIA's compiler: with `-g`, this
-/// compiler would not optimise. The second option is for all other compilers.
+/// compiler would not optimise. The second option, `-g`, is for the compilers of all other vendors.
 const LINE_TABLE: [&str; 2] = ["-nv-line-info", "-g"];
 
 /// The instructions of a program's kernels, by source line.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Microscope {
-    /// The source text that was compiled. The line numbers of the listings count its lines from 1.
+    /// The source text that was compiled. The line numbers of the listings count the lines of this text
+    /// from 1.
     #[serde(skip)]
     pub source: String,
     /// Remarks for readers of the listings, for example that a disassembler is missing.
@@ -68,12 +69,12 @@ pub struct Listing {
     pub rows_are: RowsAre,
     /// Registers per work-item; `None` if the compiler did not report them.
     pub registers: Option<u32>,
-    /// True if the timed program, which has no line table, has the same operations in the same order.
-    /// Operands (registers, addresses, numbers) are not compared. `None` if the two programs cannot be
-    /// compared, but `false` if `for_any_local_size` is true.
+    /// True if the timed program, which has no line table, has the same operations in the same order as this
+    /// listing. Operands (registers, addresses, numbers) are not compared. `None` if the two programs cannot
+    /// be compared. If `for_any_local_size` is true, the value is always `false`.
     pub same_as_timed: Option<bool>,
     /// True if the driver is PoCL, and raycl found only PoCL's version of the kernel for any local size. A
-    /// frame normally runs the version for the kernel's own local size.
+    /// frame normally runs the version that PoCL compiled for the kernel's own local size.
     pub for_any_local_size: bool,
     /// Number of instructions.
     pub instructions: u32,
@@ -155,8 +156,8 @@ impl Microscope {
         let source = format!("#line 1 \"{FILE}\"\n{}", self.source);
         // PoCL's cache treats texts that differ only in comments and line numbers as the same program, and
         // keeps the versions for all local sizes together. An additional define therefore contains a hash of
-        // the text and of the sizes with which the kernels are launched. If the text or a size differs, the
-        // program differs too.
+        // the program's text and of the sizes with which the kernels are launched. If the text or a size
+        // differs, the program differs too.
         let hash = &blake3::hash(format!("{source}{}", pocl::sizes(caster)).as_bytes()).to_hex()[..8];
         let options = format!("{} -D LINES_OF=0x{hash}", options.join(" "));
         let spec = ProgramSpec { source, options, files: Vec::new() };
@@ -251,8 +252,8 @@ fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     if codes.is_empty() { Err(NOTHING.to_owned()) } else { Ok(codes) }
 }
 
-/// Returns the version of a kernel's code that a frame runs with the given local size, and true. If PoCL's
-/// binary lacks the version for this local size, returns the version for any local size, and false.
+/// Returns a version of a kernel's code, and true if a frame runs this version with the given local size. If
+/// PoCL's binary lacks the version for this local size, returns the version for any local size, and false.
 fn code_of_frame<'a>(
     codes: &'a [Code],
     kernel: &str,

@@ -18,11 +18,11 @@ pub fn is_pocls(binary: &[u8]) -> bool {
 }
 
 /// Returns a program's binary, which includes the versions of the kernels for the local sizes of a frame.
-/// PoCL compiles a version only when a kernel is launched with its local size, so this function first casts
-/// the frame of `caster`.
+/// PoCL compiles a kernel for a local size only when the kernel is launched with this local size, so this
+/// function first casts the frame of `caster`.
 pub fn binary_of_frame(program: &BuiltProgram, caster: &Caster) -> Vec<u8> {
-    // If the frame cannot be cast, the binary lacks the versions for the frame's local sizes, and the
-    // microscope says so.
+    // If the frame cannot be cast, the binary lacks the kernels' versions for the frame's local sizes, and a
+    // note in the listings says so.
     let _ = caster.cast();
     program.binary()
 }
@@ -61,8 +61,8 @@ pub fn local_size(kernel: &Kernel) -> Option<[usize; 3]> {
     kernel.default_local_work_size().to_lens().ok()
 }
 
-/// Returns the global and local sizes of a frame's kernels as text. Two frames get different texts if PoCL
-/// compiles different versions of the kernels for them.
+/// Returns the global and local sizes of a frame's kernels as text. The texts of two frames differ if PoCL
+/// compiles different versions of the kernels for these frames.
 pub fn sizes(caster: &Caster) -> String {
     let sizes = |kernel: &Kernel| (kernel.default_global_work_size(), kernel.default_local_work_size());
     format!("{:?}", caster.kernels().map(sizes).collect::<Vec<_>>())

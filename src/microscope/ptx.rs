@@ -52,8 +52,8 @@ fn called(statement: &str) -> Option<&str> {
     after_results(operands)?.trim_start_matches(is_between).split(is_between).next()
 }
 
-/// Returns true if a text before a colon is a label. If the colon belongs to "::" in an opcode instead, the
-/// opcode contains a dot before the colon; labels contain no dots.
+/// Returns true if a text before a colon is a label. Labels contain no dots. If the colon is part of a "::"
+/// in an opcode, the text before the colon contains a dot, so it is no label.
 fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }
@@ -128,8 +128,8 @@ fn kinds(text: &str, kernel: &str) -> Vec<Kind> {
     if let Some(name) = instruction(opcode) {
         let mut words = name.split('.');
         let (verb, memory) = (words.next().unwrap_or_default(), memory(words.next().unwrap_or_default()));
-        // The kernel's arguments are called `KERNEL_param_0` and so on. The parameters with other names pass
-        // values to functions and back, usually in registers.
+        // The kernel's arguments are called `KERNEL_param_0` and so on. Parameters that are not arguments of
+        // the kernel have other names, and pass values to functions and back, usually in registers.
         if memory == Memory::Argument && !text.contains(&format!("[{kernel}_param_")) {
             return vec![Kind::Move];
         }

@@ -100,7 +100,8 @@ fn instruction(line: &str) -> Option<&str> {
 }
 
 /// Returns true if an instruction is a multiply-add of two zeros ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas`
-/// uses this instruction in place of `MOV`. A multiply-add with `.X` also adds a carry, so it is not a copy.
+/// uses such a multiply-add of zeros in place of `MOV`. A multiply-add with `.X` also adds a carry, so it is
+/// not a copy.
 fn multiplies_zeros(text: &str) -> bool {
     let opcode = opcode(text);
     let multiplies = opcode.starts_with("IMAD") || opcode.starts_with("HFMA2");

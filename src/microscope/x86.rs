@@ -43,12 +43,13 @@ const MOVES: [&str; 30] = [
     "expand",
     "pexpand",
 ];
-/// Beginnings of the names of instructions that never write to memory. If the last operand of such an
-/// instruction is memory, the instruction only reads the memory.
+/// Beginnings of the names of instructions that never write to memory. If the last operand of an instruction
+/// in this list is memory, the instruction only reads the memory.
 const READERS: [&str; 11] =
     ["cmp", "test", "ucomis", "comis", "ptest", "bt", "div", "idiv", "mul", "imul", "fld"];
 /// Beginnings of the names of instructions that write their last operand but do not read the operand. The
-/// instructions in `MOVES` also write without reading, but are not repeated in this list.
+/// instructions in `MOVES` also write their last operand without reading it, but `WRITERS` does not repeat
+/// them.
 const WRITERS: [&str; 3] = ["set", "cvt", "stmxcsr"];
 
 /// Returns the kinds of work that an instruction does. `frames` are the registers besides `%rsp` that contain
@@ -94,7 +95,8 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
 }
 
 /// Returns the kinds of work of an instruction that can be classified without telling source and destination
-/// apart, such as a branch; `None` for any other instruction. `operand` is the text of all operands.
+/// apart, such as a branch; `None` for any other instruction. `operand` is one text, which contains all
+/// operands of the instruction.
 fn kinds_by_name(name: &str, operand: &str, frames: &[&str]) -> Option<Vec<Kind>> {
     Some(match name {
         // `push`, `pop` and `leave` copy between the stack and their operand, which may be memory.

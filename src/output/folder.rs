@@ -27,9 +27,10 @@ pub struct OutFolder {
 }
 
 impl OutFolder {
-    /// Reads the list of a folder. The folder and the list need not exist. Fails if `path` is a file instead
-    /// of a folder, or if this process may not make the folder or create files in it. Without `--force`, also
-    /// fails if the folder's file `raycl.b3sum` is not a list in the format of `b3sum`.
+    /// Reads a folder's list of the files that raycl made (`raycl.b3sum`). Neither the folder nor its list
+    /// needs to exist. Fails if `path` is a file instead of a folder, or if this process may not make the
+    /// folder or create files in it. Without `--force`, also fails if the folder's file `raycl.b3sum` is not
+    /// a list in the format of `b3sum`.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
@@ -62,9 +63,9 @@ impl OutFolder {
     }
 
     /// Returns an error if [`write`](Self::write) would refuse files with the names in `names`. Commands call
-    /// this function before their work, when the new contents are not known yet. `check` therefore also
-    /// refuses an existing file that raycl did not make, even if the file equals the content that would be
-    /// written.
+    /// this function before their work, when the contents of the new files are not known yet. `check`
+    /// therefore also refuses an existing file that raycl did not make, even if the file equals the content
+    /// that would be written.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -95,9 +96,9 @@ impl OutFolder {
         if self.results {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
-        // raycl writes the list before the files, so that the list includes the files even if the command is
-        // killed in between. Once the files are written, raycl writes the list again, without the hashes of
-        // the replaced files.
+        // raycl writes the folder's list of hashes before the files, so that the list includes the files even
+        // if the command is killed in between. Once the files are written, raycl writes the list of hashes
+        // again, without the hashes of the replaced files.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;
@@ -108,8 +109,8 @@ impl OutFolder {
 
     /// Removes the plots and exports of an earlier report that are not among `written`, the files of the new
     /// report. Keeps plots of pages other than reports, files that cannot be removed, and files that somebody
-    /// changed. In a folder of results, which has no list, changed files cannot be recognised and are
-    /// removed.
+    /// changed. A folder of results has no list of hashes, so changed files cannot be recognised there and
+    /// are removed.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
@@ -144,7 +145,7 @@ impl OutFolder {
 
     /// Finds out whether raycl made a file. raycl made the file if the list has the file's name with the
     /// file's hash, or if the file equals the new content. The file counts as changed if the list has the
-    /// file's name only with other hashes.
+    /// file's name, but only with hashes of other contents.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
         let old_hash = hasher.update_reader(file)?.finalize().to_hex().to_string();

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Seek as _, SeekFrom, Write};
 use std::ops::Range;
 
-/// The text before the hash's digits in a mark.
+/// The text before the digits of the hash in a mark, by which raycl recognises its own files.
 const LABEL: &str = "made by raycl, blake3 of the rest: ";
 /// The text before the key that identifies a frame of an animation or a turntable. The frame's key is a hash
 /// of what determines the picture.
@@ -15,8 +15,8 @@ const KEY_LABEL: &str = "frame of raycl: ";
 const DIGITS: usize = 64;
 /// The mark lies within this many bytes from the start of a file.
 const HEAD_BYTES: u64 = 4096;
-/// Offset in bytes of a PNG's second chunk, after the signature and the first chunk (IHDR). The mark is in the second
-/// chunk.
+/// Offset in bytes of a PNG's second chunk, after the signature and the first chunk (IHDR). raycl's mark is
+/// in the second chunk of the PNG.
 const PNG_CHUNK: usize = 33;
 const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
@@ -31,8 +31,8 @@ pub enum Maker {
     Other,
 }
 
-/// Returns a blank mark, which has zeros in place of the hash. Once the blank mark is in a file, [`seal`] replaces the
-/// zeros by the hash.
+/// Returns a blank mark, which has zeros in place of the hash. Once the blank mark is in a file, [`seal`]
+/// replaces the zeros of the mark by the hash of the rest of the file.
 pub fn blank() -> String {
     format!("{LABEL}{}", "0".repeat(DIGITS))
 }
@@ -63,12 +63,13 @@ pub fn key(file: &mut File) -> Option<String> {
     unchanged.then(|| String::from_utf8_lossy(key).into_owned())
 }
 
-/// Returns the JSON text with a blank mark as the first field of its first object.
+/// Returns the JSON text with a blank mark (with zeros in place of the hash) as the first field of its first
+/// object.
 pub fn json(text: &str) -> String {
     text.replacen('{', &format!("{{\n\"mark\": \"{}\",", blank()), 1)
 }
 
-/// Replaces the zeros in the blank mark of a file by the file's hash.
+/// Replaces the zeros in a file's blank mark by the hash of the rest of the file.
 pub fn seal(file: &mut File) -> Result<()> {
     let mark = MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
     file.seek(SeekFrom::Start(mark.hole.start as u64))?;

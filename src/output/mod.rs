@@ -1,9 +1,9 @@
 //! The files that commands write for the user. A file that raycl did not make, or that somebody has
 //! changed, is replaced only with `--force`.
 //!
-//! A file that a command writes alone ([`Target`]: a picture, JSON) contains a [mark], which is a hash of the
-//! rest of the file. A folder of several files ([`OutFolder`]) contains a list of the files' hashes. A folder
-//! of results (the output of `raycl run`) has other rules: no measurement is ever replaced.
+//! If a command writes a single file ([`Target`]: a picture, JSON), the file contains a [mark], which is a
+//! hash of the rest of the file. A folder of several files ([`OutFolder`]) contains a list of the files'
+//! hashes. A folder of results (the output of `raycl run`) has other rules: no measurement is ever replaced.
 
 mod folder;
 pub mod mark;

@@ -23,13 +23,13 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Returns the choice for a command that has the option `--force`. `force` is true if the user gave this
+    /// Returns the `Choice` of a command that has the option `--force`. `force` is true if the user gave this
     /// option.
     pub const fn new(force: bool, elsewhere: &'static str) -> Self {
         Self { force, elsewhere, has_force: true }
     }
 
-    /// Returns the choice for a command that has no option `--force`, or for a caller of the library.
+    /// Returns the `Choice` of a command that has no option `--force`, or of a caller of the library.
     pub const fn without_force(elsewhere: &'static str) -> Self {
         Self { force: false, elsewhere, has_force: false }
     }
@@ -188,8 +188,8 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Some file systems cannot rename a file without the risk of replacing another file. On such a file
-        // system, this function first reserves the name with an empty file.
+        // Some file systems cannot rename a file without the risk of replacing another file. If the rename
+        // fails for this reason, this function first reserves the name with an empty file.
         Err(error) => {
             File::create_new(path)?;
             replace(error.file, path).inspect_err(|_| {
@@ -205,7 +205,8 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
 }
 
 /// Gives a new file the permissions of the file that it will replace, so that a file in a folder that several users
-/// share stays writable for the group. If the file system refuses, the new file keeps the usual permissions.
+/// share stays writable for the group. If the file system refuses these permissions, the new file keeps the
+/// usual ones.
 #[cfg(unix)]
 fn keep_permissions(new: &NamedTempFile, replaced: &Path) {
     use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};

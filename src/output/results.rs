@@ -10,8 +10,8 @@ use crate::record::journals::{
 use std::path::Path;
 
 /// The files that a run may leave if it ends before its first record, for example because the user interrupts
-/// it or the disk is full. A run that ends so early may also leave files of earlier runs that
-/// [`is_earlier_environment`] recognises.
+/// it or the disk is full. A run that ends before its first record may also leave files of earlier runs (see
+/// [`is_earlier_environment`]).
 const BEGUN: [&str; 7] = [".lock", ENVIRONMENT, SAMPLES, LAUNCHES, ROUNDS, ANCHORS, IMAGES];
 
 /// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its

@@ -82,7 +82,8 @@ impl Target {
     /// "a file of the scene".
     pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
         let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
-        // A file that does not exist is not replaced, even if the command tried to read it.
+        // If no file exists at the output path, nothing is replaced, even if the command tried to read a file
+        // there.
         if path.is_some_and(|path| path.symlink_metadata().is_ok() && is_read(&path)) {
             let message = format!("'{}' is {what}, and is not replaced", self.path.display());
             let help = format!("`{}` writes elsewhere", self.choice.elsewhere);
@@ -92,8 +93,8 @@ impl Target {
     }
 
     /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash).
-    /// Afterwards, this function replaces the zeros of the mark by the file's hash. The file appears at its
-    /// path completely or not at all.
+    /// After that, this function replaces the zeros of the blank mark by the hash of the rest of the file.
+    /// The file appears at its path completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
         if self.is_standard_output() {
             return to_standard_output(write);
@@ -104,8 +105,8 @@ impl Target {
         })
     }
 
-    /// Writes indented JSON with a mark. If the target is a file, the file's data is on the disk when this
-    /// function returns.
+    /// Writes indented JSON with a mark (a hash of the rest of the file). If the target is a file, the file's
+    /// data is on the disk when this function returns.
     pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
         let text = mark::json(&text);
@@ -120,8 +121,8 @@ impl Target {
     }
 }
 
-/// Writes to standard output. The output is written to a temporary file first, since the hash in the mark is only known
-/// at the end, and a pipe cannot seek back to the mark.
+/// Writes to standard output. The output is written to a temporary file first. The hash in the output's mark
+/// is only known at the end, and a pipe cannot seek back to the mark.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
     let file = temporary(&std::env::temp_dir(), write)?;
     copy(file, &mut std::io::stdout().lock())

@@ -9,11 +9,12 @@ use tempfile::NamedTempFile;
 /// A file that is not complete yet.
 #[derive(Debug)]
 pub(super) enum Unfinished {
-    /// A file without a name. The system removes such a file when this process ends, even if the process is
-    /// killed. A command that writes a file for minutes therefore leaves nothing behind when it is
+    /// A file without a name. The system removes a file without a name when this process ends, even if the
+    /// process is killed. A command that writes a file for minutes therefore leaves nothing behind when it is
     /// interrupted.
     Unnamed(File),
-    /// A file with a temporary name, where the system or the file system has no files without names.
+    /// A file with a temporary name, used if the system or the file system does not support files without
+    /// names.
     Named(NamedTempFile),
 }
 
@@ -71,14 +72,14 @@ fn linked(file: &File, folder: &Path) -> IoResult<NamedTempFile> {
     tempfile::Builder::new().prefix(TEMPORARY_PREFIX).make_in(folder, link_at)
 }
 
-/// Copies a file without a name to a file with a temporary name. The copy is needed where /proc is not mounted: without
-/// /proc, only the superuser may give a file a name.
+/// Copies a file without a name to a file with a temporary name. This copy is needed where /proc is not
+/// mounted, because only the superuser may then give the original file a name.
 fn copied(mut file: File, folder: &Path) -> IoResult<NamedTempFile> {
     let mut copy = temporary_in(folder)?;
     file.rewind()?;
     std::io::copy(&mut file, &mut copy)?;
-    // The caller may have waited until the file without a name was on the disk (`sync_all`), so this function
-    // waits until the copy is on the disk too.
+    // The caller may have waited until the original file was on the disk (`sync_all`). This function
+    // therefore waits until the copy is on the disk too.
     copy.as_file().sync_all()?;
     Ok(copy)
 }

@@ -1,5 +1,5 @@
-//! Measures the peak rates, one per function. Each function checks the kernel's result, which shows that the kernel did
-//! the work.
+//! Measures the peak rates, one per function. Each of these functions checks the numbers that its kernel
+//! computed, which shows that the kernel did the work.
 
 use super::rig::{NO_TIMES, PeakProgram, Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};
@@ -27,8 +27,9 @@ const LARGE_BYTES: u64 = 512 << 20;
 /// The distance in bytes between neighbouring entries of the pointer chase in global memory: a cache line. In
 /// a pointer chase, each read yields the index of the entry that is read next.
 const LINE_BYTES: usize = 128;
-/// Number of entries of the pointer chases in private and `__local` memory. The number is a prime, so that no chase
-/// ends at the entry at which it began. The entry at the end therefore shows that the chase ran.
+/// Number of entries of the pointer chases in private and `__local` memory. In a pointer chase, each read
+/// yields the index of the entry that is read next. `ENTRIES` is a prime, so that no pointer chase ends at
+/// the entry at which it began. The last entry that a pointer chase reads therefore shows that the chase ran.
 const ENTRIES: u64 = 61;
 /// Number of kernel launches in a batch.
 const BATCH: u32 = 500;
@@ -96,15 +97,17 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let chains = CHAINS * width;
     // Each chain computes x = 0.5 x + 1 again and again, and converges to 1 / (1 - 0.5) = 2.
     expect("multiply-adds", last_sum()?, 2.0 * chains as f64)?;
-    // After a single loop, the chains have not converged: their sum depends on the number of steps.
+    // After a single loop of multiply-adds, the chains have not converged to 2, so the sum of their values
+    // depends on the number of steps.
     kernel.set_arg(0, 1_i32).map_err(failed)?;
     rig.launch(&kernel)?;
     expect("a loop of multiply-adds", last_sum()?, after_a_loop(group - 1, width))?;
     multiplied(items, width, &seconds)
 }
 
-/// Returns the sum of a work-item's chains of vectors after one loop. `item` is the work-item's index in its
-/// work-group: chain i begins at `item` + i, and each step halves the distance from 2.
+/// Returns the sum of all elements of the vectors that a work-item has computed (one vector per chain) after
+/// one loop of multiply-adds. `item` is the work-item's index in its work-group. Chain i begins at `item` +
+/// i, and each step halves the chain's distance from its limit, 2.
 fn after_a_loop(item: usize, width: u64) -> f64 {
     let distances: f64 = (0..CHAINS).map(|chain| (item as u64 + chain) as f64 - 2.0).sum();
     width as f64 * (2.0 * CHAINS as f64 + distances / f64::from(1_u32 << FMA_STEPS))
@@ -255,8 +258,8 @@ fn chain(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     Ok(latency(&seconds))
 }
 
-/// Number of entries by which a step of a pointer chase advances. Any number works that is not a multiple of the number
-/// of entries.
+/// Number of entries by which a step of a pointer chase advances. Any stride works that is not a multiple of
+/// the number of entries, `ENTRIES`.
 const STRIDE: i32 = 13;
 
 fn chase(rig: &Rig<'_>, program: &PeakProgram, name: &'static str) -> Result<Figure> {
@@ -335,8 +338,8 @@ mod tests {
             }
         }
         assert_eq!(visited, 1000);
-        // A device may fetch neighbouring cache lines ahead. In a random cycle of 1000 lines, only about one
-        // line is followed by its neighbour.
+        // A device may fetch neighbouring cache lines ahead. In a random cycle of 1000 cache lines, only
+        // about one line is followed by its neighbour in memory.
         let is_neighbour = |line: &usize| next[32 * line] as usize == 32 * ((line + 1) % 1000);
         let in_order = (0..1000).filter(is_neighbour).count();
         assert!(in_order < 10, "{in_order} of 1000 lines are followed by their neighbours");
@@ -364,8 +367,8 @@ mod tests {
         );
     }
 
-    /// Each expected number is the sum of a work-item's 16 chains after eight steps. In the first work-item,
-    /// the chains begin at the numbers 0 to 15.
+    /// Each expected number is the sum of the 16 chains of multiply-adds of a work-item after eight steps. In
+    /// the first work-item, the chains begin at the numbers 0 to 15.
     #[test]
     fn a_loop_of_multiply_adds_moves_each_chain_eight_steps_towards_its_limit() {
         assert_eq!(after_a_loop(0, 1), 32.0 + (120.0 - 32.0) / 256.0);

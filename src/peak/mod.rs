@@ -22,8 +22,8 @@ use std::path::Path;
 
 /// The name of the file with the devices' peak rates in a folder of results.
 pub const FILE: &str = "peak.json";
-/// The rates per second that a device can have. The rates of real devices and simulators are far from the two
-/// ends of this range.
+/// The rates per second that a device can have. The rates of real devices and simulators are far from both
+/// ends of the range `POSSIBLE_PER_S`.
 const POSSIBLE_PER_S: RangeInclusive<f64> = 1.0..=1e18;
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
@@ -89,7 +89,7 @@ pub struct Peak {
 }
 
 impl Figure {
-    /// Summarises repeats. Without repeats, all values are zero.
+    /// Summarises repeats. If the measurement has no repeats, the median and the quartiles are zero.
     pub fn of(values: &[f64]) -> Self {
         let summary = Summary::of(values).map(|summary| Self {
             median: summary.median,
@@ -161,15 +161,15 @@ impl Peak {
         write_json(path, all)
     }
 
-    /// Returns true if the rates may have been measured on `device`. The name of a device in records depends
-    /// on the machine's other devices, so the rates may have any of the names that records can use for the
-    /// device.
+    /// Returns true if these peak rates may have been measured on `device`. The name of a device in records
+    /// depends on the machine's other devices, so the rates may have any of the names that records can use
+    /// for the device.
     pub fn may_be_of(&self, device: &DeviceInfo) -> bool {
         [&device.label, &device.name, &device.slug()].contains(&&self.device)
     }
 
     /// Returns true if the rates were measured on one of `devices`, but with another driver or in another
-    /// state. Rates without a state count as rates of every state.
+    /// state. Peak rates for which the device's state was not stored count as rates of every state.
     pub fn are_outdated(&self, devices: &[&DeviceInfo]) -> bool {
         let fits = |device: &&DeviceInfo| {
             (&self.platform, &self.driver) == (&device.platform, &device.driver)
@@ -180,7 +180,8 @@ impl Peak {
     }
 
     /// Returns true if these rates and `earlier` were measured on the same device with the same driver and in
-    /// the same state. Earlier rates without a state count as rates of every state.
+    /// the same state. Earlier rates for which the device's state was not stored count as rates of every
+    /// state.
     pub fn is_of_state_of(&self, earlier: &Self) -> bool {
         (&self.device, &self.platform, &self.driver) == (&earlier.device, &earlier.platform, &earlier.driver)
             && (earlier.state.is_none() || earlier.state == self.state)
@@ -196,7 +197,7 @@ impl Peak {
     }
 
     /// Computes the rate of operations of a record's ray-triangle tests as a share of the device's peak rate of
-    /// multiply-adds. Adds this share and the peak rate to the record.
+    /// multiply-adds. Adds this share of the peak rate, and the peak rate itself, to the record.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

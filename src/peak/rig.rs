@@ -56,16 +56,16 @@ impl<'a> Rig<'a> {
         Ok(Self { device, queue: Queue::open(device)?, sources })
     }
 
-    /// Returns the number of work-items per work-group. The number is 1 on a CPU whose lanes are elements of
-    /// vectors. The number is large on other devices, whose lanes are work-items. With Mesa's driver, CPUs
-    /// report no vectors, so their lanes are work-items too.
+    /// Returns the number of work-items per work-group. On a CPU whose lanes are elements of vectors, a
+    /// work-group has 1 work-item. On other devices, whose lanes are work-items, a work-group has many
+    /// work-items. With Mesa's driver, CPUs report no vectors, so their lanes are work-items too.
     pub fn group(&self) -> usize {
         let limits = &self.device.info.limits;
         if limits.is_cpu && limits.native_width > 1 { 1 } else { self.large_group() }
     }
 
-    /// Returns a large number of work-items per work-group that the device allows. The number is a power of
-    /// two.
+    /// Returns the largest number of work-items per work-group that the device allows, up to 256. This number
+    /// of work-items is a power of two.
     pub fn large_group(&self) -> usize {
         self.device.info.limits.group(256)
     }

@@ -5,7 +5,7 @@ use crate::strategy::{Axis as _, Copied, Intersector, Layout, Triangles, Vectors
 
 /// Bytes of the two working vectors that a kernel reads for each test of a primary ray: the ray's origin and
 /// direction, three floats each. A common-origin test does not need the origin. The kernel reads the origin
-/// nevertheless, because accesses to the working vectors are volatile.
+/// for a common-origin test too, because accesses to the working vectors are volatile.
 const RAY_BYTES: f64 = 24.0;
 /// Bytes of a triangle's three corners.
 const CORNER_BYTES: f64 = 36.0;
@@ -28,9 +28,10 @@ pub struct Traffic<'a> {
 
 impl<'a> Traffic<'a> {
     /// Returns the bytes that one ray-triangle test of a measured point reads. If the point's record states
-    /// the triangle's bytes, all values come from the record; the result is `None` if the record lacks the
-    /// bytes of the ray, or the memory of the triangle or of the ray. Records of earlier versions of raycl do
-    /// not state the triangle's bytes; for these records, the result is that of [`Self::by_headers`].
+    /// the bytes of the triangle, all values come from the record. The result is then `None` if the record
+    /// lacks the bytes of the ray, the memory of the ray or the memory of the triangle. Records of earlier
+    /// versions of raycl do not state how many bytes a test reads of its triangle. For these records, the
+    /// result is that of [`Self::by_headers`].
     pub fn of(record: &'a Record) -> Option<Self> {
         let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
         Some(Self {
@@ -41,11 +42,12 @@ impl<'a> Traffic<'a> {
         })
     }
 
-    /// Returns the bytes that each test of a record's strategy reads, by the headers of the kernel files that
-    /// implement the strategy's values. Returns `None` for baselines, and if this version of raycl does not
-    /// know one of the strategy's values. Also returns `None` for strategies that do not test every ray
-    /// against every triangle. For strategies that do not test every ray against every triangle, the number
-    /// of tests is unknown, so the bytes per test would not yield the bytes of a frame.
+    /// Returns the bytes that each ray-triangle test of a record's strategy reads. These numbers come from
+    /// the headers of the kernel files that implement the strategy's values. Returns `None` for baselines,
+    /// and if this version of raycl does not know one of the strategy's values. Also returns `None` for
+    /// strategies that do not test every ray against every triangle. For strategies that do not test every
+    /// ray against every triangle, the number of tests is unknown, so the bytes per test would not yield the
+    /// bytes of a frame.
     pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

@@ -28,8 +28,8 @@ pub struct BuildError {
     /// The compiler's messages about the program or, if the driver could not compile the program, the
     /// driver's error.
     pub log: String,
-    /// True if the program contains a kernel file that the user added or changed. If so, the mistake is in
-    /// the user's file, since raycl's own files compile.
+    /// True if the program contains a kernel file that the user added or changed. If the program contains
+    /// such a file, the mistake is in this file, since raycl's own files compile.
     pub has_own_file: bool,
     /// True if the same build may succeed later: the build failed for a reason that has nothing to do with
     /// the program, such as a lack of memory.
@@ -133,9 +133,9 @@ impl BuiltProgram {
         !binary.is_empty() && self.programs.store(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
-    /// Returns true if the compiler can print the kernels' registers, but printed nothing. The reason is that
-    /// the driver took the program from the driver's own cache; the compiler prints registers only when it
-    /// compiles.
+    /// Returns true if the compiler can print the kernels' registers, but printed nothing. The compiler
+    /// prints registers only when it compiles. If the compiler printed nothing, the driver took the program
+    /// from the driver's own cache.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
     }
@@ -146,10 +146,10 @@ impl BuiltProgram {
         self.store().then_some(&self.key)
     }
 
-    /// Loads the program once from raycl's cache, if this process has compiled and stored the program and the
-    /// program's binary is PTX. A driver whose binaries are PTX compiles the PTX to machine code when the
-    /// program is loaded. Loading the program now puts this machine code into the driver's cache, where the
-    /// next process finds it.
+    /// Loads the program from raycl's cache and drops it again. Does nothing unless this process has compiled
+    /// and stored the program, and the program's binary is PTX. A driver whose binaries are PTX compiles the
+    /// PTX to machine code when the program is loaded. Loading the program now puts this machine code into
+    /// the driver's cache, where the next process finds it.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;
@@ -190,8 +190,8 @@ impl BuiltProgram {
 }
 
 /// Returns a program's compiler options, and the option that makes the device's compiler print the kernels'
-/// resources. If the compiler cannot print resources, adds the option that stops the compiler's output to the
-/// terminal, if the compiler has such an option.
+/// resources. If the compiler cannot print resources, but has an option that stops the compiler's output to
+/// the terminal, adds that option instead.
 fn options(device: Device, spec: &ProgramSpec) -> String {
     let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
     format!("{} {more}", spec.options).trim_end().to_owned()
@@ -249,9 +249,9 @@ mod tests {
         // NVIDIA's compiler names no file, only a line of the whole program.
         assert_eq!(located("<kernel>:3:1: error: no"), format!("{shade}:2:1: error: no"));
         assert_eq!(located("error: cast/shade.cl:1:1: no"), format!("error: {shade}:1:1: no"));
-        // In the next two cases, the compiler's message does not name the user's file, so raycl's message
-        // must add the file's name. In the first case, the compiler names a built-in file, which may use a
-        // name that the user's file defines wrongly. In the second case, the compiler names no file.
+        // The next two messages of the compiler do not name the user's file, so raycl's message must add the
+        // file's name. The first of these two messages names a built-in file, which may use a name that the
+        // user's file defines wrongly. The second of these two messages names no file.
         let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
         let note = "\nnote: cast/shade.cl:2:2: it is declared here";
         let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));

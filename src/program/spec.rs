@@ -38,8 +38,8 @@ impl ProgramSpec {
     /// Makes the compiler's input as [`Self::new`] does, but leaves out the check of the user's kernel file
     /// for the strategy's axis `triangles`. The check consists of `#error` lines, which stop the compiler if
     /// the file's macros disagree with the key `copied` in the file's header. `raycl kernel` prints the
-    /// program without these lines, so that a user who gets such an error can look for its cause in the
-    /// printed program.
+    /// program without these `#error` lines, so that a user whose file fails the check can look for the cause
+    /// in the printed program.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,
@@ -86,9 +86,10 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
 }
 
 /// Returns `#error` lines at which a compiler stops if the macros of the user's file of the axis `triangles`
-/// disagree with the file's header. Without these lines, such a file could make a wrong picture, since the
-/// host makes defines such as `TRIANGLES` from the header. Returns no lines if the program does not contain a
-/// user's file of the axis `triangles`, or if this file equals the built-in file.
+/// disagree with the file's header. Without these `#error` lines, a file that disagrees with its header could
+/// make a wrong picture, since the host makes defines such as `TRIANGLES` from the header. Returns no lines
+/// if the program does not contain a user's file of the axis `triangles`, or if this file equals the built-in
+/// file.
 fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) -> Result<String> {
     let file = format!("cast/triangles/{}.cl", strategy.triangles.name().replace('-', "_"));
     if !files.contains(&file) || sources.changed_paths(slice::from_ref(&file)).is_empty() {
@@ -96,10 +97,10 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     }
     let text = sources.read(&file)?;
     let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
-    // The compiler must report the error at the line of `copied`. A directive `#line` states the number of
-    // the next line, which is the `#if`. The `#error` has the next higher number, so the `#if` must get the
-    // number of the line before `copied`. The number of the line before `copied` is `key`, because `key`
-    // counts lines from 0 and `#line` counts lines from 1.
+    // The compiler must report the error at the line of the header that has the key `copied`. A directive
+    // `#line` states the number of the next line, which is the `#if`. The `#error` comes one line after the
+    // `#if`, so the `#if` must get the number of the line before `copied`. This number is `key`, because
+    // `key` is the index of the line of `copied`, counted from 0, and `#line` counts lines from 1.
     let line = key.unwrap_or(0).max(1);
     let copied = strategy.triangles.copied();
     let macros = [
@@ -169,8 +170,8 @@ mod tests {
             };
             assert!(as_expected, "{to}: {message:?}");
         }
-        // Programs of built-in files get no check lines, so that the programs' hashes stay equal to the
-        // hashes in stored records.
+        // Programs of built-in files get no lines that check a header, so that the programs' hashes stay
+        // equal to the hashes in stored records.
         assert!(!spec_of(&Sources::Embedded).source.contains("in the header of this file"));
     }
 

@@ -5,10 +5,11 @@ use crate::device::DeviceInfo;
 
 /// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
-/// The kind of the cache entries that contain a program's key. raycl finds such an entry by the program's
-/// name, a text that identifies the program before the program's key is known. If a program uses a tree, one
-/// of its defines (the stack size), and thus its key, is known only once the tree is built. With the name,
-/// raycl can find out whether the program is stored before it builds the tree.
+/// The kind of the cache entries that contain the key under which a compiled program is stored. raycl finds
+/// such an entry by the program's name. The name is a text that identifies the program before the program's
+/// key is known. If a program uses a tree, one of its defines (the stack size), and thus its key, is known
+/// only once the tree is built. By the program's name, raycl can find out, before it builds the tree, whether
+/// the program is stored.
 const NAME_KIND: &str = "name";
 
 /// The environment variable with which raycl starts a process again after a crash that a stored program may

@@ -1,7 +1,7 @@
 //! `anchors.jsonl`: times of the anchor, which is a kernel that never changes. Each device runs the anchor
-//! once for every six samples of its points, or once in every round if a round has fewer samples on the
-//! device. With the anchor's times, runs can be compared even if the machine's speed changed between the
-//! runs.
+//! kernel once for every six samples of its points, or once in every round if a round has fewer than six
+//! samples on the device. With the anchor's times, runs can be compared even if the machine's speed changed
+//! between the runs.
 
 use super::plan::CurrentPlan;
 use super::types::Record;
@@ -21,11 +21,13 @@ pub struct AnchorSample {
     pub launch: u32,
     /// The round of the launch (one sample of each point), counted from 0.
     pub round: u32,
-    /// When the anchor ended, in milliseconds since the launch's rounds began.
+    /// The time at which this execution of the anchor kernel ended, in milliseconds since the first round of
+    /// the launch began.
     pub at_ms: f64,
-    /// The anchor's device time in milliseconds.
+    /// The device time of this execution of the anchor kernel, in milliseconds.
     pub ms: f64,
-    /// The anchor's time on the host's clock, in milliseconds; absent in files of earlier versions.
+    /// The time of this execution of the anchor kernel on the host's clock, in milliseconds; absent in files
+    /// of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host_ms: Option<f64>,
     /// The processor time that the process used for the anchor, in milliseconds; absent in files of earlier
@@ -55,20 +57,20 @@ pub(super) struct AnchorTimes<'a> {
     pub utilization: Option<AnchorUtilization>,
 }
 
-/// The ratio of an anchor's processor time to its elapsed time. If other programs delay the anchor, this
-/// ratio becomes smaller.
+/// The ratio of an anchor's processor time to its elapsed time. If other programs delay the anchor, the ratio
+/// of its processor time to its elapsed time becomes smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AnchorUtilization {
     /// The median of the ratios of the remaining samples ([`AnchorTimes::remaining`]).
     pub remaining: f64,
     /// The ratio for all samples together, including the preempted samples. Other programs delay a point with
-    /// long frames about as much as they delay all samples of the anchor together.
+    /// long frames by about the same factor as all samples of the anchor together.
     pub overall: f64,
 }
 
 impl<'a> AnchorTimes<'a> {
-    /// Returns one `AnchorTimes` for each pair of an anchor's name and a device, with the samples of the
-    /// given launches.
+    /// Returns one `AnchorTimes` for each pair of an anchor's name and a device's name. Only the samples of
+    /// the given launches are included.
     pub(super) fn of_launches(launches: &HashSet<u32>, samples: &'a [AnchorSample]) -> Vec<Self> {
         let mut anchors: BTreeMap<(&str, &str), Vec<&AnchorSample>> = BTreeMap::new();
         for sample in samples.iter().filter(|sample| launches.contains(&sample.launch)) {
@@ -94,12 +96,12 @@ impl AnchorUtilization {
     }
 }
 
-/// In the samples of anchors, replaces the names of devices by the names in the plan (the list of a run's
+/// Replaces the names of devices in the anchors' samples by the names in the plan (the list of a run's
 /// points). `records` are records of the same folder, with the device names under which they were stored. A
 /// device's name depends on the machine's other devices, so an earlier session may have used another name
-/// than the plan. For each sample, the record with the same launch and device shows the new name. If no
-/// record has the same launch and device, for example after an interrupted session, the sample gets the
-/// device name of other samples with the same anchor name.
+/// than the plan. For each sample, the record with the same launch and device shows the device's name in the
+/// plan. If no record has the launch and the device of a sample, for example after an interrupted session,
+/// the sample gets the device name of other samples of the same anchor.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,

@@ -4,9 +4,9 @@
 /// before the axis existed.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
-/// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text.
-/// An axis that is newer than the text has the value that describes what raycl did before the axis existed.
-/// Returns no axis for a baseline.
+/// Returns the axes in a strategy's text with their values, and then the axes that raycl did not have yet
+/// when it wrote the text. Each of these newer axes has the value that describes what raycl did before the
+/// axis existed. Returns no axis for a baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
     let stated = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
     let is_unstated = move |(axis, _): &(&str, &str)| {

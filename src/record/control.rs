@@ -17,8 +17,9 @@ pub(super) struct Control {
     is_itself: bool,
 }
 
-/// Assigns to each record of a block the block's control point, which was measured in the same
-/// rounds.
+/// Assigns to each record of a block (points that one machine measured together) the times of the block's
+/// control point, which were measured in the same rounds. Every block of a group measures the same control
+/// point.
 pub(super) fn find_controls(records: &mut [Record]) {
     let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
     for record in records.iter().filter(|record| record.control.as_ref() == Some(&record.key)) {
@@ -34,25 +35,27 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the record's level, which is the logarithm of a time, by which the record is ranked. Only
-    /// levels of records with the same [`Self::family`] can be compared. If the record's block has a control
-    /// point, the level is reduced by the control point's level in the same block, so that the speed of the
-    /// machine that measured the block cancels.
+    /// Returns the record's level, which is the logarithm of a time, by which the record is ranked. The
+    /// levels of two records can be compared only if the records have the same [`Self::family`]. If the
+    /// record's block has a control point, the level is reduced by the control point's level in the same
+    /// block, so that the speed of the machine that measured the block cancels.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control
     }
 
-    /// Returns a text that is equal for two records if and only if their levels can be compared. The text is
-    /// the key of the control point of the record's block. If the block has no control point, the text
-    /// identifies the rounds in which the record was measured.
+    /// Returns a text that is equal for two records if and only if the levels of the records
+    /// ([`Self::level`]) can be compared. If the record's block has a control point (a point that every block
+    /// of a group measures), the text is the key of this point's record. If the record's block has no control
+    /// point, the text identifies the rounds in which the record was measured.
     pub(super) fn family(&self) -> String {
         self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
 
-    /// Returns the ratio of this record's time to the time of `other`. The ratio is computed from the ratios
-    /// of both times to the time of the control point that the blocks of both records share. Returns `None`
-    /// if one of the blocks has no control point, or if the two control points differ.
+    /// Returns the ratio of this record's time to the time of `other`. For this, the time of each record is
+    /// divided by the time of the control point (a point that the blocks of both records measured) in the
+    /// record's own block. Returns `None` if the block of one of the records has no control point, or if the
+    /// blocks of the records have different control points.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
         let to_control = |times: &Self, control: &Control| match control.is_itself {
@@ -78,9 +81,9 @@ mod tests {
         Record { control: Some(record.key.clone()), ..record }
     }
 
-    /// Returns the control point and `naive` as measured on a first machine, and then the control point and
-    /// `wide` as measured on a second machine. The second machine takes twice as long as the first machine,
-    /// so `wide` would take 4 ms on the first machine.
+    /// Returns the control point (a point that every block measures) and `naive` as measured on one machine,
+    /// and then the control point and `wide` as measured on another machine. The other machine takes twice as
+    /// long, so `wide` would take 4 ms on the first machine.
     fn of_two_machines() -> Vec<Record> {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
@@ -101,8 +104,8 @@ mod tests {
         assert_eq!(ranking.winners[0].name, "wide");
     }
 
-    /// The control point failed in the third block. Points of the third block are therefore compared with
-    /// points of the first two blocks by their medians.
+    /// In the third block, the control point (a point that every block measures) failed. Without the control
+    /// point, points of the third block are compared with points of the first two blocks by their medians.
     #[test]
     fn a_block_without_the_control_point_leaves_the_order_of_the_other_blocks() {
         let lone = Record { control: None, ..block("tile", 6.5, 2) };
@@ -112,9 +115,9 @@ mod tests {
         assert_eq!(names, ["wide", "tile", "naive"]);
     }
 
-    /// The control point's ratio to itself is exactly 1 and has no error. If a point is compared with the
-    /// control point as measured in another block, the only error of the result is therefore the error of the
-    /// point's ratio to the control point within the point's own block.
+    /// The control point's ratio to itself is exactly 1 and has no error. A point of one block can be
+    /// compared with the control point of another block. The only error of the result is the error of the
+    /// point's ratio to the control point in the point's own block.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
         let records = of_two_machines();

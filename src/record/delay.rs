@@ -1,19 +1,20 @@
-//! Estimates how much more (or less) other programs may have delayed the samples of a point than those of the
-//! anchor of the point's device.
+//! Estimates how much more (or less) other programs may have delayed a point than the anchor (work that is
+//! timed for comparison) of the point's device.
 //!
 //! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. Other
-//! programs may delay the point by another factor than the anchor. For example, a frame of half a millisecond
-//! often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in all samples.
-//! raycl leaves out preempted samples, but keeps at least five samples of each launch. If all samples of a
-//! run are preempted, raycl keeps all of them. The utilization (processor time divided by elapsed time) of
-//! the remaining samples shows by how much other programs may have delayed the remaining samples.
+//! programs may delay the point and its anchor by different factors. For example, a frame of half a
+//! millisecond often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in
+//! all samples. raycl leaves out preempted samples, but keeps at least five samples of each launch. If all
+//! samples of a run are preempted, raycl keeps all of them. The utilization of a sample is its processor time
+//! divided by its elapsed time. The utilization of the samples that raycl keeps shows by how much other
+//! programs may have delayed these samples.
 
 use super::types::Record;
 
 /// Returns the error that other programs may have caused in the change of a point's time between two runs.
-/// The change is the ratio of the two times, each relative to the anchor's time. The error is the logarithm
-/// of the factor by which the ratio may be too large: negative if the ratio may be too small, and 0 if
-/// nothing shows an error of the ratio.
+/// The change is the ratio of the point's two times, each divided by the anchor's time in the same run. The
+/// error is the logarithm of the factor by which this ratio may be too large. The error is negative if the
+/// ratio may be too small, and 0 if nothing shows an error of the ratio.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)
 }
@@ -23,9 +24,9 @@ fn known(before: &Record, after: &Record) -> Option<f64> {
     let (first, second) = (anchor(before)?, anchor(after)?);
     let of_anchor = delay(first.remaining, second.remaining)?;
     // A point's utilization also changes if its kernel changed, for example if the work-groups of the new
-    // kernel take unequal times. The delay that follows from the point's utilization is therefore limited:
-    // raycl assumes that other programs delayed the point by at most the factor by which they delayed all
-    // samples of the anchor together.
+    // kernel take unequal times. The delay that raycl computes from the point's utilization is therefore
+    // limited. raycl assumes that other programs delayed the point by at most the factor by which they
+    // delayed all samples of the anchor together.
     let most = delay(first.overall, second.overall)?;
     let of_point = delay(before.utilization?, after.utilization?)?.clamp(most.min(0.0), most.max(0.0));
     Some(of_point - of_anchor)
@@ -45,8 +46,9 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns a record with the given utilization. The record's anchor has two utilizations: `remaining` for
-    /// the samples that were not preempted, and `overall` for all samples.
+    /// Returns a record with the given utilization. The record's anchor has two utilizations (processor time
+    /// divided by elapsed time): `remaining` for the samples that were not preempted, and `overall` for all
+    /// samples.
     fn record(utilization: f64, [remaining, overall]: [f64; 2]) -> Record {
         let mut record = judged([measured("cpu", "naive", 8, 1.0)]).remove(0);
         record.utilization = Some(utilization);
@@ -58,8 +60,8 @@ mod tests {
         record
     }
 
-    /// Returns the factor by which the change of a point's time from an undisturbed run to `after` may be too
-    /// large.
+    /// Returns a factor for the change of a point's time from an undisturbed run to the run `after`. The
+    /// measured change may be too large by this factor.
     fn factor(after: &Record) -> f64 {
         let quiet = record(2.0, [2.0; 2]);
         let delay = unshared_delay(&quiet, after);

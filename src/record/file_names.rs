@@ -2,9 +2,9 @@
 
 use super::summary::Group;
 
-/// The longest file name without extension, in bytes. File systems allow 255 bytes. The bytes beyond
-/// `LONGEST_NAME` are for the extension, and for words that raycl adds to the name, such as the kind of a
-/// plot.
+/// The longest file name without extension, in bytes. File systems allow names of up to 255 bytes. The bytes
+/// beyond `LONGEST_NAME` are for the extension, and for words that raycl adds to the name, such as the kind
+/// of a plot.
 const LONGEST_NAME: usize = 200;
 
 /// Turns a name into a file name without folders: all characters except ASCII letters, digits and "-_."

@@ -35,8 +35,9 @@ pub struct Folder {
     /// plan, `records` has the latest record of every point. If scenes with different contents have the same
     /// name, each of them has a new name in `records`.
     pub records: Vec<Record>,
-    /// The records of control points of the current plan that were measured only to compare blocks, if the
-    /// plan is divided into blocks. The field `records` does not contain these control records.
+    /// If the plan is divided into blocks, `controls` has the records of control points (points that every
+    /// block measures) that serve only to compare blocks. The field `records` does not contain the records in
+    /// `controls`.
     pub controls: Vec<Record>,
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
     /// the file cannot be read.
@@ -217,9 +218,10 @@ impl Shown {
 }
 
 /// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If the
-/// folder has no plan, returns the records of all control points. A control point has a record for each
-/// block, and each block has other launches. If a control point has several records with the same launches,
-/// returns only the last of these records.
+/// folder has no plan, returns the records of all control points (points that every block of a group
+/// measures). A control point has a record for each block that measured it, and these records have different
+/// launches. If a control point has several records with the same launches, returns only the last of these
+/// records.
 fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
     let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
     let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
@@ -229,8 +231,8 @@ fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record>
     }
 }
 
-/// Computes the relative times of records and of control points. Records and control points are compared with
-/// each other, too.
+/// Computes the relative times of `records`, and of `controls` (records of control points, which every block
+/// measures). The records in `records` and in `controls` are compared with each other, too.
 fn judged(mut records: Vec<Record>, controls: Vec<Record>) -> (Vec<Record>, Vec<Record>) {
     let count = records.len();
     records.extend(controls);

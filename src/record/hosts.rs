@@ -1,5 +1,5 @@
 //! Compares the machines of an experiment by the times of control points. If several machines measure blocks
-//! of the same group, each machine measures the group's control point.
+//! (parts) of the same group of points, each machine measures one common point, the group's control point.
 
 use super::point_times::{interval, median};
 use super::ratios::ratio_apart;
@@ -7,7 +7,7 @@ use super::types::Record;
 use crate::numbers::{by, duration, significant};
 use std::collections::BTreeMap;
 
-/// A control point, and its time on each machine.
+/// A control point (a point that every block of a group measures), and its time on each machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Control {
     /// A description such as "teapot, 800 x 500, NVIDIA H200, naive at 8 x 8".
@@ -16,14 +16,14 @@ pub struct Control {
     pub hosts: Vec<AtHost>,
 }
 
-/// The time of a control point on one machine.
+/// The time on one machine of a control point (a point that every block of a group measures).
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtHost {
     /// The machine's name.
     pub host: String,
-    /// Number of blocks that measured the point on this machine.
+    /// Number of blocks (parts of the group) that measured the control point on this machine.
     pub blocks: usize,
-    /// The control point's smallest median over the machine's blocks.
+    /// The smallest median of the control point, over the blocks that this machine measured.
     pub median_ms: f64,
     /// The 95% interval of `median_ms`; `None` if the machine measured too few samples.
     pub interval_ms: Option<[f64; 2]>,
@@ -45,10 +45,10 @@ impl AtHost {
 }
 
 /// Returns the control points with their times on each machine. A control point is measured in several
-/// blocks. The record of one block's measurement is in `records` (from `records.jsonl`), and the records of
-/// all further blocks' measurements are in `borrowed` (from `controls.jsonl`). Records with equal keys belong
-/// to the same control point, even if they come from different machines. Records without a median, and
-/// records with launches from several machines, are left out.
+/// blocks. The record from one block is in `records` (from `records.jsonl`), and the records from all other
+/// blocks are in `borrowed` (from `controls.jsonl`). Records with equal keys belong to the same control
+/// point, even if they come from different machines. Records without a median, and records with launches from
+/// several machines, are left out.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control = |record: &&Record| {
         let is_itself = record.control.as_ref() == Some(&record.key);
@@ -97,9 +97,10 @@ fn name(record: &Record) -> String {
     format!("{}, {}, {}, {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
-/// Returns one note for each machine that takes clearly longer for a control point than the fastest machine
-/// (see [`AtHost::differs`]). A machine's note names the control point for which the ratio of the machine's
-/// time to the fastest machine's time is largest.
+/// Returns one note for each machine that takes clearly longer than the fastest machine for a control point,
+/// which every block measures (see [`AtHost::differs`]). If a machine takes longer for several control
+/// points, its note names the point with the largest ratio of this machine's time to the fastest machine's
+/// time.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
     for control in controls(records, borrowed) {
@@ -110,7 +111,7 @@ pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<
             let Some([middle, low, high]) = host.slower else { continue };
             let [middle_text, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
             let text = format!(
-                "The hosts differ in speed: the point \"{}\" took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). raycl compares points of different blocks by the ratios of their times to the time of their group's control point, so a difference that is equal for all points cancels.",
+                "The hosts differ in speed: the point \"{}\" took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). raycl divides the time of each point by the time of this point (the control point) on the same host before it compares points of different hosts, so a difference that is equal for all points cancels.",
                 control.point,
                 duration(fastest.median_ms),
                 fastest.host,
@@ -131,8 +132,8 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns the record of a control point that a block on a machine measured. Blocks have different values
-    /// of `launch`.
+    /// Returns the record of a control point that a block on a machine measured. Each block has a value of
+    /// `launch` of its own, from which the numbers of its launches follow.
     fn on(host: &str, ms: f64, launch: u32) -> Record {
         let mut record = measured("gpu", "naive", 8, ms);
         record.sample_launches.iter_mut().for_each(|number| *number += 10 * launch);

@@ -12,9 +12,9 @@ use std::path::Path;
 /// record as soon as the record's group ends. Later groups show more about how much launches differ, so the
 /// final interval is known only at the end of the run.
 ///
-/// If any interval differs, replaces the whole file; lines without a new interval stay unchanged. The caller
-/// must hold the folder's lock (by which only one process at a time writes to the folder), and must open the
-/// journal again afterwards. Returns true if the file was replaced.
+/// If the interval of any record differs, replaces the whole journal; lines of records without a new interval
+/// keep their text. The caller must hold the folder's lock (by which only one process at a time writes to the
+/// folder), and must open the journal again afterwards. Returns true if the file was replaced.
 pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     let by_key: HashMap<&str, Option<[f64; 2]>> =
         records.iter().map(|record| (record.key.as_str(), interval(record))).collect();

@@ -31,10 +31,10 @@ pub struct JsonLines<T> {
 
 impl<T: Serialize> JsonLines<T> {
     /// Opens the file for appending, and creates it if it is missing. Removes an incomplete last line. The
-    /// file is opened in append mode, so that two runs that write to the file do not overwrite each other's
-    /// lines. (Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems
-    /// have no locks, and a user may have removed the lock's file. On NFS, runs on two machines can still
-    /// overwrite each other's lines, since each machine stores its own position of the file's end.)
+    /// file is opened in append mode: if two runs write to the file, they do not overwrite each other's
+    /// lines. Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems have
+    /// no locks, and a user may have removed the lock's file. On NFS, runs on two machines can still
+    /// overwrite each other's lines, since each machine stores its own position of the file's end.
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| Error::unwritable(path, &error);
         own_file(path).map_err(fail)?;
@@ -56,9 +56,10 @@ impl<T: Serialize> JsonLines<T> {
     }
 
     /// Appends lines. When this function returns, all lines are on the disk. The lines are written in one
-    /// write, since each write waits for the disk. After an error, the file contains none of the lines, and
-    /// not the beginning of a line either, to which the next lines would be appended. (If another process has
-    /// appended lines during the write, some whole lines may stay in the file.)
+    /// write, since each write waits for the disk. After an error, the file contains none of the lines. The
+    /// file does not end with an incomplete line either, since the next lines would be appended to this
+    /// incomplete line. (If another process has appended lines during the write, some whole lines may stay in
+    /// the file.)
     pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
         let mut bytes = Vec::new();
         for line in lines {
@@ -72,8 +73,8 @@ impl<T: Serialize> JsonLines<T> {
     }
 
     /// Returns an error if the file is no longer at its path, because somebody has removed or replaced the
-    /// file or its folder. Lines that are appended to a removed file would be lost. Returns no error if the
-    /// system does not say whether the file is still at its path, since lines can still be appended.
+    /// file or its folder. Lines that are appended to a removed file would be lost. If the system does not
+    /// say whether the file is still at its path, returns no error, since lines can still be appended.
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
             Ok(false) if self.is_recognised => {
@@ -116,7 +117,7 @@ fn read_from(mut file: &File, start: u64) -> IoResult<Vec<u8>> {
 pub struct Lines<T> {
     /// All complete, readable lines.
     pub lines: Vec<T>,
-    /// True if the last line of the file is incomplete. `lines` does not contain this line.
+    /// True if the last line of the file is incomplete. `lines` does not contain the incomplete last line.
     pub torn: bool,
     /// The numbers, from 1, of the damaged lines: complete lines that cannot be read, and that `lines` does
     /// not contain.
@@ -176,7 +177,7 @@ pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
     let unreadable = |error: std::io::Error| match error.kind() {
-        // An error of one of these four kinds means that no journal is at the path.
+        // Each of the next four kinds of error means that no journal is at the path.
         InvalidInput | IsADirectory | NotADirectory | NotFound => {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
         }

@@ -11,7 +11,8 @@ pub const LAUNCHES: &str = "launches.jsonl";
 pub const ROUNDS: &str = "rounds.jsonl";
 /// The journal of the times of anchors (kernels that never change).
 pub const ANCHORS: &str = "anchors.jsonl";
-/// The journal of control points' records that serve only to compare the blocks of a plan.
+/// The journal of records of control points (points that every block measures) that serve only to compare the
+/// blocks of a plan.
 pub const CONTROLS: &str = "controls.jsonl";
 /// The file with the plan of an experiment that is divided into shards.
 pub const SHARDS: &str = "shards.json";

@@ -42,7 +42,7 @@ fn cache(group: &Group<'_>) -> String {
 }
 
 /// Returns the names of all tuning parameters of the records. The parameters of the local size come first.
-/// All further parameters follow in the order in which they first occur.
+/// All parameters that do not belong to the local size follow in the order in which they first occur.
 fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {

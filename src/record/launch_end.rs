@@ -1,4 +1,4 @@
-//! Defines a line of `launches.jsonl`. `docs/format.md` documents every field of the line.
+//! Defines a line of `launches.jsonl`. `docs/format.md` documents every field of a line of `launches.jsonl`.
 
 use crate::measure::StopReason;
 use serde::{Deserialize, Serialize};

@@ -30,7 +30,8 @@ const HEADER: [&str; COLUMNS] = [
     "of peak",
     "outcome",
 ];
-/// The indices of the left-aligned columns, which contain words. All other columns contain numbers.
+/// The indices of the left-aligned columns, which contain words. All columns that are not listed here contain
+/// numbers.
 const LEFT: [usize; 2] = [0, 10];
 /// The indices of the columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];

@@ -155,7 +155,7 @@ mod tests {
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
         // `half` returns the distance from a record's median to the upper end of its interval, as a fraction
-        // of the median. For two points, the median over all points is the mean of the two points' distances.
+        // of the median. With two points, the median of these distances is the mean of the two distances.
         let half = |index: usize| {
             let record = &folder.records[index];
             interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0
@@ -186,8 +186,8 @@ mod tests {
         assert_eq!(some.as_deref(), Some(first));
     }
 
-    /// `within_launch` is about one launch, and `between_launches` about all launches together. In a run with a single
-    /// launch, the two values are therefore equal.
+    /// `within_launch` is about one launch, and `between_launches` about all launches together. In a run with
+    /// a single launch, `within_launch` and `between_launches` are therefore equal.
     #[test]
     fn what_one_launch_can_show_has_the_terms_of_what_all_launches_can_show() {
         let one_launch = |record: Record| Record { sample_launches: vec![0; 10], ..record };
@@ -201,8 +201,8 @@ mod tests {
 
     #[test]
     fn of_an_even_number_of_launches_the_middle_two_count() {
-        // In the first launch, both points always take 10 ms. In the second launch, the ratio of their times changes
-        // every three samples.
+        // In the first launch, both points always take 10 ms. In the second launch, the ratio of the two
+        // points' times changes every three samples.
         let varied = |name: &str, sign: f64| {
             let ms = move |index: u32| 10.0 + if index < 15 { 0.0 } else { sign * f64::from(index % 15 / 3) };
             sampled(name, (0..30).map(move |index| (index / 15, ms(index))))

@@ -168,9 +168,9 @@ pub(crate) fn with_interval(ratio: Interval) -> String {
     format!("{middle} ({low} to {high})")
 }
 
-/// Returns, for each device, the changes of a single axis for which both strategies have times on the device.
-/// `groups` are the groups of `records`. The order of `records` decides which strategy of a change is the
-/// first.
+/// Returns, for each device, the changes from one strategy to another that differs in a single axis. Both
+/// strategies must have times on the device. `groups` are the groups of `records`. The order of `records`
+/// decides which of the two strategies of a change comes first.
 pub(crate) fn changes<'a>(records: &'a [Record], groups: &[Group<'a>]) -> Vec<Changes<'a>> {
     let pairs = pairs(records);
     if pairs.is_empty() {

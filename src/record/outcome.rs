@@ -10,8 +10,9 @@ pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
     /// The point cannot be measured: the device or the host has too little memory, the device or the kernel does not
-    /// support the local size, or the strategy does not support the scene. The record's `reason` says which of these is
-    /// the case and, if memory is too small, how the needed size was computed.
+    /// support the local size, or the strategy does not support the scene. The record's `reason` says which
+    /// of these conditions makes the point infeasible. If memory is too small, `reason` also says how the
+    /// needed size was computed.
     Infeasible,
     /// The point's preset is meant for devices of another kind, so the point was not compiled or
     /// timed.
@@ -28,8 +29,8 @@ pub enum Outcome {
     /// A step of the measurement, such as compiling the program or casting a frame, took longer than the time
     /// limit.
     TimedOut,
-    /// The process that measured the point ended unexpectedly. A record has this outcome until raycl assigns
-    /// another one.
+    /// The process that measured the point ended unexpectedly. A record has the outcome `Crashed` until raycl
+    /// assigns another outcome.
     #[default]
     Crashed,
 }

@@ -1,5 +1,5 @@
-//! Reads and writes `plan.json`, which says which records of a folder belong to the current run, and which
-//! names their scenes, devices and strategies have in that run.
+//! Reads and writes `plan.json`. This file says which records of a folder belong to the current run. The file
+//! also contains the names of the scenes, devices and strategies of these records in that run.
 
 use super::types::Record;
 use super::write_json;
@@ -118,8 +118,9 @@ impl CurrentPlan {
     }
 
     /// Returns the name that this plan gives to a device which other plans or records call `name`. `points`
-    /// contains the key and the device's name of each point in the other plans or records. Returns `None` if
-    /// the keys of the points on the device `name` belong to no device of this plan, or to several devices.
+    /// comes from these other plans or records, and contains the key and the device's name of each of their
+    /// points. Returns `None` if the keys of the points on the device `name` belong to no device of this
+    /// plan, or to several devices.
     pub fn device_called<'a>(
         &self,
         name: &str,

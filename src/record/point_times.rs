@@ -31,8 +31,8 @@ pub(crate) fn fewest(record: &Record) -> usize {
     fewest_where(record, |ms| ms > 0.0)
 }
 
-/// Counts, in each launch, the samples for which `counts` returns true. Returns the count of the launch in
-/// which the fewest samples count.
+/// Counts, in each launch, the samples for which `counts` returns true. Returns the smallest of these numbers
+/// of samples over all launches.
 fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
     // The map first gets an entry for every launch, so that a launch in which no sample counts has the
     // number 0.

@@ -19,9 +19,9 @@ pub(super) const TIE: f64 = 0.01;
 /// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Records
 /// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls a family
 /// of records a set of comparable points; a kernel family is something else. The ratio of the times of two
-/// records of different families is the ratio of their medians (see [`ratio`]). The levels of each family are
-/// therefore shifted by a constant, so that the mean of the levels equals the mean of the logarithms of the
-/// family's medians.
+/// records of different families (sets of comparable records) is the ratio of the records' medians (see
+/// [`ratio`]). Therefore, a constant is added to the levels of each family of records. The mean of the
+/// family's levels then equals the mean of the logarithms of the family's medians.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
     let mut families: HashMap<String, Vec<f64>> = HashMap::new();
@@ -44,9 +44,9 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
 }
 
 /// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.
-/// The smallest difference is computed for each set of records that were measured together. Returns the least
-/// and the greatest of the sets' smallest differences, or `None` if the smallest difference is unknown for
-/// every set.
+/// The smallest difference is computed for each set of records that were measured together. The sets of
+/// records may have different smallest differences, so the function returns the least and the greatest of
+/// them. The function returns `None` if the smallest difference is unknown for every set.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
@@ -58,15 +58,16 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
 
 /// Returns the smallest difference between two points, as a fraction, at which the samples can show that the
 /// points do not tie. Two points tie unless the samples show that one of the points takes more than 1%
-/// longer. `part` is the smallest difference, as a fraction, that the samples can show at all.
+/// longer. `part` is the smallest difference, as a fraction, that the samples can distinguish from equal
+/// times.
 fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
 
-/// Returns the smallest difference between two records that a single launch can show, as a fraction. The
-/// smallest difference is computed for each launch by the rule of [`resolution`]; the function returns the
-/// median over the launches. Records with equal launch numbers must have been measured together, on one
-/// device. Records without a time, or with a sample of 0, are left out.
+/// Returns the smallest difference between two records that a single launch can show, as a fraction. This
+/// smallest difference between two records is computed for each launch by the rule of [`resolution`]; the
+/// function returns the median over the launches. Records with equal launch numbers must have been measured
+/// together, on one device. Records without a time, or with a sample of 0, are left out.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let records: Vec<&Record> = records.iter().filter(|record| has_time(record)).collect();
     let samples = in_order(records.iter().copied(), &[]);
@@ -116,7 +117,8 @@ mod tests {
         assert_eq!(ranked[0].name, "naive");
         let ratios = ranked.iter().map(|record| ratio(record, ranked[0]).expect("enough samples").middle);
         assert!(ratios.clone().all(|ratio| ratio >= 1.0), "{:?}", ratios.collect::<Vec<_>>());
-        // Samples of the same rounds can be paired, so points of the same rounds are ranked by the means.
+        // Samples of the same rounds can be paired, so points of the same rounds are ranked by the mean over
+        // their launches.
         let same = [session("wide", 0, [1.2; 3]), session("naive", 0, [1.0, 1.0, 4.0])];
         assert_eq!(ranking(&judged(same.clone())).ranked[0].name, "wide");
         // A third point, which another session measured, does not change the order of `wide` and `naive`.
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_tie_is_decided_by_the_intervals_end() {
-        // In one launch, this point is as fast as the other point; in the other launch, it is 6% slower. The mean
+        // In one launch, `wide` is as fast as `naive`; in the other launch, `wide` is 6% slower. The mean
         // difference is 3%, but this mean is uncertain.
         let wavers = sampled("wide", (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 10.6 })));
         let records = judged([in_two_launches("naive", 10.0, 0.0), wavers]);

@@ -17,9 +17,9 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the time of `slow` divided by the time of `fast`, from the medians of all samples. Even if the
-/// records were measured together, samples that were measured close in time are not compared with each other.
-/// Returns `None` if either record has too few samples, or times of 0.
+/// Returns the time of `slow` divided by the time of `fast`, from the medians of all samples. The samples of
+/// the two records are not compared pair by pair, even if the records were measured together. Returns `None`
+/// if either record has too few samples, or times of 0.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.relative_times.as_ref()?.standing.ratio_apart(&fast.relative_times.as_ref()?.standing))
 }
@@ -44,8 +44,9 @@ pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     Some((&anchor.name, times.standing.ratio(&anchor.standing)))
 }
 
-/// Returns the ratio of the mean time of some records to the anchor's time; `None` if the first record has no
-/// anchor, or if a record has no relative times. The records must have been measured together.
+/// Returns the ratio of the mean time of some records to the time of the anchor (work that is timed for
+/// comparison). Returns `None` if the first record has no anchor, or if a record has no relative times. The
+/// records must have been measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Relative> {
     let anchor = records.first()?.relative_times.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.relative_to(&anchor.standing))
@@ -72,9 +73,9 @@ pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<
 
 /// Returns the ratio of the times of two passes of a record's frames, with its interval. `ratios` contains
 /// the launch of each sample, and the sample's ratio of the two times. A pass is treated like a point: from
-/// run to run, its time changes by a factor of its own, and by a factor that all points share. The factor
-/// that all points share cancels in the ratio of two passes. Returns `None` if the record has too few
-/// samples.
+/// run to run, its time changes by a factor of its own, and by a factor that all points share. In the ratio
+/// of two passes, the factor that is the same for all points cancels. Returns `None` if the record has too
+/// few samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();

@@ -5,22 +5,22 @@ use super::anchors::AnchorUtilization;
 use super::control::Control;
 use crate::measure::{Interval, Standing};
 
-/// A record's times, relative to the times of the records, the anchor and the control point that were
-/// measured in the same rounds.
+/// A record's times, relative to other times from the same rounds: those of the other records, of the anchor
+/// (work that is timed for comparison) and of the control point (a point that every block measures).
 #[derive(Clone, Debug, PartialEq)]
 pub struct RelativeTimes {
     /// A hash that is equal for all records that were measured together.
     pub(super) together: blake3::Hash,
     /// The record's times, relative to the times of the records that were measured together.
     pub(super) standing: Standing,
-    /// The median of the record's samples in milliseconds. The interval of this median never depends on anchors, so
-    /// every output of raycl shows the same interval.
+    /// The median of the record's samples in milliseconds. The interval of the record's median never depends
+    /// on anchors, so every output of raycl shows the same interval.
     pub(super) median_ms: Interval,
     /// The anchor of the record's device. `None` if the device has no anchor, or if the relative times were
     /// computed without anchors.
     pub(super) anchor: Option<MeasuredAnchor>,
-    /// The control point of the record's block; `None` if the group was not divided into blocks, or if the
-    /// control point has no time in this block.
+    /// The control point (a point that every block of the group measures) of the record's block. `None` if
+    /// the group was not divided into blocks, or if the control point has no time in this block.
     pub(super) control: Option<Control>,
 }
 
@@ -29,7 +29,8 @@ pub struct RelativeTimes {
 pub(super) struct MeasuredAnchor {
     /// The anchor's name.
     pub(super) name: String,
-    /// The anchor's times, relative to the times of the records that were measured together.
+    /// The times of the anchor (work that is timed for comparison), relative to the times of the records that
+    /// were measured together with it.
     pub(super) standing: Standing,
     /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample of the anchor lacks
     /// one of these times.

@@ -9,21 +9,21 @@ use std::collections::HashSet;
 const ITERATIONS: usize = 5;
 /// The machine's speed at a sample is estimated from at most `MOST_NEIGHBOURS` samples before the sample, and
 /// from as many samples after the sample. A machine stays at one speed for tens of samples, so most of these
-/// samples were measured at the same speed.
+/// neighbouring samples were measured at the same speed.
 const MOST_NEIGHBOURS: usize = 6;
 
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
 /// sample.
 ///
 /// The function assumes that the logarithm of a sample's time is the sum of two terms: the level of the
-/// sample's point, and the machine's drift at the moment of the sample. The level is the same for all samples
-/// of this point in the launch. A median polish (Tukey 1977) separates the levels from the drift by repeating
-/// two steps. The first step subtracts the drift from the logarithms, and computes each level as the median
-/// of what remains of the point's samples. The second step subtracts the levels from the logarithms, and
-/// computes the drift as a running median of what remains. The running median at a sample includes this
-/// sample and its neighbours in time, which may belong to any point. The drift has a value for every sample,
-/// so the drift also follows a change of the machine's speed within a round. If a change slows all points
-/// equally, subtracting the drift removes this change.
+/// sample's point, and the machine's drift at the moment of the sample. A point's level is the same for all
+/// samples of this point in the launch. A median polish (Tukey 1977) separates the levels from the drift by
+/// repeating two steps. The first step subtracts the machine's drift from the logarithms of the times, and
+/// computes a point's level as the median of the point's differences. The second step subtracts the points'
+/// levels from the logarithms of the times, and computes the drift as a running median of the differences.
+/// The running median at a sample includes this sample and its neighbours in time, which may belong to any
+/// point. The drift has a value for every sample, so the drift also follows a change of the machine's speed
+/// within a round. If a change slows all points equally, subtracting the drift removes this change.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = samples.iter().map(|sample| sample.point).collect::<HashSet<_>>().len();
@@ -72,7 +72,8 @@ mod tests {
             assert!((left - reference - expected).abs() < 1e-9, "{sample:?}: {left}");
         }
     }
-    /// A point without samples gives no information about the machine, so it does not add to the number of neighbours.
+    /// A point without samples gives no information about the machine, so it does not increase the number of
+    /// neighbouring samples from which the drift is estimated.
     #[test]
     fn only_points_with_samples_count_as_neighbours() {
         // The times of two points increase from sample to sample; after 15 samples, they suddenly return to the time of
@@ -83,7 +84,7 @@ mod tests {
         assert_eq!(without_drift(&samples, 40), without_drift(&samples, 2));
     }
 
-    /// Around each sample of two points, only two samples on either side are neighbours.
+    /// If a launch has only two points, the drift at a sample is estimated from two samples on either side.
     #[test]
     fn a_short_slow_regime_of_two_points_is_taken_away() {
         // Two points take 1 and 2 ms, and in five samples twice as long.

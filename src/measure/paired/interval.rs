@@ -4,8 +4,8 @@ use super::error::Error;
 
 /// The probability that the true value lies below a 95% interval, and also the probability that it lies above.
 pub(super) const RISK: f64 = 0.025;
-/// [`Interval::mean`] computes the weights of values as if every value had at least this error, as a fraction of the
-/// value.
+/// [`Interval::mean`] computes the weights of values as if every value had at least the error `LEAST_ERROR`,
+/// as a fraction of the value.
 const LEAST_ERROR: f64 = 1e-6;
 
 /// A value and its 95% interval.
@@ -38,12 +38,12 @@ impl Interval {
     }
 
     /// Returns the geometric mean of independent values; `None` if `all` is empty. Each value is weighted by
-    /// the inverse of its variance, so that an uncertain value has little weight. For the weights, the square
-    /// of a value's bias is added to its variance. The variances are only estimates, which makes the mean
-    /// less certain. The error of the result includes the uncertainty of the variances, by equation 1 of
-    /// Meier, "Variance of a weighted mean" (Biometrics 9, 1953). The biases of the values may all have the
-    /// same sign, so they do not average out. The bias of the mean is therefore the weighted mean of the
-    /// values' biases.
+    /// the inverse of its variance, so that an uncertain value has little weight. For the weights of the
+    /// values, the square of each value's bias is added to the value's variance. The variances are only
+    /// estimates, which makes the mean less certain. The error of the result includes the uncertainty of the
+    /// variances, by equation 1 of Meier, "Variance of a weighted mean" (Biometrics 9, 1953). The biases of
+    /// the values may all have the same sign, so they do not average out. The bias of the geometric mean is
+    /// therefore the weighted mean of the biases of all values.
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without `LEAST_ERROR`, a value with neither error nor bias would have an infinite weight.
         let weight = |one: &Self| one.error.hypot(one.bias).max(LEAST_ERROR).powi(-2);
@@ -59,17 +59,17 @@ impl Interval {
     }
 
     /// Returns this value divided by a factor that is not known exactly. The factor's logarithm lies between
-    /// 0 and `log`, which may be negative. The estimate is divided by the factor whose logarithm is half of
-    /// `log`. In all samples, the true factor may differ in the same direction from the factor by which the
-    /// estimate is divided. Half of `log` is therefore added to the bias, and not to the standard error:
-    /// standard errors average out in a mean.
+    /// 0 and `log`, which may be negative. As an estimate of the factor, its middle value is used, whose
+    /// logarithm is half of `log`. The true factor may be larger than this estimate in all samples, or
+    /// smaller in all samples. Half of `log` is therefore added to the result's bias, and not to its standard
+    /// error: standard errors average out in a mean.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         biased(self.middle.ln() - 0.5 * log, self.error(), self.bias + 0.5 * log.abs())
     }
 
-    /// Returns a lower bound of the true value. The true value lies below this bound only with the
-    /// probability `risk`.
+    /// Returns a lower bound of the true value that this interval estimates. The true value is below the
+    /// returned bound only with the probability `risk`.
     pub fn surely_above(self, risk: f64) -> f64 {
         (self.middle.ln() - self.error().reach(risk) - self.bias).exp()
     }
@@ -134,7 +134,8 @@ mod tests {
 
     #[test]
     fn a_factor_that_is_unknown_between_limits_moves_the_middle_and_both_ends_allow_for_both_limits() {
-        // With two degrees of freedom, the error alone makes the interval of the logarithm extend by 0.43 to each side.
+        // With two degrees of freedom, the interval of the logarithm extends by 0.43 to each side of its
+        // middle, without any bias.
         let one = interval(2.0, Error { error: 0.1, degrees: 2.0 });
         for log in [0.6_f64, -0.6] {
             let divided = one.over_up_to(log);

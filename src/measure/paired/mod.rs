@@ -1,37 +1,41 @@
 //! Compares points by samples that were measured close in time, over several launches of the worker processes.
 //!
-//! The usual interval of a median treats all samples as independent. The usual interval is too narrow for two
-//! reasons. First, a machine changes its speed for seconds at a time, so samples are not independent. Second,
-//! some conditions are random but constant within a launch (addresses, placement of threads, the kernel's
-//! binary), so the samples of one launch cannot show the effect of these conditions. Therefore, following
-//! Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013), launches are repeated. Each
-//! launch gives one value per point, and intervals are computed from the spread of these values. The spread
-//! includes all effects within a launch, even autocorrelation, so no model of these effects is needed.
+//! The usual interval of a median treats all samples as independent. For measured times, an interval that
+//! assumes independent samples is too narrow, for two reasons. First, a machine changes its speed for seconds
+//! at a time, so samples are not independent. Second, some conditions are random but constant within a launch
+//! (addresses, placement of threads, the kernel's binary), so the samples of one launch cannot show the
+//! effect of these conditions. Therefore, following Kalibera and Jones, "Rigorous Benchmarking in Reasonable
+//! Time" (ISMM 2013), launches are repeated. Each launch gives one value per point, and intervals are
+//! computed from the spread of these values. The spread includes all effects within a launch, even
+//! autocorrelation, so no model of these effects is needed.
 //!
 //! 1. In each launch, the drift that all points share is subtracted from the logarithms of the times
-//!    ([`drift`]). A point's value is the median of its logarithms without the drift. The drift can be
-//!    distinguished from differences between points only if samples of different points alternate. An
-//!    experiment with alternating samples is called a paired design.
+//!    ([`drift`]). In a launch, a point's value is the median, over the point's samples, of the logarithm of
+//!    the time minus the drift. The drift can be distinguished from differences between points only if
+//!    samples of different points alternate. An experiment with alternating samples is called a paired
+//!    design.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its
 //!    launch, and the rest (two-way analysis of variance). Three launches give only a poor estimate of the
-//!    spread of a pair of points (two degrees of freedom). Therefore the pair's own variance is averaged with
-//!    the variance of a usual pair, which follows from the variances of all points (a moderated variance,
-//!    after Smyth 2004). The pair's own variance has (launches - 1) degrees of freedom. The variance of a
-//!    usual pair adds at most six degrees of freedom. The variance of a usual pair adds fewer degrees of
-//!    freedom if the group has few other points, or if the variances of the points differ much from each
-//!    other ([`prior`]). The variance of a usual pair adds no degrees of freedom if the group has fewer than
-//!    four points, or if the pair's own variance is more than twice as large as that of a usual pair.
-//!    Student's t gives the interval ([`spread`]). If an anchor runs on processors (CPUs), only the pair's
-//!    own variance is used for a point's ratio to this anchor.
+//!    spread of a pair of points (two degrees of freedom). Therefore the own variance of the pair is averaged
+//!    with the variance of a usual pair of points, which follows from the variances of all points (a
+//!    moderated variance, after Smyth 2004). The own variance of a pair of points has (launches - 1) degrees
+//!    of freedom. The variance of a usual pair of points adds at most six degrees of freedom. If the group
+//!    has few other points, or if the variances of the points differ much from each other ([`prior`]), the
+//!    variance of a usual pair of points adds fewer degrees of freedom. If the group has fewer than four
+//!    points, the variance of a usual pair of points adds no degrees of freedom. The same is true if the own
+//!    variance of a pair of points is more than twice as large as that of a usual pair. Student's t gives the
+//!    interval ([`spread`]). For the ratio of a point to an anchor (work that is timed for comparison) that
+//!    runs on processors (CPUs), only the own variance of this pair is used.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the
 //!    ratio of the times of two points, effects that are equal for all points cancel. Each group of points
-//!    has a table of its own. The point's own spread between launches is averaged first with the spread of
-//!    all points in the point's own table, and then with the spread between launches in the tables of other
-//!    groups of the same run. Only the tables of groups that were measured on the same machine and devices,
-//!    in the same number of launches (at least two), are used. The degrees of freedom of a median's interval
-//!    are the number of launches less one, plus at most six from all other tables together. The other points
-//!    of the point's own table add no degrees of freedom. As in step 2, a point's own variance is not
-//!    averaged with a variance that is less than half as large.
+//!    has a table of its own. First, the point's own spread between launches is averaged with the spread of
+//!    all points in the table of the point's group. Then the result is averaged with the spread between
+//!    launches in the tables of other groups of the same run. Only the tables of groups that were measured on
+//!    the same machine and devices, in the same number of launches (at least two), are used. The interval of
+//!    a point's median has (launches - 1) degrees of freedom, plus at most six from the tables of all other
+//!    groups together. The other points in the table of the point's own group add no degrees of freedom. As
+//!    in step 2, a point's own variance is not averaged with the variance of other points if the other
+//!    variance is less than half as large.
 //! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
 //!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
 //!    every interval ([`between`]).
@@ -102,7 +106,7 @@ pub struct Standing {
     point: Point,
     /// The number of points of which `point` is the mean; 1 for a single point.
     points: usize,
-    /// True if `point` is an anchor that runs on processors (CPUs).
+    /// True if `point` is an anchor (work that is timed for comparison) that runs on processors (CPUs).
     is_anchor_on_processors: bool,
     between: BetweenRuns,
     pooled: Pooled,
@@ -140,7 +144,7 @@ impl Standing {
 
     /// Returns the ratio of this point's time to the time of `reference`, like [`Self::ratio`]. The time of
     /// `reference` differs from run to run, which adds the same error to all ratios to `reference`. The error
-    /// that `reference` adds is stored separately (see [`Relative`]).
+    /// that the time of `reference` adds to these ratios is stored separately (see [`Relative`]).
     pub fn relative_to(&self, reference: &Self) -> Relative {
         let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
         let common = self.between.variance_of_reference(reference.between, reference.points);
@@ -149,8 +153,8 @@ impl Standing {
 
     /// Returns the error of a ratio without the part that the differences between runs add. If an anchor runs
     /// on processors, other programs may delay the anchor far more than the points. A few launches cannot
-    /// show whether other programs delayed the anchor. The usual spread of all points therefore has no part
-    /// in the error of a ratio to an anchor that runs on processors.
+    /// show whether other programs delayed the anchor (work that is timed for comparison). Therefore, the
+    /// usual spread of all points is not used for the error of a ratio to an anchor that runs on processors.
     fn error_within_run(&self, other: &Self) -> Error {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -167,8 +171,8 @@ impl Standing {
     }
 
     /// Returns the ratio of this point's time to the time of `earlier`, like [`Self::ratio_apart`]. From run
-    /// to run, the times of all points of a kind of device change by a common factor. The error that the
-    /// common factor adds to the ratio is stored separately (see [`Relative`]).
+    /// to run, the times of all points of a kind of device change by a common factor. The error that this
+    /// common factor of all points adds to the ratio is stored separately (see [`Relative`]).
     pub fn relative_to_earlier(&self, earlier: &Self) -> Relative {
         let own = |one: &Self| [one.pooled.of_level(&one.point.plain), one.between.of_points(one.points)];
         let error = Error::of_sum([own(self), own(earlier)].concat());
@@ -216,11 +220,12 @@ impl Paired {
         Self::with_anchors(samples, &vec![true; points], &[])
     }
 
-    /// Compares points like [`Self::of`], but the samples may include samples of anchors that were measured
-    /// together with the points. `are_typical` has one value per point. The spread of times is estimated from
-    /// the points for which `are_typical` is true. If fewer than two typical points have enough samples, the
-    /// spread is estimated from all points. `on_processors` has one value per anchor: true if the anchor runs
-    /// on processors (CPUs). In the samples, the indices of the anchors follow the indices of the points.
+    /// Compares points like [`Self::of`], but the samples may include times of anchors (work that is timed
+    /// for comparison) that were measured together with the points. `are_typical` has one value per point.
+    /// The spread of times is estimated from the points for which `are_typical` is true. If fewer than two
+    /// typical points have enough samples, the spread is estimated from all points. `on_processors` has one
+    /// value per anchor: true if the anchor runs on processors (CPUs). In the samples, the indices of the
+    /// anchors follow the indices of the points.
     pub fn with_anchors(samples: &[PairedSample], are_typical: &[bool], on_processors: &[bool]) -> Self {
         let points = are_typical.len() + on_processors.len();
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
@@ -258,11 +263,11 @@ impl Paired {
         Self { between, ..self }
     }
 
-    /// Improves the estimates of several tables. A table has the points that were measured together. All
-    /// tables must come from one run, on the same devices of one machine. The estimates of each table also
-    /// use the spread between launches in those other tables that have the same number of launches. A table
-    /// with a single launch uses no other table, and is used by none, because parts of one launch do not show
-    /// how much launches differ.
+    /// Improves the estimates of the spread between launches in several tables of points. A table has the
+    /// points that were measured together. All tables must come from one run, on the same devices of one
+    /// machine. The estimates of each table also use the spread between launches in all other tables with the
+    /// same number of launches. A table with a single launch neither uses other tables nor is used for them,
+    /// because parts of one launch do not show how much launches differ.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let lenders: Vec<(usize, Pooled)> = all.iter().map(|one| (one.launches, one.pooled)).collect();
         for (index, one) in all.iter_mut().enumerate().filter(|(_, one)| one.launches > 1) {
@@ -315,7 +320,8 @@ fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
 }
 
 /// Returns the points whose values show how much times vary: the typical points or, if fewer than two typical
-/// points have enough samples, all points. The anchors are left out.
+/// points have enough samples, all points. The anchors (work that is timed for comparison) are not among
+/// these points.
 fn rows<'a>(points: &'a [Option<Point>], are_typical: &[bool]) -> Vec<&'a Point> {
     let with = |untypical: bool| -> Vec<&'a Point> {
         let each = points.iter().zip(are_typical);

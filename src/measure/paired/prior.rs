@@ -1,25 +1,26 @@
-//! Estimates how much the variances of the measured points' times differ from each other. The less the
-//! variances differ, the more the variances of all points show about the variance of one point.
+//! Estimates how much the variances of the measured points' times differ from each other. If the variances of
+//! all points are similar, they show much about the variance of one point.
 
 use statrs::function::gamma::digamma;
 
 /// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance of more than
 /// `MOST_TIMES` times the typical variance is reduced to this limit. Before a variance is compared with the
 /// limit, the bias of the logarithm of an observed variance ([`log_bias`]) is corrected. With two degrees of
-/// freedom, this correction lowers the limit of an observed variance to 9 times the typical variance. If all
-/// points have the same true variance, one observed variance in 8,000 exceeds the lowered limit by chance.
+/// freedom, the correction of the bias lowers the limit of an observed variance from 16 to 9 times the
+/// typical variance. If all points have the same true variance, one observed variance in 8,000 exceeds 9
+/// times the typical variance by chance.
 const MOST_TIMES: f64 = 16.0;
 /// Before the distribution of the points' true variances is estimated, a variance below the fraction
 /// `LEAST_SHARE` of the mean variance is raised to this fraction. A variance can be 0, because with a coarse
 /// clock all times of a point can be equal.
 const LEAST_SHARE: f64 = 1e-4;
 /// The limits between which [`inverse_trigamma`] searches the degrees of freedom of the distribution of true
-/// variances ([`Prior`]). Degrees of freedom near the first limit mean that the true variances of points have
-/// practically nothing in common. Degrees of freedom near the second limit mean that the true variances are
-/// practically equal.
+/// variances ([`Prior`]). Few degrees of freedom (near the lower limit) mean that the true variances of
+/// points have practically nothing in common. Many degrees of freedom (near the upper limit) mean that the
+/// true variances of points are practically equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
-/// Number of halvings of the interval between the limits [`DEGREES`]. After so many halvings, the degrees of freedom
-/// are known with a relative error below a millionth.
+/// Number of halvings of the interval between the limits [`DEGREES`]. After `HALVINGS` halvings, the degrees
+/// of freedom are known with a relative error below a millionth.
 const HALVINGS: usize = 44;
 
 /// The distribution of the true variances of the points' times: a scaled inverse chi-square distribution,
@@ -30,8 +31,9 @@ const HALVINGS: usize = 44;
 pub(super) struct Prior {
     /// The variance that a point is taken to have before its own samples are known.
     pub variance: f64,
-    /// The weight of `variance` beside a point's own variance, in degrees of freedom. The weight is small if some
-    /// points vary far more than others, and large if all points vary alike.
+    /// The weight, in degrees of freedom, that `variance` has in the mean of `variance` and a point's own
+    /// variance. The weight of `variance` is small if some points vary far more than others, and large if all
+    /// points vary alike.
     pub degrees: f64,
     /// The geometric mean of the true variances.
     pub typical: f64,
@@ -58,8 +60,8 @@ impl Prior {
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
         // The observed variances differ by chance even if all true variances are equal. Chance alone gives
         // the logarithms of observed variances the variance trigamma(half), where trigamma is the second
-        // derivative of the logarithm of the gamma function. After subtracting trigamma(half), the variance
-        // of the true variances' logarithms remains.
+        // derivative of the logarithm of the gamma function. After trigamma(half) is subtracted, what remains
+        // is the variance of the logarithms of the true variances.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };
@@ -91,8 +93,9 @@ fn trigamma(x: f64) -> f64 {
     sum + inverse * (1.0 + 0.5 * inverse + square * (1.0 / 6.0 - square * (1.0 / 30.0 - square / 42.0)))
 }
 
-/// Returns the argument at which trigamma is `value`. The range of the search is from half of the first limit in
-/// [`DEGREES`] to half of the second. Returns infinity if the argument lies above this range.
+/// Returns the argument at which trigamma is `value`. The argument is searched from half of the lower limit
+/// in [`DEGREES`] to half of the upper limit. Returns infinity if the argument lies above the range of the
+/// search.
 fn inverse_trigamma(value: f64) -> f64 {
     let [mut low, mut high] = DEGREES.map(|degrees| 0.5 * degrees);
     if value <= trigamma(high) {
@@ -145,8 +148,9 @@ mod tests {
         let observed: Vec<f64> = (0..20_000).map(|_| observed()).collect();
         let prior = Prior::of(&observed, 2);
         assert!((prior.degrees - 4.0).abs() < 0.6 && (prior.variance - 1.0).abs() < 0.1, "{prior:?}");
-        // By the definition of `typical`, ln(typical) = ln(1) - (digamma(2) - ln(2)). The 1 is the prior's variance,
-        // and 2 is half of its four degrees of freedom.
+        // By definition, the geometric mean of the true variances is given by ln(typical) = ln(1) -
+        // (digamma(2) - ln(2)). In this formula, 1 is the prior's variance, and 2 is half of the prior's four
+        // degrees of freedom.
         assert!((prior.typical - 1.31).abs() < 0.05, "{prior:?}");
     }
 

@@ -1,18 +1,19 @@
-//! Ratios of times to a reference time, which several ratios may have in common.
+//! Ratios of times to a reference time, which may be the same for several ratios.
 
 use super::between::known;
 use super::error::Error;
 use super::interval::{Interval, biased};
 
-/// A ratio whose error is stored in two parts. The first part is an error of this ratio alone; the second
-/// part is an error that several ratios have in common. For example, the ratios of several groups of points
-/// to the time of the same anchor all contain the error of this anchor. The mean over several groups contains
-/// the anchor's error as well, however many groups there are.
+/// A ratio whose error is stored in two parts. The field `ratio` has the error of this ratio alone; the field
+/// `common` has an error that several ratios have in common. For example, the ratios of several groups of
+/// points to the time of the same anchor (work that is timed for comparison) all contain the error of this
+/// anchor. The mean of such ratios contains the error of the common anchor as well, however many groups there
+/// are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relative {
-    /// The ratio of two times, with an error that does not include `common`.
+    /// The ratio of two times, with the error of this ratio alone.
     pub(super) ratio: Interval,
-    /// The variance of the part of the error that ratios have in common.
+    /// The variance of the error that this ratio has in common with other ratios.
     pub(super) common: f64,
 }
 
@@ -27,17 +28,19 @@ impl Relative {
         Self { ratio: self.ratio.over(other.ratio), common: self.common + other.common }
     }
 
-    /// Returns the ratio divided by a factor of which only the limits are known, like [`Interval::over_up_to`]. The
-    /// uncertainty of the factor belongs to this ratio only, so a mean of several ratios gives this ratio less weight.
+    /// Returns the ratio divided by a factor that is not known exactly but lies within limits, like
+    /// [`Interval::over_up_to`]. The uncertainty of this factor belongs to one ratio only, so a mean of
+    /// several ratios gives that ratio less weight.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         Self { ratio: self.ratio.over_up_to(log), ..self }
     }
 
     /// Returns the geometric mean of some ratios, like [`Interval::mean`]; `None` if `all` is empty. The
-    /// error that the ratios have in common is added once, after averaging. If the ratios state different
-    /// variances of the common error, the largest variance is added. The variance that the error adds to the
-    /// mean cannot be larger than the largest variance, whether or not the ratios really share the error.
+    /// error that all these ratios have in common is added to the mean's error once, after averaging. If the
+    /// ratios state different variances of their common error, the largest of these variances is added. The
+    /// common error cannot add more than this largest variance to the mean, whether or not the ratios really
+    /// have an error in common.
     pub fn mean(all: &[Self]) -> Option<Interval> {
         let ratios: Vec<Interval> = all.iter().map(|one| one.ratio).collect();
         let mean = Interval::mean(&ratios)?;

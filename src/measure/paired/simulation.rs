@@ -18,19 +18,20 @@ const RESOLUTION: f64 = 0.01;
 /// The sources of error of a machine: standard deviations of the logarithms of times, and two probabilities.
 #[derive(Clone, Copy)]
 struct Machine {
-    /// By how much a run changes the times of all points.
+    /// By how much the times of all points change together from run to run.
     run: f64,
-    /// By how much a run changes the time of a single point.
+    /// By how much the time of a single point changes from run to run.
     run_of_point: f64,
-    /// By how much a launch changes the times of all points.
+    /// By how much the times of all points change together from launch to launch.
     launch: f64,
-    /// By how much a launch changes the time of a single point.
+    /// By how much the time of a single point changes from launch to launch.
     launch_of_point: f64,
     /// Autocorrelated noise of a point's times; every third point has twice as much noise.
     noise: f64,
     /// Probability that a slow phase begins at a sample; a slow phase lasts tens of samples.
     regime: f64,
-    /// Probability that a point with two speeds takes its slow mode in a launch. Every third point has two speeds.
+    /// Probability that a point with a fast and a slow mode is slow in a launch. Every third point has a fast
+    /// and a slow mode.
     slow_mode: f64,
 }
 
@@ -44,9 +45,10 @@ const MACHINE: Machine = Machine {
     slow_mode: 0.0,
 };
 
-/// A machine on which another process keeps one of two cores busy for half of the time. The simulation imitates this
-/// process by slow phases. A slow phase begins at one sample in a hundred, and makes about 30 samples take about 1.7
-/// times as long, so frames take a sixth longer on average.
+/// A machine on which another process keeps one of two cores busy for half of the time. The simulation
+/// imitates the other process by phases in which all points are slow. A slow phase begins at one sample in a
+/// hundred, and makes about 30 samples take about 1.7 times as long, so frames take a sixth longer on
+/// average.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 
 /// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose work-items
@@ -111,14 +113,14 @@ fn run(machine: Machine, points: usize, seed: u64) -> Vec<PairedSample> {
 
 /// How well several runs on one machine agree.
 struct Coverage {
-    /// The share of intervals that contain another run's result: for ratios to the first point, and for
-    /// medians.
+    /// The share of a run's intervals that contain the result of another run: for ratios to the first point,
+    /// and for medians.
     held: [f64; 2],
     /// The median relative half-width of the intervals: for ratios to the first point, and for medians.
     half: [f64; 2],
     /// Number of pairs of runs whose winners have no point in common.
     disjoint: usize,
-    /// The mean number of winners of a run.
+    /// The mean number of winners of a run (the fastest point and the points that tie with it).
     winners: f64,
 }
 
@@ -165,7 +167,7 @@ fn holds(machine: Machine, points: usize, half: [f64; 2]) {
     let coverage = coverage(machine, points);
     assert!(
         coverage.held.iter().all(|part| *part >= 0.8),
-        "intervals contain only these shares of other runs' estimates: {:?}",
+        "too few intervals contain the estimate of another run; the shares are {:?}",
         coverage.held
     );
     assert!(
@@ -199,9 +201,9 @@ fn they_do_of_few_points_and_of_many() {
     holds(MACHINE, 30, [0.04, 0.08]);
 }
 
-/// Tests that points with two speeds hardly make the comparison of points with one speed less exact. Two in
-/// five of the points with two speeds show only their fast mode in three launches. The intervals of points
-/// that showed only their fast mode contain the results of other runs less often.
+/// Tests that points with a fast and a slow mode hardly make the comparison of the other points less exact.
+/// By chance, two in five of the points with two modes show only the fast mode in three launches. The
+/// interval of a point that showed only its fast mode contains the result of another run less often.
 #[test]
 fn steady_points_are_told_apart_beside_bimodal_ones() {
     let coverage = |machine, of: &dyn Fn(usize) -> bool| {
@@ -232,8 +234,8 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     Interval { middle, low, high, error: 0.0, degrees: 0.0, bias: 0.0 }
 }
 
-/// Shows why launches are repeated: the bootstrap ignores launches, and its intervals contain far fewer results
-/// of other runs than those of [`Paired`].
+/// Shows why launches are repeated: the bootstrap ignores launches, and far fewer of its intervals contain
+/// the result of another run than of the intervals of [`Paired`].
 #[test]
 fn the_plain_interval_of_a_median_does_not_hold() {
     let plain = |samples: &Vec<PairedSample>, point: usize| {

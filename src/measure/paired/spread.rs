@@ -6,29 +6,31 @@ use crate::measure::mean_and_sigma;
 use crate::measure::summary::quantile;
 
 /// If a spread is averaged with the spread of other points or tables, it *borrows* this other spread.
-/// `BORROWED` is the largest weight of a borrowed spread, in degrees of freedom. A point or a pair of points
-/// borrows the spread of all points. A table (of the points and launches of one group) borrows the spread of
-/// other tables.
+/// `BORROWED` is the largest weight, in degrees of freedom, that the spread of other points or tables gets in
+/// such an average. The spread of a point or of a pair of points borrows (is averaged with) the spread of all
+/// points. The spread in a table (of the points and launches of one group) borrows (is averaged with) the
+/// spread in other tables.
 const BORROWED: usize = 6;
-/// A pair of points borrows only in tables of at least `FEWEST_LENDERS` rows. With three rows, the spread of
-/// all rows would come from the pair itself and one more row. If the third row is noisy, the pair would seem
-/// to be noisy too.
+/// The spread of a pair of points is averaged with the spread of all points only in tables of at least
+/// `FEWEST_LENDERS` rows (points). In a table of three rows, the spread of all rows would come from the two
+/// rows of the pair and one more row. If the row that is not in the pair is noisy, the pair would seem to be
+/// noisy too.
 const FEWEST_LENDERS: usize = 4;
-/// A variance that is more than `MOST_TIMES_USUAL` times the usual variance borrows nothing. If every
-/// variance borrowed, the variance of a point that is unsteadier than the others would be averaged with
-/// variances that are far too small for the unsteady point. In simulations of four launches
-/// (docs/methodology.md), one point varied eight times as much as the others. Of the 95% intervals of the
-/// unsteady point's ratios, 80 to 83% contained the true ratio if the point always borrowed, and 94 to 95%
-/// with the limit `MOST_TIMES_USUAL`. Of the pairs of points that vary like the others, one in nine exceeds
-/// the limit `MOST_TIMES_USUAL` by chance.
+/// A variance that is more than `MOST_TIMES_USUAL` times the usual variance is not averaged with the usual
+/// variance. If every variance were averaged with the usual variance, the result would be far too small for a
+/// point whose times vary more than those of the others. In simulations of four launches
+/// (docs/methodology.md), one point varied eight times as much as the others. If the point's variance was
+/// always averaged, 80 to 83% of the 95% intervals of this point's ratios contained the true ratio. With the
+/// limit `MOST_TIMES_USUAL`, 94 to 95% of these intervals contained the true ratio. Even if all pairs of
+/// points vary equally, the variance of one pair in nine exceeds the limit `MOST_TIMES_USUAL` by chance.
 const MOST_TIMES_USUAL: f64 = 2.0;
-/// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only:
-/// from one row in `STEADY_PART`. Rows that are not among the steadiest may be far from steady. For example,
-/// in a run of the paper's Figure 8 on a CPU, 19 of 37 points took 1.4 times as long in one launch as in the
-/// three other launches.
+/// The effect that a launch (a column of the table) has on all points (rows) is estimated from the steadiest
+/// rows only: from one row in `STEADY_PART`. Rows that are not among the steadiest may be far from steady.
+/// For example, in a run of the paper's Figure 8 on a CPU, 19 of 37 points took 1.4 times as long in one
+/// launch as in the three other launches.
 const STEADY_PART: usize = 3;
 /// The effect of a column is estimated from at least `LEAST_STEADY` rows, or from all rows if the table has
-/// fewer. Fewer rows might be alike only by chance.
+/// fewer. If the effect were estimated from fewer rows, these rows might be alike only by chance.
 const LEAST_STEADY: usize = 6;
 
 /// The spread of the values in a table, pooled over all points. The table has a row per point and a column
@@ -37,13 +39,14 @@ const LEAST_STEADY: usize = 6;
 pub(super) struct Pooled {
     /// The distribution of the variances of the rows' residuals, after subtracting the effects of rows and columns.
     apart: Prior,
-    /// The distribution of the rows' variances, which include effects that all rows share.
+    /// The distribution of the variances of the table's rows (one row per point). These variances include
+    /// effects that all rows share.
     together: Prior,
     rows: usize,
     columns: usize,
-    /// The spread in other tables: the square root of the mean of the other tables' `together.typical`,
-    /// weighted by the tables' degrees of freedom. The degrees of freedom of `elsewhere` are the sum of the
-    /// other tables' degrees of freedom, but at most [`BORROWED`].
+    /// The spread in the other tables of the same run: the square root of the mean of `together.typical` over
+    /// these tables, weighted by the tables' degrees of freedom. The degrees of freedom of this spread are
+    /// the sum of the other tables' degrees of freedom, but at most [`BORROWED`].
     elsewhere: Error,
 }
 
@@ -58,21 +61,23 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// Returns the error of the mean of `differences`. Each column has one difference, between the mean of
-    /// `rows[0]` rows and the mean of `rows[1]` other rows.
+    /// Returns the error of the mean of `differences`. `differences` has one difference per column (launch),
+    /// between the mean of `rows[0]` rows (points) and the mean of `rows[1]` other rows.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let parts: f64 = rows.iter().map(|rows| 1.0 / *rows as f64).sum();
         self.moderated(parts, variance(differences))
     }
 
-    /// Returns a copy in which the common spread of differences (`apart`) has no weight. The error of a
-    /// difference between two rows then follows from the values of these two rows only.
+    /// Returns a copy in which the common spread of all rows (`apart`) has no weight in the error of a
+    /// difference between rows. With this copy, the error of a difference between two rows follows from the
+    /// values of these two rows only.
     pub(super) fn alone(self) -> Self {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }
 
-    /// Returns the error of a row's mean. All rows share the effects of a column, so the other rows of the
-    /// same table add no degrees of freedom. Only other tables add degrees of freedom.
+    /// Returns the error of a row's mean. The effect of a launch (a column) is the same for all rows, so the
+    /// other rows of the same table add no degrees of freedom. Only the other tables of the same run add
+    /// degrees of freedom to this error.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = self.borrowed(self.together, 1);
         let (own, _) = self.weighted(self.together.variance, borrowed, variance(row));
@@ -93,45 +98,48 @@ impl Pooled {
         }
     }
 
-    /// Returns the error of the difference between two rows of typical spread; `None` for a single row.
+    /// Returns the error of the difference between two rows with the typical variance of this table; `None`
+    /// for a table with a single row.
     pub(super) fn usual(&self) -> Option<Error> {
         (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
 
-    /// Returns the error of a mean of differences between rows. `own` is the variance of these differences, which has
-    /// few degrees of freedom. `parts` is the variance that a difference would have if each row had the variance 1.
+    /// Returns the error of the mean of several differences between rows (one difference per column). `own`
+    /// is the variance of these differences between rows, and has few degrees of freedom. `parts` is the
+    /// expected variance of such a difference, divided by the variance of a single row.
     fn moderated(&self, parts: f64, own: f64) -> Error {
         let borrowed = if self.rows < FEWEST_LENDERS { 0.0 } else { self.borrowed(self.apart, 2) };
         let (variance, degrees) = self.weighted(parts * self.apart.variance, borrowed, own);
         self.error(variance, degrees)
     }
 
-    /// Returns the number of degrees of freedom that `prior`, the common spread of all rows, adds to an
-    /// error. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and
-    /// the degrees of freedom of the other rows. `own_rows` is 1 for the error of a row's mean, and 2 for the
-    /// error of a difference between two rows. The other rows are all rows except the one or two rows whose
-    /// error is computed.
+    /// Returns the number of degrees of freedom that the common spread of all rows (`prior`) adds to the
+    /// error of one or two of these rows. The result is the least of three numbers: the degrees of freedom of
+    /// `prior`, [`BORROWED`], and the degrees of freedom of the table's other rows. `own_rows` is the number
+    /// of rows whose error is computed: 1 for the error of a row's mean, and 2 for the error of a difference
+    /// between two rows. The other rows are all rows of the table except these `own_rows` rows.
     ///
-    /// `own_rows` is 2 also for a difference between a row and an anchor, although the anchor is no row of
-    /// the table. [`Self::weighted`] averages two variances: the variance of the difference, and the common
-    /// variance of all rows. The values of the row that is compared with the anchor are part of both
-    /// variances. The two variances are therefore not independent, and their mean has fewer degrees of
-    /// freedom than both variances together.
+    /// For a difference between a row and an anchor (work that is timed for comparison), `own_rows` is 2 too,
+    /// although the anchor is no row of the table. [`Self::weighted`] averages two variances: the variance of
+    /// this difference, and the common variance of all rows. The values of the row in this difference are
+    /// part of both averaged variances. The two averaged variances are therefore not independent, and their
+    /// mean has fewer degrees of freedom than both variances together.
     ///
-    /// A simple model shows how many degrees of freedom the mean of the two variances has. In the model, all
-    /// values are normally distributed, the anchor varies as much as each row, and the effect of a column is
-    /// the mean of all rows. For a table of four rows and two columns, the mean of the two variances has 3.2
-    /// degrees of freedom, and raycl computes with 3. If `own_rows` were 1, the mean would have 3.4 degrees
-    /// of freedom, and raycl would compute with 4.
+    /// A simple model shows how many degrees of freedom the mean of the difference's variance and the rows'
+    /// common variance has. In the model, all values of the table are normally distributed, the anchor varies
+    /// as much as each row, and the effect of a column (a launch) is the mean of all rows. In the model, for
+    /// a table of four rows and two columns, the mean of the two variances has 3.2 degrees of freedom, and
+    /// raycl computes with 3. If `own_rows` were 1 for this difference, the mean of the two variances would
+    /// have 3.4 degrees of freedom, and raycl would compute with 4.
     fn borrowed(&self, prior: Prior, own_rows: usize) -> f64 {
         let others = self.rows.saturating_sub(own_rows) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
     }
 
     /// Returns the mean of two variances, weighted by their degrees of freedom, and the sum of these degrees of
-    /// freedom. `own` is the variance of a row or of differences. `usual` is the common variance of all rows or of
-    /// other tables, and has `borrowed` degrees of freedom. If `own` is far above `usual` ([`MOST_TIMES_USUAL`]),
-    /// `usual` has no part in the result.
+    /// freedom. `own` is the variance of one row or of the differences between rows. `usual` is the common
+    /// variance of all rows or of other tables, and its degrees of freedom are `borrowed`. If `own` is more
+    /// than [`MOST_TIMES_USUAL`] times `usual`, the result is `own` alone.
     fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> (f64, f64) {
         let columns = self.columns as f64 - 1.0;
         let borrowed = if own > MOST_TIMES_USUAL * usual { 0.0 } else { borrowed };
@@ -147,10 +155,11 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// Returns the distribution of the variances of the rows' residuals in a two-way table after subtracting the
-/// effects of rows and columns. For a single row or column, the variances are 0. For each row, the effect of
-/// a column is the median over all steady rows except the row itself. Unsteady rows therefore do not disturb
-/// the residuals of steady rows, even if more than half of the rows are unsteady. In a table with two or
+/// Subtracts the effects of rows and columns from a two-way table, and returns the distribution of the
+/// variances of what remains in each row (its residuals). For a table with a single row or column, these
+/// variances are 0. For each row, the effect of a column is the median of the column over all steady rows
+/// (rows that change alike) except the row itself. Rows that vary more than others therefore do not disturb
+/// the residuals of steady rows, even if more than half of the rows vary so much. In a table with two or
 /// three rows, each row is compared with a single other row ([`to_the_nearest`]).
 fn interaction(table: &[&[f64]]) -> Prior {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
@@ -175,10 +184,11 @@ fn interaction(table: &[&[f64]]) -> Prior {
         };
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
-        // The error of the column's effect makes the variance of the residuals larger. The division below
-        // corrects the variance for this error. The correction would be exact if the effect were a mean of
-        // rows, but the effect is a median. The variance of a median's error is about a half larger than that
-        // of a mean (less for few rows), so the correction is slightly too small.
+        // The effect of a column is an estimate, whose error makes the variance of the residuals larger. The
+        // division below corrects the variance of the residuals for the error of this estimate. The
+        // correction would be exact if the effect of a column were the mean of the steady rows, but the
+        // effect is their median. The variance of a median's error is about a half larger than that of a
+        // mean's error (less for few rows), so the division corrects slightly too little.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
@@ -186,8 +196,8 @@ fn interaction(table: &[&[f64]]) -> Prior {
 
 /// Returns one variance per row of a table with at least two rows. For each row, the function computes the
 /// variance of its differences from each other row, and returns half of the least of these variances. In a
-/// table with three rows, medians would not help: the median of the two other rows would be their mean, so
-/// one noisy row would make the residuals of both steady rows noisy.
+/// table with three rows, medians would not help. The median of the two other rows would be their mean, so
+/// one noisy row would make the residuals of both other rows noisy.
 fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
     let apart = |one: &[f64], other: &[f64]| {
         variance(&one.iter().zip(other).map(|(one, other)| one - other).collect::<Vec<f64>>())
@@ -199,10 +209,10 @@ fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
     (0..table.len()).map(of_row).collect()
 }
 
-/// Returns the indices of the rows that change most alike from column to column: a third of all rows, but at
-/// least [`LEAST_STEADY`] rows if the table has so many. Each row forms a set with its nearest rows (by the
-/// sum of squared differences). The set that is returned is the one whose farthest row is nearest to the row
-/// that formed the set.
+/// Returns the indices of the rows whose changes from column to column are most alike. These are a third of
+/// all rows, but at least [`LEAST_STEADY`] rows if the table has so many. Each row forms a set with its
+/// nearest rows (by the sum of squared differences). The function returns the set with the least distance
+/// between the row that formed the set and the set's farthest row.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);
@@ -242,15 +252,17 @@ mod tests {
         assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]).variance < 1e-20);
         let four: [&[f64]; 4] = [&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0], &[5.0, 6.0, 8.0], &[0.0, 1.0, 3.0]];
         assert!(interaction(&four).variance < 1e-20);
-        // The expected variance was calculated without this code, with means as the effects: the residuals
-        // are +-0.5 in all four cells. The sum of the squared residuals is 1, with one degree of freedom.
+        // The expected variance was calculated without this code. After the means of rows and columns are
+        // subtracted, the residuals are +-0.5 in all four cells of the table. The sum of the squared
+        // residuals is 1, with one degree of freedom.
         assert!((interaction(&[&[1.0, 0.0], &[0.0, 1.0]]).variance - 1.0).abs() < 1e-12);
         assert_eq!(interaction(&[&[1.0, 9.0]]).variance, 0.0);
     }
 
-    /// The expected variance was calculated without this code. In each row, the residuals are 1 and -1, and their
-    /// variance 2 is divided by 1 + 1/3, since the effects come from three rows. The mean logarithm of a variance with
-    /// one degree of freedom is 1.27 below the logarithm of the true variance.
+    /// The expected variance was calculated without this code. In each row, 1 and -1 remain after the effects
+    /// of the columns are subtracted. The variance of these residuals, 2, is divided by 1 + 1/3, since each
+    /// effect is estimated from three other rows. The mean logarithm of a variance with one degree of freedom
+    /// is 1.27 below the logarithm of the true variance.
     #[test]
     fn residuals_from_the_median_of_other_rows_are_corrected_for_its_error() {
         let prior = interaction(&[&[1.0, 0.0], &[0.0, 1.0], &[1.0, 0.0], &[0.0, 1.0]]);
@@ -258,7 +270,7 @@ mod tests {
     }
 
     /// The values of the first row vary more than ten times as much as the values of the two other rows. The
-    /// times of the two other rows are 10% apart.
+    /// times of the second and the third row are 10% apart.
     #[test]
     fn a_noisy_row_of_three_does_not_hide_a_difference_between_the_others() {
         let noisy = [0.3, -0.2, 0.5, 0.1];
@@ -273,7 +285,8 @@ mod tests {
         assert!(usual.is_some_and(|reach| reach < 0.05), "{usual:?}");
     }
 
-    /// Seven rows vary by about 0.01, and one varies by about 0.1.
+    /// The values of seven rows vary by about 0.01 from column to column, and the values of one row by about
+    /// 0.1.
     #[test]
     fn a_row_that_is_unsteadier_than_the_others_borrows_nothing() {
         let cell = |row: usize, column: usize| [0.0, 0.01, 0.02, 0.01][(row + column) % 4];
@@ -289,7 +302,8 @@ mod tests {
         assert!(unsteady.degrees == 3.0 && (unsteady.error - own).abs() < 1e-12, "{unsteady:?} {own}");
         let steady = pooled.of_difference(&differences(1, 1), [1, 1]);
         assert!(steady.degrees > 3.5, "{steady:?}");
-        // The error of the unsteady row's mean follows from this row alone, even if other tables are steady.
+        // The error of the mean of the first row, which varies most, follows from this row alone, even if
+        // other tables vary little.
         let own = Error { error: (variance(rows[0]) / 4.0).sqrt(), degrees: 3.0 };
         let of_level = |pooled: &Pooled| pooled.of_level(rows[0]);
         let is_own = |level: Error| (level.error - own.error).abs() < 1e-12 && level.degrees == own.degrees;
@@ -379,7 +393,8 @@ mod tests {
         of_many.borrow(&[alone; 9]);
         assert_eq!(of_many.of_level(rows[0]).degrees, 8.0, "many tables add at most six degrees of freedom");
         assert!((one.error - more.error).abs() < 1e-12 && more.reach(0.025) < 0.6 * one.reach(0.025));
-        // If launches differ more in other tables, the error of this table grows too.
+        // If the launches in other tables differ more, the error of a row's mean in the table `borrowing`
+        // grows too.
         let wide = [[0.0, 0.3, -0.3], [1.0, 1.3, 0.7]];
         let wide: Vec<&[f64]> = wide.iter().map(|row| row.as_slice()).collect();
         borrowing.borrow(&[Pooled::of(&wide, &wide)]);

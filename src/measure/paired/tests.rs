@@ -3,8 +3,8 @@
 use super::*;
 use crate::measure::Ranking;
 
-/// Methods for these tests and for the simulation. The methods identify points by their indices; raycl itself compares
-/// records (`record::ratios`, `record::ranking`).
+/// Methods for the tests in this file and for the simulation of machines (`simulation.rs`). The methods
+/// identify points by their indices; raycl itself compares records (`record::ratios`, `record::ranking`).
 impl Paired {
     /// Returns the number of launches in which at least one point has enough samples.
     fn launches(&self) -> usize {
@@ -71,7 +71,7 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
 #[test]
 fn apart_the_medians_of_all_samples_are_compared() {
     // Two of the three launches are slow. The median of all samples is therefore a time of the slow launches.
-    // The mean over the launches would be less.
+    // The mean of the three launches' medians would be less than the median of all samples.
     let mut slow = steady(2, 3, 9);
     slow.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
@@ -85,8 +85,9 @@ fn apart_the_interval_has_the_spread_of_both() {
     unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
-    // The standard error of the logarithm is ln(4) / 3, and Student's t is 4.303. By the formulas, the upper
-    // end of the interval is therefore 53 times the lower end.
+    // The standard error of the logarithm is ln(4) / 3, and Student's t is 4.303. The interval of the
+    // logarithm extends by their product to each side, so the upper end of the interval is 53 times the lower
+    // end.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }
@@ -157,7 +158,8 @@ fn what_is_no_time_is_passed_over() {
     assert_eq!(Paired::of(&samples, 2), Paired::of(&steady(2, 2, 6), 2));
 }
 
-/// Compares points that take 1, 2 and 3 ms. In each of three launches, these times are multiplied by a factor.
+/// Compares points that take 1, 2 and 3 ms. In each of three launches, the times of all points are multiplied
+/// by the launch's factor.
 fn with_launches(factors: [f64; 3]) -> Paired {
     let sample = |launch: u32, point: usize| PairedSample {
         point,
@@ -176,8 +178,9 @@ fn differences_between_runs_are_those_of_each_point_and_average_out_in_means() {
     let errors = [&one, &two, &three].map(|point| point.median_ms().error);
     assert!(errors.iter().zip([0.1, 0.2, 0.1]).all(|(error, own)| (error - own).abs() < 1e-9), "{errors:?}");
     let pair = Standing::mean(&[&one, &three]).unwrap();
-    // From run to run, each point's time changes by a factor. The mean of the pair's two factors has half the variance
-    // of one factor; the single point adds the whole variance of its factor to the ratio.
+    // From run to run, each point's time changes by a factor. The mean of two points' factors has half the
+    // variance of one factor. In the ratio of this mean to a single point's time, the single point adds the
+    // whole variance of its factor.
     for ratio in [pair.ratio(&one), one.ratio(&pair)] {
         assert!((ratio.error - 0.1 * 1.5_f64.sqrt()).abs() < 1e-9, "{ratio:?}");
     }
@@ -229,8 +232,8 @@ fn the_factors_of_a_reference_are_kept_apart_from_those_of_the_ratios_points() {
         assert!((parts.ratio.error - 0.1).abs() < 1e-9 && parts.ratio.middle == whole.middle, "{parts:?}");
         assert!((parts.ratio.error.powi(2) + common - whole.error.powi(2)).abs() < 1e-9, "{parts:?}");
     }
-    // In the mean of two points, the points' own factors average out, but the factors of the reference do
-    // not.
+    // In the mean of two points, the points' own changes from run to run average out, but the changes of the
+    // point that serves as reference do not.
     let both = Standing::mean(&[&first, &second]).unwrap().relative_to(&third);
     assert!(
         (both.ratio.error.powi(2) - 0.005).abs() < 1e-9 && (both.common - 0.29).abs() < 1e-12,
@@ -249,8 +252,8 @@ fn a_launch_counts_once_though_samples_of_another_lie_between_its_own() {
     assert_eq!(counts, [5, 10]);
 }
 
-/// In the second launch, six points take up to 1.02 times as long as in the first, and the anchor takes 1.5 times as
-/// long.
+/// In the second launch, six points take up to 1.02 times as long as in the first, and the anchor (work that
+/// is timed for comparison) takes 1.5 times as long.
 #[test]
 fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_of_the_points() {
     let mut samples = steady(7, 2, 9);
@@ -267,8 +270,8 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     let alone = Paired::of(&without, 6);
     let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(3, 0).expect("enough samples"));
     assert!((beside.error / alone.error - 1.0).abs() < 1e-3 && alone.degrees > 1.1, "{beside:?} {alone:?}");
-    // An anchor that does not run on processors is compared like a point: only if its own spread is far above
-    // the usual spread, the usual spread has no part in the ratio's error.
+    // An anchor that does not run on processors is compared like a point: the usual spread of points is used
+    // for the ratio's error unless the anchor's own spread is far above it.
     let elsewhere = Paired::with_anchors(&samples, &[true; 6], &[false]).ratio(0, 6).expect("enough samples");
     assert!((elsewhere.degrees - 1.0).abs() < 1e-9, "{elsewhere:?}");
     for sample in samples.iter_mut().filter(|sample| sample.point == 6 && sample.launch == 1) {
@@ -290,7 +293,7 @@ fn a_point_that_is_not_typical_has_no_part_in_the_usual_spread() {
     let resolution = |are_typical: [bool; 3]| with(are_typical).resolution().expect("two points");
     assert!(resolution([true, true, false]) < 0.01, "{}", resolution([true, true, false]));
     assert!(resolution([true, false, true]) > 0.5, "{}", resolution([true, false, true]));
-    // One typical point alone shows no usual spread, so all points are rows of the table.
+    // A single typical point does not show the usual spread of points, so all points are rows of the table.
     assert_eq!(with([true, false, false]), with([true; 3]));
     let ratio = with([true, true, false]).ratio(2, 0).expect("enough samples");
     assert!(ratio.high / ratio.low > 2.0, "{ratio:?}");

@@ -1,8 +1,9 @@
 //! Properties of a compiled kernel: registers, spills, bytes of memory, and the address spaces that its
 //! instructions access.
 //!
-//! Sizes come from the driver. Registers come from the build log, if the log states them. Memory instructions
-//! come from the program's binary, if the binary is PTX text. An unknown property is `None`.
+//! The sizes of work-groups and of memory come from the driver. Registers come from the build log, if the log
+//! states them. Memory instructions come from the program's binary, if the binary is PTX text. An unknown
+//! property is `None`.
 
 mod log;
 pub(crate) mod ptx;
@@ -65,8 +66,8 @@ impl CompiledKernel {
 
     /// Adds to this kernel's properties the predicted number of work-groups that a multiprocessor can hold at
     /// once, the occupancy, and the limit that determines this occupancy. `items` is the number of work-items
-    /// of a work-group. The compute capability determines the limits of the device's multiprocessors. Adds
-    /// nothing if the number of registers or the compute capability is unknown.
+    /// of a work-group. The compute capability determines the limits of the device's multiprocessors. If the
+    /// number of registers or the compute capability is unknown, adds no properties.
     #[must_use]
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
         let sm = compute_capability.and_then(|name| multiprocessor(name).ok());

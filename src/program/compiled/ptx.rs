@@ -78,7 +78,7 @@ fn is_label_or_predicate(word: &str) -> bool {
 }
 
 /// Returns the name under which a memory instruction is counted: "ld.shared" for "ld.volatile.shared.v2.f32".
-/// Returns `None` for any other instruction.
+/// Returns `None` for instructions other than loads, stores and atomic operations.
 pub(crate) fn instruction(opcode: &str) -> Option<String> {
     const SPACES: [&str; 5] = ["global", "shared", "local", "const", "param"];
     let mut parts = opcode.split('.');

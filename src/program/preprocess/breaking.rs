@@ -6,13 +6,14 @@ use std::collections::VecDeque;
 /// Lines with more characters than this number are broken if possible.
 const WIDEST: usize = 120;
 /// If a bracket opens at this column or further left, the next lines of its contents are aligned with the
-/// bracket. If a bracket opens further right, the next lines of its contents are indented by four columns
-/// more than the statement.
+/// bracket. If a bracket opens further right than this column, the next lines of its contents are indented by
+/// four columns more than the statement.
 const FURTHEST: usize = 80;
 
-/// Joins a line with the following lines until all round brackets are closed. Macros in the line have shifted
-/// these brackets, so the following lines are no longer aligned with the brackets. The line stays unchanged
-/// if one of the joined lines ends in a comment, or if the brackets are never closed.
+/// Joins a line with the following lines until all round brackets are closed. Macros have shifted the
+/// brackets in the line `line`, so the following lines are no longer aligned with these brackets. `line` is
+/// returned unchanged if one of the joined lines ends in a comment before all brackets are closed, or if the
+/// brackets are never closed.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -94,8 +95,8 @@ fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
     statements.into_iter().map(trimmed).filter(|statement| !statement.is_empty()).collect()
 }
 
-/// Returns the string in round brackets after the word `_Pragma`, and the tokens after the brackets. Blanks may
-/// be between the word, the brackets and the string.
+/// Returns the string in round brackets after the word `_Pragma`, and the tokens after the brackets. Blanks
+/// may separate the word `_Pragma`, the brackets and the string.
 fn string_of_pragma(after: &[Token]) -> Option<(&Token, &[Token])> {
     let mut code = after.iter().enumerate().filter(|(_, token)| token.is_code());
     let (_, (_, string), (closing, _)) = (code.next()?, code.next()?, code.next()?);
@@ -176,9 +177,10 @@ struct LineBreak {
 }
 
 /// Returns where to break a line; `None` if the whole line fits or cannot be broken. Considers all positions
-/// up to which the line fits. Of the positions inside the fewest brackets, returns the last one. `open`
-/// contains the columns of brackets that were opened on earlier lines and are still open. `further` is the
-/// column at which the next line starts if no open bracket is near enough to the left margin.
+/// at which the part of the line before the position fits. Of the positions that are inside the fewest
+/// brackets, returns the last one. `open` contains the columns of brackets that were opened on earlier lines
+/// and are still open. `further` is the column at which the next line starts if no open bracket is near
+/// enough to the left margin.
 fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;

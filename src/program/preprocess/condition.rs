@@ -11,8 +11,8 @@ pub(super) struct Compiler {
     /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key of the map is a macro's name,
     /// or a whole text such as `__has_builtin(f)`.
     pub given: BTreeMap<String, i64>,
-    /// Names that conditions use, but that neither the text nor `given` defines. The preprocessor treats
-    /// these names as undefined.
+    /// Names that conditions use, but that neither the text nor `given` defines. The preprocessor treats the
+    /// names in `asked` as undefined.
     pub asked: BTreeSet<String>,
 }
 
@@ -88,8 +88,8 @@ const LEVELS: &[&[&str]] = &[
 ];
 
 /// Parses a condition from left to right. The methods' parameter `live` is false for an operand whose value
-/// does not matter, such as the right operand of `0 &&`. In an operand that is not live, a division by zero
-/// is not an error.
+/// does not matter, such as the right operand of `0 &&`. If an operand's value does not matter, a division by
+/// zero in this operand is not an error.
 struct Parser<'a> {
     tokens: Vec<Token>,
     at: usize,

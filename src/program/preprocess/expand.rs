@@ -27,7 +27,7 @@ struct Expander<'a> {
     input: VecDeque<Token>,
     output: Vec<Token>,
     /// Number of open round brackets in the output. Line breaks within brackets become blanks. If the whole
-    /// expansion is to be in one line, `depth` starts at 1 instead of 0.
+    /// expansion of a macro is to be in one line, `depth` starts at 1 instead of 0, as if within brackets.
     depth: usize,
 }
 
@@ -58,8 +58,8 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // The name and the closing bracket of a call may come from different macros. The expansion of a call
-        // must not call a macro again from which both the call's name and its closing bracket came.
+        // The name and the closing bracket of a call may come from different macros. If both came from the
+        // same macro, the call's expansion must not call this macro again.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
     }
@@ -99,7 +99,7 @@ impl Expander<'_> {
     }
 
     /// Returns the expanded body of a macro without parameters if this body consists of numbers and operators
-    /// only; otherwise returns `None`. Remembers each macro for which the result is `None`.
+    /// only; otherwise returns `None`. If the result is `None`, remembers that the macro is not constant.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let name =
             hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
@@ -110,8 +110,8 @@ impl Expander<'_> {
         constant
     }
 
-    /// Returns the expanded body of a macro without parameters, like `constant`, but does not remember for
-    /// which macros the result is `None`.
+    /// Returns the expanded body of a macro without parameters, like `constant`, but remembers nothing about
+    /// the macro.
     fn expanded_constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());

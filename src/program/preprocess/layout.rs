@@ -71,7 +71,7 @@ impl Layout {
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
             // A line that macro expansion changed and that has no code was a macro call that expanded to
-            // nothing. The output leaves out such a line.
+            // nothing. The output leaves out lines whose macro calls expanded to nothing.
         }
     }
 
@@ -102,12 +102,12 @@ impl Layout {
     }
 }
 
-/// Removes a comment if only directives follow it before the next empty line, since such a comment describes
-/// removed definitions.
+/// Removes each comment that is followed only by directives up to the next empty line. Such a comment
+/// describes definitions that the preprocessor has removed.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut remaining = Vec::new();
-    // True if only directives, and comments on directives, lie between the current row and the next empty
-    // line. The loop goes from the last row to the first.
+    // True if all rows between the loop's current row and the next empty line are directives, or comments
+    // that describe directives. The loop goes from the last row to the first.
     let (mut orphaned, mut after) = (false, What::Blank);
     let mut file: Rc<str> = "".into();
     for row in rows.into_iter().rev() {

@@ -15,8 +15,8 @@ pub(super) struct Macro {
 }
 
 /// The largest number of tokens that all macro expansions of a program together may make. The program with
-/// the most expansions in `cl/` makes some thousands of tokens. Each token contains a list of the macros from
-/// which it came, and each name in this list counts as a further token.
+/// the most expansions in `cl/` makes some thousands of tokens. Each token has a list of the macros from
+/// which it came, and each macro in this list counts like another token.
 const MOST_TOKENS: usize = 500_000;
 /// The largest depth to which macro expansions may be nested. Each nested expansion takes space on the
 /// thread's stack.

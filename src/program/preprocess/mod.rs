@@ -37,9 +37,9 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The lines that remain after preprocessing.
     pub lines: Vec<Line>,
-    /// Names, and texts such as `__has_builtin(NAME)`, that conditions use but that neither the text nor the
-    /// caller defines. The preprocessor has treated these names as undefined. A caller can find out the
-    /// values that the compiler gives to these names, and preprocess the text again.
+    /// Names, and texts such as `__has_builtin(NAME)`, that occur in conditions, but are defined neither in
+    /// the text nor by the caller. The preprocessor has treated these names as undefined. A caller can find
+    /// out the values that the compiler gives to the names in `asked`, and preprocess the text again.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except files that are named only in branches that are not
     /// compiled.
@@ -54,7 +54,8 @@ impl Preprocessed {
 }
 
 /// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. For conditions, `given` contains the values of
-/// the compiler's own macros and of `__has_builtin(NAME)`. Outside conditions, the compiler's macros are not expanded.
+/// the compiler's own macros and of `__has_builtin(NAME)`. The compiler's own macros are expanded only in
+/// conditions, such as `#if`.
 ///
 /// An `#error` that is reached, an unknown directive and a wrong use of a macro are user errors.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
@@ -105,7 +106,8 @@ struct Position {
     line: i64,
 }
 
-/// The advice in an error about an `#error` or a condition. The line may require another value of a macro.
+/// The advice in an error about an `#error` or a condition. The line with the error may require another value
+/// of a macro.
 const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or with an axis, such as \
     width=4; otherwise correct the line in the folder of --cl-dir";
 /// The advice in an error about a line other than an `#error` or a condition.

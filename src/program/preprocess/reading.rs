@@ -1,8 +1,8 @@
 //! Lays out a preprocessed program for reading from top to bottom. Functions, types and variables that no
-//! chosen kernel uses are left out, and their lines are counted. The remaining lines are divided into parts:
-//! a part has all lines up to the first line from another file. A part begins with a comment that has the
-//! file's name and the number of the part's first line. Lines of the file may be missing within a part. Parts
-//! that contain only comments are left out too, but their lines are not counted.
+//! chosen kernel uses are left out, and their lines are counted. The lines that are not left out are divided
+//! into parts: a part ends before the first line that comes from another file. A part begins with a comment
+//! that has the file's name and the number of the part's first line. Lines of the file may be missing within
+//! a part. Parts that contain only comments are left out too, but their lines are not counted.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
@@ -19,7 +19,8 @@ pub struct Reading {
 }
 
 /// Lays out the functions, types and variables of a program that `kernels` use, or the whole program if
-/// `kernels` is `None`. In either case, parts of the program that contain only comments are left out.
+/// `kernels` is `None`. Parts of the program that contain only comments are left out, whether or not
+/// `kernels` is `None`.
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));
@@ -51,7 +52,7 @@ fn part(items: &[&Item]) -> String {
 }
 
 /// A top-level item of a program: a function, a type, a variable or a pragma, with the comment before it. A
-/// comment that belongs to none of these is an item, too.
+/// comment that does not belong to a function, a type, a variable or a pragma is an item, too.
 struct Item<'a> {
     lines: Vec<&'a Line>,
     /// True if an empty line precedes the item.
@@ -143,7 +144,8 @@ fn declared(code: &[Token]) -> Option<String> {
 /// Returns the names of all items that the kernels use, directly or indirectly.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
-    // Items without a name, such as pragmas, are always included, so the names that they use are needed.
+    // Items without a name, such as pragmas, are always included, so the items whose names they use are
+    // needed too.
     needed.extend(items.iter().filter(|item| item.name.is_none()).flat_map(|item| item.uses.clone()));
     loop {
         let count = needed.len();

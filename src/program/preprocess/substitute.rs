@@ -6,8 +6,8 @@ use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
 /// Returns the body of the macro `name` for a call with these arguments. The line number in an error refers
-/// to the macro's definition or to an argument, or is 0. The caller replaces this line number by that of the
-/// call.
+/// to the macro's definition or to an argument, or is 0. The caller replaces the line number in the error by
+/// the line number of the call.
 pub(super) fn substitute(
     macros: &Macros,
     name: &str,

@@ -18,11 +18,11 @@ pub(super) enum Kind {
     Comment,
     /// The end of a line.
     NewLine,
-    /// A backslash with the line end after it. In a macro's body, the token's text is the indentation of the
-    /// next line.
+    /// A backslash with the line end after it. In a macro's body, the text of this token is instead the
+    /// indentation of the next line.
     Break,
-    /// A mark in place of an empty expansion or an empty argument of a macro. After an empty expansion, the mark shows
-    /// that the line was changed.
+    /// A mark in place of an empty expansion or an empty argument of a macro. A mark in place of an empty
+    /// expansion shows that the line was changed.
     Nothing,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Token {
     /// True if the token comes from a macro's expansion.
     pub made: bool,
     /// The names of the macros from which the token came. The preprocessor does not expand the token as a
-    /// call of one of these macros.
+    /// call of a macro in this list.
     pub hidden: Vec<String>,
 }
 
