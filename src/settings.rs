@@ -109,10 +109,10 @@ fn read(path: &Path) -> Result<Settings> {
 }
 
 /// Returns true if `error`, from opening the settings file, means that this user has no settings file. The
-/// user has no settings file in three cases. First, the file does not exist. Second, a part of the file's
-/// path is a file instead of a folder: services often have the home folder /dev/null. Third, the file is in a
-/// folder in which this user may not look up files, such as another user's home folder. `metadata` is the
-/// settings file's metadata, or the error from reading the metadata.
+/// user has no settings file if the file does not exist. The user also has none if a part of the settings
+/// file's path is a file instead of a folder: services often have the home folder /dev/null. The user also
+/// has none if the settings file is in a folder in which this user may not look up files, such as another
+/// user's home folder. `metadata` is the settings file's metadata, or the error from reading the metadata.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
@@ -160,14 +160,15 @@ pub fn device() -> Option<String> {
 }
 
 /// Returns the name of the source of the default device: the environment variable or the settings file.
-/// Returns `None` if neither names a device.
+/// Returns `None` if neither the variable nor the file names a device.
 pub fn device_origin() -> Option<&'static str> {
     origin(variable(DEVICE).is_some(), user().wire.device.is_some())
 }
 
-/// Returns the name of the source of the default device. `in_environment` is true if the environment variable
-/// names a device, and `in_file` is true if the settings file names one. The environment variable takes
-/// precedence.
+/// Returns the name of the environment variable, or the words "your settings file", depending on which of
+/// them names the default device. `in_environment` is true if the environment variable names a device, and
+/// `in_file` is true if the settings file names one. If both name a device, the environment variable takes
+/// precedence over the settings file.
 fn origin(in_environment: bool, in_file: bool) -> Option<&'static str> {
     in_environment.then_some(DEVICE).or(in_file.then_some("your settings file"))
 }

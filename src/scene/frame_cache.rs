@@ -21,13 +21,14 @@ const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 /// Data that one frame passes on to the next frame.
 #[derive(Default)]
 pub(super) struct FrameCache {
-    /// True once an animation has begun a frame. Without an animation, nothing is kept.
+    /// True once an animation has begun a frame. Without an animation, no meshes, texels or bounds are kept
+    /// for a next frame.
     keeps: bool,
     /// For each object of this frame, the text that determines the object's mesh. The list is empty if the
     /// animation changes no object.
     keys: Vec<String>,
-    /// The meshes of this frame's objects, before transforms and materials are applied. The texts in `keys`
-    /// are the keys of this map.
+    /// The meshes of this frame's objects, before transforms and materials are applied. The keys of this map
+    /// are the texts in `keys`.
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
@@ -40,7 +41,8 @@ pub(super) struct FrameCache {
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,
     /// The file of the picture that was read last, and its texels.
     picture: Option<(PathBuf, FileTexels)>,
-    /// The texels that were multiplied by a strength last, with the picture's file and the strength.
+    /// The file of the picture whose texels were last multiplied by a strength, the strength, and the
+    /// multiplied texels.
     strengthened: Option<((PathBuf, f32), FileTexels)>,
 }
 
@@ -59,8 +61,8 @@ impl FrameCache {
     }
 
     /// Returns the objects of this frame, joined into one mesh. If the text of all objects is the same as in
-    /// the previous frame, returns the previous frame's result. If the text differs, `make` joins the
-    /// objects.
+    /// the previous frame, returns the previous frame's result. If the text of an object has changed, `make`
+    /// joins the objects.
     pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
         if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
             self.meshes = std::mem::take(&mut self.earlier);
@@ -74,7 +76,7 @@ impl FrameCache {
 
     /// Returns the mesh of the object with the index `object`, before the object's transform and materials
     /// are applied. If this frame or the previous frame has a mesh for the same text (`keys`), this mesh is
-    /// reused. If neither frame has such a mesh, `make` builds the mesh.
+    /// reused. If neither frame has a mesh for this text, `make` builds the mesh.
     pub fn mesh(&mut self, object: usize, make: impl FnOnce() -> Result<MeshFile>) -> Result<MeshFile> {
         let Some(key) = self.keys.get(object) else { return make() };
         let mesh = match self.meshes.entry(key.clone()) {
@@ -138,8 +140,8 @@ mod tests {
 
     const OBJECT: &str = "crease = 30\n[[object]]\nfile = 'a.obj'\nscale = 1\n";
 
-    /// Returns true if the object's mesh is built again for a frame with the scene file `text` after a frame
-    /// with the scene file `OBJECT`.
+    /// Builds a frame with the scene file `OBJECT`, then a frame with the scene file `text`. Returns true if
+    /// the object's mesh is built again for the second frame.
     fn is_made_again(text: &str) -> bool {
         let mut cache = FrameCache::default();
         let mut made = 0;
@@ -188,7 +190,8 @@ mod tests {
         // The texels of the picture that was read last are kept, so its file is not read again.
         std::fs::remove_file(&dark).unwrap();
         assert_eq!(red(&mut cache, &dark), 0.25);
-        // Frames whose pictures have the same strength share the multiplied texels, too.
+        // Frames with the same picture and the same strength also share the texels that were multiplied by
+        // this strength.
         let mut texels = |strength| cache.picture(&dark, strength).unwrap().texels;
         let [one, again, stronger] = [2.0, 2.0, 4.0].map(&mut texels);
         assert!(Arc::ptr_eq(&one, &again));

@@ -7,40 +7,42 @@ use rayon::prelude::*;
 
 /// Default field of view across the height. Like a portrait lens, this field of view distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's width or of its height, and at most this fraction of the
-/// other of the two.
+/// The mesh fills this fraction of the picture's width, and at most this fraction of its height; or this
+/// fraction of the height, and at most this fraction of the width.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 /// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
 const TURNS: u32 = 24;
-/// The eye is at least this much farther from the centre of the ball around the mesh than the point of the
-/// mesh that is nearest to the eye, in radii of the ball. Both distances are measured along the viewing
-/// direction.
+/// The smallest distance between the eye and the point of the mesh that is nearest to the eye, in radii of
+/// the ball around the mesh. This distance is measured along the viewing direction.
 const NEAREST_RADII: f64 = 0.3;
 /// Smallest radius of the ball that represents a mesh, as a fraction of the distance from the origin to the
-/// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.
+/// ball's centre. This smallest radius is 8 to 17 times the step between neighbouring f32 numbers that are as
+/// large as the distance.
 const LEAST_RADIUS: f64 = 1e-6;
 /// A mesh is closed if the length of the sum of its area vectors (normal times area) is at most this fraction
-/// of the mesh's area. A mesh that is not closed is open if the horizontal part of this sum is also longer
-/// than this fraction of the area. If one triangle is reversed in a mesh whose area vectors add up to zero,
-/// the sum becomes twice the triangle's area. Therefore, only a triangle with more than half of this fraction
-/// of the area can make such a mesh open. A mesh has at most 19 triangles of this size.
+/// of the mesh's area. A mesh that is not closed is open if the horizontal part of the sum of its area
+/// vectors is also longer than this fraction of the mesh's area. If one triangle is reversed in a mesh whose
+/// area vectors add up to zero, the sum becomes twice the triangle's area. Reversing one triangle can
+/// therefore make a closed mesh open only if the triangle has more than half of this fraction of the mesh's
+/// area. At most 19 triangles of a mesh are so large.
 const OPEN_PART: f64 = 0.1;
 /// A triangle belongs to a wall if the distances of all its corners from a side of the bounding box are at
-/// most this fraction of the box's extent. The fraction is not 0, since walls are rarely exactly parallel to
-/// the box's sides.
+/// most this fraction of the box's extent. This fraction is above 0, since the walls of a room are rarely
+/// exactly parallel to the sides of its bounding box.
 const WALL_DEPTH: f64 = 1.0 / 16.0;
 /// A mesh is a room or a shell only if at least this many of its bounding box's six sides have a wall.
 const LEAST_WALLS: f64 = 3.0;
 /// The walls of a mesh face outwards if at least this fraction of the walls' area faces outwards.
 const OUTWARDS_PART: f64 = 0.9;
-/// Bodies (such as furniture) lie between the walls only if the surfaces between the walls have at least this
-/// fraction of the mesh's area.
+/// The surfaces between the walls of a mesh count as bodies (such as furniture) only if they have at least
+/// this fraction of the mesh's area.
 const BODIES_PART: f64 = 0.02;
-/// The surfaces between the walls count as bodies only if the length of the sum of their area vectors (normal
-/// times area) is at most this fraction of their area. For a cube without a bottom face, the fraction is a
-/// fifth. For a recessed part of a shell, the fraction is larger.
+/// The surfaces between the walls of a mesh count as bodies only if they are nearly closed. They are nearly
+/// closed if the sum of their area vectors (normal times area) has at most this fraction of their area as its
+/// length. For a cube without a bottom face, this length is a fifth of the area. For a recess in the wall of
+/// a shell, the length is a larger part of the area.
 const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's
 /// normal has an absolute value of less than this.
@@ -56,8 +58,8 @@ pub(super) struct Ball {
     /// The centre of the bounding box.
     pub centre: DVec3,
     radius: f64,
-    /// The horizontal direction from which an open mesh is seen. For a room without its front wall, this is
-    /// the direction to the missing wall. `None` for other meshes.
+    /// The horizontal direction from which an open mesh is seen. For a room without its front wall, the field
+    /// is the direction to the missing wall. `None` for other meshes.
     opening: Option<DVec3>,
     /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero, or would
     /// do so if one wrongly wound triangle were reversed.
@@ -66,8 +68,8 @@ pub(super) struct Ball {
 
 impl Ball {
     /// Returns the ball that represents a mesh whose upward direction is `up`. The radius is positive even if
-    /// the mesh is a point. If the mesh is far from the origin, the radius is so large that the centre
-    /// differs in f32 from an eye that is `NEAREST_RADII` radii away.
+    /// the mesh is a point. If the mesh is far from the origin, the ball's radius is made so large that its
+    /// centre, rounded to f32, differs from an eye that is `NEAREST_RADII` radii away.
     pub fn around(mesh: &Mesh, up: DVec3) -> Self {
         let (low, high) = mesh.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
@@ -124,7 +126,7 @@ pub(super) struct View {
     /// The field of view; `None` if the user does not set it. The default is `FOV_Y_DEGREES` across the
     /// height.
     pub lens: Option<Lens>,
-    /// The pictures for which the mesh is framed.
+    /// The pictures that the mesh should fill: their aspect ratio, and whether the mesh turns in them.
     pub shot: Shot,
 }
 
@@ -177,10 +179,11 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let aspect = view.shot.aspect;
     let (tan_x, tan_y) = if look.fov_is_vertical { (tan * aspect, tan) } else { (tan, tan / aspect) };
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // The view pyramid, made narrower by `FILL`, has four sides. Consider the planes through the centre of
-    // the ball around the mesh that are parallel to these sides. `reach_after` returns five numbers. The
-    // first four say how far, across or up the picture, a corner is beyond the right, left, upper and lower
-    // plane. The last number says how much nearer to the eye the corner is than the centre.
+    // The view pyramid, made narrower by `FILL`, has four sides. Consider the four planes that are parallel
+    // to the sides of this pyramid and pass through the centre of the ball around the mesh. `reach_after`
+    // returns five numbers for a corner of the mesh. The first four numbers say how far, across or up the
+    // picture, the corner is beyond the right, left, upper and lower plane. The fifth number says how much
+    // nearer to the eye the corner is than the ball's centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -196,8 +199,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
     // If the left and the right plane are moved outwards until they touch the mesh, these two planes
-    // intersect in a line. The upper and the lower plane, moved in the same way, intersect in another line.
-    // An eye at the distance of the farther of the two lines sees the whole mesh.
+    // intersect in a line. If the upper and the lower plane are moved outwards until they touch the mesh,
+    // they intersect in a second line. An eye that is as far away as the farther of these two lines sees the
+    // whole mesh.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);
@@ -218,13 +222,14 @@ struct Areas {
     /// The area of the largest triangle.
     largest: f64,
     /// The projected areas of the walls at three sides of the bounding box: those with the least x, the least
-    /// y and the least z. Each area is projected along the axis of its side. Triangles that face outwards
-    /// count as positive, and triangles that face inwards as negative. Therefore, the front and the back of a
-    /// body at a wall cancel, and so do the slopes of a rough surface.
+    /// y and the least z. The area of each wall is projected along the coordinate axis perpendicular to its
+    /// side of the box. In the sum for a side, triangles that face outwards are added, and triangles that
+    /// face inwards are subtracted. The front and the back of a body at a wall therefore add up to about
+    /// zero, and so do the slopes of a rough surface.
     low_walls: DVec3,
     /// Like `low_walls`, but for the sides of the bounding box with the greatest x, y and z.
     high_walls: DVec3,
-    /// The sum of the area vectors of the triangles that lie at no side of the bounding box.
+    /// The sum of the area vectors of the inner triangles, which belong to no wall ([`WALL_DEPTH`]).
     inner_vector: DVec3,
     inner_area: f64,
 }
@@ -239,8 +244,8 @@ impl Areas {
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns the sums of a single triangle. `sign` is the triangle's [`front_sign`]. `low` and `high` are
-    /// the corners of the mesh's bounding box.
+    /// Returns what a single triangle adds to the sums. `sign` is the triangle's [`front_sign`]. `low` and
+    /// `high` are the corners of the mesh's bounding box.
     fn of([a, b, c]: [DVec3; 3], sign: f64, [low, high]: [DVec3; 2]) -> Self {
         let wound = (b - a).cross(c - a);
         let vector = sign * wound;
@@ -274,16 +279,18 @@ impl Areas {
     }
 
     /// Returns true if the mesh is closed: the area vectors (normal times area) of a closed mesh's triangles
-    /// add up to almost zero. The mesh's normals may be wrong, for example if all have the same direction. In
-    /// other meshes, the order of corners may be wrong. A mesh therefore counts as closed if one of the sums
-    /// `vector` and `wound` is small.
+    /// add up to almost zero. In some meshes, the normals are wrong, for example because all have the same
+    /// direction. In other meshes, the order of corners is wrong. A mesh therefore counts as closed if its
+    /// sum of area vectors is small either with its own normals (`vector`) or with the normals from the order
+    /// of corners (`wound`).
     fn are_closed(&self) -> bool {
         [self.vector, self.wound].iter().any(|sum| sum.length() <= OPEN_PART * self.area)
     }
 
     /// Returns true if the mesh would be closed if a single, wrongly wound triangle were reversed.
     fn are_closed_but_for_one(&self, mesh: &Mesh) -> bool {
-        // Only a large triangle can open a closed mesh by being wound wrongly ([`OPEN_PART`]).
+        // A wrongly wound triangle makes a closed mesh seem open only if the triangle is large
+        // ([`OPEN_PART`]).
         let least = OPEN_PART / 2.0 * self.area;
         if self.largest <= least {
             return false;
@@ -305,12 +312,13 @@ impl Areas {
     }
 
     /// Returns the horizontal direction to the open sides of a room. A vertical side of the bounding box is
-    /// open if it has no wall, but the opposite side has a wall. Returns zero if no side is open, and `None`
-    /// if the mesh is not a room.
+    /// open if it has no wall, but the opposite side has a wall. If no side is open, returns the zero vector.
+    /// If the mesh is not a room, returns `None`.
     fn away_from_walls(&self, [low, high]: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let size = high - low;
         let sides = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
-        // The areas are doubled, so a side counts as a wall if walls cover more than half of the side.
+        // `low_walls` and `high_walls` are doubled areas, so a side of the bounding box counts as a wall if
+        // walls cover more than half of the side.
         let is_wall = [self.low_walls, self.high_walls].map(|walls| walls.abs().cmpgt(sides));
         let [at_low, at_high] = is_wall.map(|is_wall| DVec3::select(is_wall, DVec3::ONE, DVec3::ZERO));
         let outwards = at_low * self.low_walls.max(DVec3::ZERO) + at_high * self.high_walls.max(DVec3::ZERO);
@@ -324,12 +332,12 @@ impl Areas {
     }
 
     /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is
-    /// not open ([`OPEN_PART`]). A room is seen through the side that has no wall; the result is `None` if
-    /// each upright wall of the room has a wall on the opposite side. A mesh whose walls face outwards is a
-    /// room only if bodies lie between the walls. Without such bodies, the mesh is a shell, such as the
-    /// housing of a device without its back. The shape of a shell does not tell which side is to be seen. Any
-    /// mesh that is not a room, such as a shell or the scan of a face, is seen from the direction in which
-    /// its normals point on average.
+    /// not open ([`OPEN_PART`]). A room is seen through the side that has no wall. If every upright wall of
+    /// the room is opposite another wall, the result is `None`. A mesh whose walls face outwards is a room
+    /// only if bodies, such as furniture, lie between the walls. If no bodies lie between the walls, the mesh
+    /// is a shell, such as the housing of a device without its back. A shell's shape does not show from which
+    /// side the shell should be seen. Any mesh that is not a room, such as a shell or the scan of a face, is
+    /// seen from the direction in which its normals point on average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;
@@ -354,7 +362,8 @@ fn front_sign(mesh: &Mesh, triangle: &Triangle, [a, b, c]: [DVec3; 3]) -> f64 {
 /// Returns true if a triangle's front is on the wrong side of the surface. Two neighbours whose fronts are on
 /// the same side of a surface pass their common edge in opposite directions. The front of `triangle` is on
 /// the wrong side if each of its edges belongs to exactly one other triangle, which passes the edge in the
-/// same direction as `triangle`. The triangles at the three edges must be three different ones.
+/// same direction as `triangle`. The three triangles that share the three edges with `triangle` must be
+/// different triangles.
 fn is_wound_wrongly(mesh: &Mesh, triangle: &Triangle) -> bool {
     let edges = |triangle: &Triangle| {
         let [a, b, c] = outline(mesh, triangle);

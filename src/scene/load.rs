@@ -30,7 +30,7 @@ pub struct Loaded {
     /// True for a bare mesh, which has no scene file.
     pub is_bare: bool,
     /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
-    /// scene is visible. Pictures with another aspect ratio then need another camera.
+    /// scene is visible. If this field is true, pictures with another aspect ratio need another camera.
     pub is_framed: bool,
     /// The animation, if the scene file has one. The animation makes the scenes of all frames after the
     /// first.
@@ -65,10 +65,10 @@ impl Shot {
 /// whether it is a scene or a mesh; if the contents are unclear, the file's extension decides. For a mesh
 /// without a scene file, the camera and the lights are those of the mesh's own file. If this file has no
 /// camera, the camera looks at the mesh from the right, above and in front. The camera looks into a room
-/// through the room's open side. The camera looks horizontally at any other open mesh, from the side to which
-/// the mesh's faces point on average. The whole mesh is then visible in images that are at least as wide as
-/// high. If the file has no lights, the mesh gets a key light and a fill light. The normals of the mesh are
-/// turned to the viewer.
+/// through the room's open side. The camera looks horizontally at an open mesh that is not a room, from the
+/// side to which the mesh's faces point on average. The whole mesh is then visible in images that are at
+/// least as wide as high. If the file has no lights, the mesh gets a key light and a fill light. The normals
+/// of the mesh are turned to the viewer.
 ///
 /// # Errors
 ///
@@ -101,8 +101,8 @@ pub fn load_scene_for(path: &Path, settings: &[Setting], shot: Shot) -> Result<L
 }
 
 /// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the folder of
-/// that other file; messages quote the scene only if the scene's file is in this folder. `shot` describes the
-/// pictures, as for [`load_scene_for`].
+/// the file that names the scene; messages quote the scene only if the scene's file is in `folder`. `shot`
+/// describes the pictures, as for [`load_scene_for`].
 ///
 /// # Errors
 ///

@@ -42,12 +42,12 @@ pub struct Material {
     pub shininess: f32,
     /// Which reflectance formula the surface has.
     pub kind: MaterialKind,
-    /// The radiance that both sides of the surface emit in every direction. This radiance is added to the
-    /// reflected radiance, and lights no other surface.
+    /// The radiance that both sides of the surface emit in every direction. The emitted radiance is added to
+    /// the reflected radiance; it does not light other surfaces.
     pub emitted: Vec3,
-    /// The number of the texture, in [`Textures::list`](super::Textures::list), whose colour `emitted` is
-    /// multiplied by; `None` without such a texture. A triangle has the same texture coordinates for this
-    /// texture as for its colour texture.
+    /// The index, in [`Textures::list`](super::Textures::list), of the texture by whose colour `emitted` is
+    /// multiplied; `None` if the material has no emission texture. A triangle has the same texture
+    /// coordinates for this texture as for its colour texture.
     pub emission_texture: Option<u32>,
 }
 

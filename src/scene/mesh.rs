@@ -83,7 +83,7 @@ impl Mesh {
     }
 
     /// Gives triangles that have no texture coordinates a copy of their material without its emission
-    /// texture. `triangles` has the indices of these triangles.
+    /// texture. `triangles` has the indices of the triangles without texture coordinates.
     pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) {
         let mut copies = HashMap::new();
         for &number in triangles {
@@ -146,8 +146,8 @@ impl Mesh {
         }));
     }
 
-    /// Appends the colours of the corners of `triangles` more triangles; `colours` is empty if these
-    /// triangles have no colours of corners.
+    /// Appends the corners' colours of some triangles; `triangles` is the number of these triangles.
+    /// `colours` is empty if their corners have no colours.
     fn append_colours(&mut self, colours: Vec<CornerColours>, triangles: usize) {
         if self.corner_colours.is_empty() && colours.is_empty() {
             return;

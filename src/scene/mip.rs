@@ -57,10 +57,10 @@ impl Textures {
 
     /// Returns one value per texture: true if the texels of its mip levels are weighted by their alpha,
     /// otherwise false. The value is `None` if the texture is not used as a colour. If some triangles need a
-    /// texture with weights by alpha, and other triangles need the same texture without these weights, the
-    /// texture is copied. The original has the weights that the first of these triangles needs. Triangles
-    /// that need the other weights get the copy. The texels of emission textures are never weighted by their
-    /// alpha.
+    /// texture whose texels are weighted by their alpha, and other triangles need the same texture
+    /// unweighted, the texture is copied. The first triangle with the texture decides whether the original
+    /// texture is weighted. Triangles for which the original texture is wrong get the copy. The texels of
+    /// emission textures are never weighted by their alpha.
     fn separate_weights(&mut self, materials: &mut [Material]) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];
@@ -95,9 +95,9 @@ impl Textures {
 }
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units.
-/// A ray cone as wide as this side covers one texel if it meets the triangle at a right angle. Returns zeros
-/// if the triangle has no area or no texture. A triangle that has only an emission texture has the texels of
-/// this texture.
+/// A ray cone that is as wide as a texel's side covers one texel if the cone meets the triangle at a right
+/// angle. Returns zeros if the triangle has no area or no texture. A triangle that has only an emission
+/// texture has the texels of this texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let emission = || mesh.material(&mesh.triangles[triangle]).emission_texture;
@@ -157,8 +157,8 @@ fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
 struct Covered {
     /// The index of the first covered texel.
     first: usize,
-    /// The weights of three texels in the mean. The weights add up to 1; a texel that is not covered has the
-    /// weight 0.
+    /// The weights of three texels in the mean that becomes the texel of the next level. The weights add up
+    /// to 1; a texel that is not covered has the weight 0.
     shares: [f32; 3],
 }
 
@@ -168,11 +168,12 @@ impl Covered {
     }
 }
 
-/// Returns the texels of a level, `side` texels long, that the texel `index` of the next level covers. If
-/// `side` is odd, a texel that two texels of the next level cover is divided between these two.
+/// Returns the texels of a mip level that the texel `index` of the next level covers along an axis. The mip
+/// level is `side` texels long, and the next level about half as long. If `side` is odd, two neighbouring
+/// texels of the next level may each cover a part of the same texel.
 fn covered(side: u32, index: u32) -> Covered {
-    // The unit of length is chosen so that all coordinates are whole numbers: a texel of this level is `next`
-    // units long, and a texel of the next level is `side` units long.
+    // The unit of length is chosen so that all coordinates are whole numbers: each of the `side` texels of
+    // this level is `next` units long, and each of the `next` texels of the next level is `side` units long.
     let next = half(side);
     let (start, end) = (index * side, (index + 1) * side);
     let first = start / next;
@@ -292,8 +293,8 @@ mod tests {
         assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
         let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
         assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
-        // Only the last picture is used both as a colour and as the mask of the same surface. So only its
-        // texels are weighted by their alpha.
+        // Only the last picture is used both as a colour and as the mask of the same surface. Only the texels
+        // of the last picture are therefore weighted by their alpha.
         assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
     }
 
@@ -329,7 +330,8 @@ mod tests {
             assert!(textures.mapped.iter().all(|row| row.mask.is_none_or(|mask| mask == 1)));
             assert_eq!(textures.list[1].texels, by_alpha);
         }
-        // A mask of another picture does not weight the texels of the colour.
+        // If a surface's mask is another picture than its colour texture, the texels of the colour texture
+        // are not weighted by alpha.
         let other: Arc<[u32]> = [0xff00_ff00, 0x00ff_00ff].into();
         let (shown, _) = levels(vec![of(0), texture([2, 1], &other, 0x8000)], &[row(0, Some(1))]);
         assert_eq!(shown, [plain]);
@@ -338,7 +340,7 @@ mod tests {
     #[test]
     fn the_texels_of_an_emission_texture_are_not_weighted_by_their_alpha() {
         let picture: Arc<[u32]> = [0xff00_ff00, 0x00ff_00ff].into();
-        // The colour and the mask of a surface are the same picture, and so is what the surface emits.
+        // The surface's colour texture, its mask and its emission texture are the same picture.
         let list = vec![texture([2, 1], &picture, 0), texture([2, 1], &picture, 0x8000)];
         let row = Mapped { texture: Some(0), mask: Some(1), ..Mapped::NONE };
         let mut textures = Textures { list, mapped: vec![row] };

@@ -65,9 +65,9 @@ pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light. If pixels get several samples, a light with a radius above 0 is a ball, and a light with an area
-/// is a surface. All other lights are points. With one sample per pixel, every light is a point, but a light
-/// with an area still lights like a very small surface.
+/// A light. If pixels get several samples, a light with a radius above 0 is a ball, a light with an area is a
+/// surface, and a light with neither is a point. With one sample per pixel, every light shines from a single
+/// point; a light with an area then shines like a very small surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// The light's position, in the scene's units.
@@ -111,16 +111,16 @@ impl Default for Display {
 
 impl Display {
     /// Returns a radiance that is displayed as the 8-bit colour `colour`. With an extreme exposure or gamma,
-    /// it is possible that no radiance from 0 to `MAX_POWER` is displayed as this colour. The result is then
-    /// another radiance in this range.
+    /// it is possible that no radiance from 0 to `MAX_POWER` is displayed as `colour`. In this case, the
+    /// result is another radiance from 0 to `MAX_POWER`.
     pub fn radiance_of(self, colour: [u8; 3]) -> Vec3 {
         // Half a step is added, since displayed values are rounded down.
         let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
         let radiance = |value| {
             let exposed = self.tone.inverse(shown(value).powf(self.gamma.into()));
             let nearest = (exposed / f64::from(self.exposure)) as f32;
-            // No half step is added for 255, the largest value. If the radiance of 255 was rounded down, it
-            // would be displayed as 254.
+            // No half step is added for the displayed value 255, the largest one. If the radiance for 255 was
+            // rounded down, it would be displayed as 254.
             let brightness = self.tone.apply(f64::from(self.exposure) * f64::from(nearest));
             let is_too_dark = value == u8::MAX && brightness < 1.0;
             if is_too_dark { nearest.next_up() } else { nearest }
@@ -211,9 +211,9 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, transparency, soft lights and a sky adds nothing more to the hash. The
-        // hash of such a scene is therefore the same as in records of older versions, which had none of these
-        // features.
+        // A scene without textures, transparency, soft lights and a sky adds nothing more to the hash. Older
+        // versions of raycl had no textures, transparency, soft lights and skies, so scenes without them have
+        // the same hash as in records of older versions.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
@@ -243,7 +243,7 @@ impl Scene {
     }
 
     /// Adds the radii and surfaces of lights, and the sky, to a hash. A scene without soft lights and without
-    /// a sky adds nothing.
+    /// a sky adds nothing to the hash.
     fn hash_soft_light(&self, hasher: &mut blake3::Hasher) {
         if self.has_soft_lights() {
             hash_words(hasher, self.lights.iter().map(|light| light.radius.to_bits()));
@@ -261,15 +261,16 @@ impl Scene {
         }
         if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
-            // A marker word comes before the sky's numbers. Without the marker, a sky could result
-            // in the same hash as the radii of lights.
+            // A marker word comes before the sky's numbers. Without this marker word, the numbers of a sky
+            // could result in the same hash as the radii of lights.
             hash_words(hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
             hash_words(hasher, numbers.chain([*reach]).map(f32::to_bits));
         }
     }
 }
 
-/// Adds 32-bit words to a hash. Many words are added at a time, since single words would be slow.
+/// Adds 32-bit words to a hash. Many words are added to the hash at a time, since adding single words would
+/// be slow.
 fn hash_words(hasher: &mut blake3::Hasher, words: impl Iterator<Item = u32>) {
     let mut piece = Vec::with_capacity(1 << 16);
     for word in words {

@@ -41,8 +41,9 @@ pub(super) fn flatten(mesh: &mut Mesh) {
 }
 
 /// Reverses the normals of every triangle whose front (the side to which its normals point) faces away from
-/// `eye`. Without the reversal, the visible side of such a triangle would be dark. All normals of a triangle
-/// are reversed together, since reversing only some of them would disturb the shading along outlines.
+/// `eye`. If the normals were not reversed, the visible side of a triangle whose front faces away from the
+/// eye would be dark. All normals of a triangle are reversed together, since reversing only some of them
+/// would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {
@@ -60,8 +61,8 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     reverse_normals_of(mesh, &turned);
 }
 
-/// Reverses the normals of the triangles for which `turned` is true. Other triangles may share these normals,
-/// so reversed copies are appended, one of each normal that a turned triangle has.
+/// Reverses the normals of the triangles for which `turned` is true. Triangles for which `turned` is false
+/// may have the same normals, so the original normals stay unchanged, and reversed copies are appended.
 fn reverse_normals_of(mesh: &mut Mesh, turned: &[bool]) {
     // For each normal, the index of its reversed copy, or MISSING if there is no copy.
     let mut copies = vec![MISSING; mesh.normals.len()];
@@ -100,8 +101,8 @@ pub(super) fn reverse(mesh: &mut Mesh) {
 }
 
 /// Adds one normal per position, and assigns these normals to all corners of each triangle that lacks a
-/// normal. A position's normal is the mean, weighted by area, of the plane normals of these triangles at this
-/// position.
+/// normal. The normal of a position is the mean, weighted by area, of the plane normals of those triangles at
+/// this position that lack a normal.
 fn generate(mesh: &mut Mesh) {
     let sums = sums_at_positions(mesh);
     let base = mesh.normals.len() as u32;
@@ -125,7 +126,8 @@ fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
     sums.par_chunks_mut(part).enumerate().for_each(|(number, sums)| {
         let first = number * part;
         for triangle in mesh.triangles.iter().filter(|triangle| triangle.normals.contains(&MISSING)) {
-            // A position before this part wraps around to a large index, which lies outside `sums`.
+            // `sums` has the sums of only a part of the positions. The index of a position before this part
+            // wraps around to a large index, which lies outside `sums`.
             let indices = triangle.positions.map(|index| (index as usize).wrapping_sub(first));
             if indices.iter().all(|index| *index >= sums.len()) {
                 continue;
@@ -143,8 +145,8 @@ fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
 }
 
 /// Returns the normal unchanged, unless its squared length is so small or so large that later products could
-/// leave the range of f32. A normal with such an extreme length is returned with the length 1, or as zero if
-/// it cannot be normalised.
+/// leave the range of f32. A normal whose squared length is so small or so large is returned with the length
+/// 1, or as zero if it cannot be normalised.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;
@@ -170,7 +172,7 @@ fn replace_zero(mesh: &mut Mesh) {
         }
     }
     mesh.triangles = triangles;
-    // The remaining zero normals belong to no triangle.
+    // The normals that are still zero belong to no triangle.
     mesh.normals.iter_mut().filter(|normal| **normal == Vec3::ZERO).for_each(|normal| *normal = Vec3::Z);
 }
 
@@ -224,7 +226,8 @@ mod tests {
         assert_eq!(mesh.normals, [Vec3::Z, Vec3::X]);
     }
 
-    /// Later products contain the squares of lengths, so the squared length decides.
+    /// Later computations multiply squared lengths of normals, so a normal's squared length decides whether
+    /// the normal gets the length 1.
     #[test]
     fn a_normal_gets_the_length_1_if_its_squared_length_is_extreme() {
         for (length, expected) in [(1e-7_f32, 1.0_f32), (1e-5, 1e-5), (1e5, 1e5), (1e7, 1.0)] {

@@ -18,8 +18,8 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Returns the camera and the lights after the fraction `part` of a turn. If `part` is 0, returns the
-    /// scene's own camera and lights.
+    /// Returns the camera and the lights after the fraction `part` of a turn. If the fraction `part` is 0,
+    /// returns the scene's own camera and lights.
     pub fn at(&self, scene: &Scene, part: f64) -> (Camera, Vec<Light>) {
         if part == 0.0 {
             return (scene.camera, scene.lights.clone());

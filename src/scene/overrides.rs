@@ -15,10 +15,10 @@ const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after
 /// the last element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting
-/// of the camera's azimuth or elevation, the camera shows the whole scene. A setting of one of these angles
-/// therefore removes the camera's position, direction and field of view from the table. Later settings may
-/// set the direction and the field of view again. Returns an error if one setting sets an angle and another
-/// setting sets the position.
+/// of the camera's azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the
+/// elevation therefore removes the camera's position, direction and field of view from the scene's table.
+/// Later settings may set the direction and the field of view again. Returns an error if one setting sets an
+/// angle and another setting sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     for setting in settings {
@@ -52,11 +52,11 @@ fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     let Some((angle, position)) = angle.zip(position) else { return Ok(()) };
     let message =
         format!("this angle and '{}' both place the camera, so one of them has no effect", position.origin);
-    Err(angle.error(message).with_help("leave out the angle or the other value"))
+    Err(angle.error(message).with_help("leave out the angle or the position"))
 }
 
-/// Removes the camera's position, direction and field of view. Also removes the tracks that animate these
-/// values or an angle, or that replace the whole camera.
+/// Removes the camera's position, direction and field of view. Also removes the animation's tracks that
+/// change the position, the direction, the field of view, an angle or the whole camera.
 fn remove_pose_and_fov(document: &mut Table) {
     if let Some(Value::Table(camera)) = document.get_mut("camera") {
         POSE_AND_FOV.iter().for_each(|key| drop(camera.remove(*key)));

@@ -31,9 +31,11 @@ pub struct Sample {
     pub number: u32,
     /// The number of samples per pixel in the sample's round.
     pub count: u32,
-    /// The largest number of samples that a pixel of the picture gets. If it is 1, lights are points.
+    /// The largest number of samples that a pixel of the picture gets. If this number is 1, lights are
+    /// points.
     pub most: u32,
-    /// The number of samples of the same pixel that are cast before this sample, in both rounds.
+    /// The number of samples of the same pixel that are cast before this sample, in the first and the second
+    /// round together.
     pub earlier: u32,
     /// Which light the sample receives.
     pub light: SampleLight,
@@ -43,12 +45,13 @@ pub struct Sample {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleLight {
     /// The sample receives light from one point of each light and from one direction of the sky. The pixel
-    /// and the sample determine this point and this direction. If pixels get a single sample, lights are
-    /// points.
+    /// and the sample determine the point on each light and the direction of the sky. If pixels get a single
+    /// sample, lights are points.
     #[default]
     Own,
-    /// The sample belongs to a half picture, and receives light as with `Own`. In a half picture, the points
-    /// of lights and the directions of the sky repeat after `INTERLEAVED` pixels.
+    /// The sample belongs to a half picture (of half the width and height). Like a sample with `Own`, it
+    /// receives light from one point of each light and from one direction of the sky. In a half picture, the
+    /// points of lights and the directions of the sky repeat after `INTERLEAVED` pixels.
     Interleaved,
     /// The sample receives light from the lights' centres and the sky's mean radiance, as if no surfaces were
     /// in between.
@@ -63,8 +66,8 @@ pub struct Sampling {
     /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels
     /// differ after the first samples.
     pub most: u32,
-    /// The number of samples per pixel of the half picture that has shadows. If it is 0, there are no half
-    /// pictures.
+    /// The number of samples per pixel of the half picture (of half the width and height) that has shadows.
+    /// If this number is 0, there are no half pictures.
     pub half_light: u32,
 }
 
@@ -88,10 +91,10 @@ impl Sampling {
         self.first < self.most
     }
 
-    /// Returns the two rounds of a pixel's samples. Every pixel gets the first round; only pixels of rough
-    /// blocks get the second round. The samples' positions in the pixel come from one sequence, which the
-    /// second round continues. The points of lights and the directions of the sky come from a sequence that
-    /// begins again in each round.
+    /// Returns the samples of a pixel, in two rounds. Every pixel gets the samples of the first round; only
+    /// pixels of rough blocks get the samples of the second round. The samples' positions in the pixel come
+    /// from one sequence, which the second round continues. The points of lights and the directions of the
+    /// sky come from a sequence that begins again in each round.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let light = if self.half_light > 0 { SampleLight::Unoccluded } else { SampleLight::Own };
         let round = |sample: Sample| match sample.earlier < self.first {
@@ -105,9 +108,9 @@ impl Sampling {
         [first, rest]
     }
 
-    /// Returns the samples of each pixel of a half picture. All samples are at the pixel's centre, and differ
-    /// only in the points of lights and the directions of the sky. Unoccluded light comes from the lights'
-    /// centres, so it needs only one sample.
+    /// Returns the samples of each pixel of a half picture (of half the width and height). All samples are at
+    /// the pixel's centre, and differ only in the points of lights and the directions of the sky. Unoccluded
+    /// light comes from the lights' centres, so it needs only one sample.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
         let Self { most, half_light, .. } = *self;
         let count = if light == SampleLight::Unoccluded { 1 } else { half_light };
@@ -154,14 +157,14 @@ impl Sample {
     pub const CENTRE: Self =
         Self { offset: [0.0; 2], number: 0, count: 1, most: 1, earlier: 0, light: SampleLight::Own };
 
-    /// Returns the number of pixels, across and down, after which the numbers that choose points of lights
-    /// repeat; `None` if these numbers do not repeat.
+    /// Returns after how many pixels, across and down, the numbers that choose points of lights repeat.
+    /// Returns `None` if these numbers do not repeat.
     pub fn period(&self) -> Option<u32> {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
 
     /// Returns the width of the sample's ray cone as a share of the pixel's width. The pixel's area is
-    /// divided among all samples that the pixel has at the end of this sample's round.
+    /// divided among the samples of this sample's round and of the earlier round.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
             return 1.0; // all samples pass through the centre
@@ -171,8 +174,8 @@ impl Sample {
     }
 }
 
-/// Returns the samples of a pixel that gets `count` samples, at least one. All pixels with `count` samples
-/// have the same samples.
+/// Returns the samples of a pixel that gets `count` samples, at least one. The samples are the same for all
+/// pixels that get `count` samples.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let (offsets, most) = ((0..).zip(pixel_offsets(count)), count.max(1));
     let one = Sample { count: most, most, ..Sample::CENTRE };
@@ -181,10 +184,10 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
 /// samples follow Sobol's sequence (Owen-scrambled), and are denser where the filter is larger. The most
-/// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring this
-/// sample to the front, each index is replaced by its exclusive or with the most central sample's index. This
-/// replacement keeps the samples of each aligned block of the sequence (2^k samples from a multiple of 2^k
-/// on) together. Only aligned blocks are evenly distributed.
+/// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring the
+/// most central sample to the front, each sample's index is combined with the most central sample's index by
+/// exclusive or. The exclusive or keeps the samples of each aligned block of the sequence (2^k samples from a
+/// multiple of 2^k on) together. Only the samples of an aligned block are evenly distributed in the pixel.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
@@ -245,8 +248,8 @@ fn filtered(part: f64) -> f64 {
 }
 
 /// Returns the fraction of the filter's area below `position`, which is 0 at the filter's left end and 1 at
-/// its right end. The fraction is the integral of the cosine series up to `position`, divided by the whole
-/// integral.
+/// its right end. The fraction is the integral of the filter's cosine series up to `position`, divided by the
+/// integral over the whole filter.
 fn below(position: f64) -> f64 {
     let tau = std::f64::consts::TAU;
     let waves = (1..).zip(&BLACKMAN_HARRIS[1..]).map(|(k, a)| {
@@ -273,8 +276,8 @@ mod tests {
         assert_eq!(shares(Sampling::ONE), [vec![1.0], vec![]]);
         assert_eq!(shares(Sampling::all(4)), [vec![0.5], vec![]]);
         assert_eq!(shares(Sampling::all(1024)), [vec![0.125], vec![]]);
-        // A pixel may get only the first samples, so the cones of these samples are as wide as if there were
-        // no other samples.
+        // A pixel may get only the samples of the first round. The ray cones of these samples are therefore
+        // as wide as if there were no second round.
         assert_eq!(shares(Sampling { half_light: 0, first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
     }
 
@@ -286,7 +289,7 @@ mod tests {
             let values = || offsets.iter().map(|offset| f64::from(offset[axis]));
             let mean = values().sum::<f64>() / 1024.0;
             let variance = values().map(|value| value * value).sum::<f64>() / 1024.0;
-            // The expected variance is a numerical integral of the series.
+            // The expected variance is a numerical integral of the filter's cosine series.
             assert!(
                 mean.abs() < 1e-3 && (variance / (WIDTH * WIDTH) - 0.019_18).abs() < 1e-3,
                 "{mean} {variance}"

@@ -1,5 +1,5 @@
 //! Values that options, a config or an animation's tracks set in a scene. Finds out whether a mistake lies in
-//! one of these values or in the scene file.
+//! a value that was set or in the scene file.
 
 use crate::error::{Error, line_of, shortened};
 use std::borrow::Cow;
@@ -47,9 +47,9 @@ pub(super) fn error_in(origin: &str, message: impl std::fmt::Display) -> Error {
 pub(super) struct TrackValue {
     /// The value's dotted path in the scene file: `light.0.power`.
     pub path: String,
-    /// The dotted path of the keyframe's value from which this value is computed:
-    /// `animation.track.0.values.2`. The value's line is not stored, since finding it means parsing the file,
-    /// and few frames need it for a message.
+    /// The dotted path of the keyframe's value from which the track's value is computed:
+    /// `animation.track.0.values.2`. The line of the keyframe's value is not stored, since finding it means
+    /// parsing the file, and few frames need it for a message.
     pub keyframe: String,
     /// The track and the frame, for messages.
     pub name: String,
@@ -71,12 +71,12 @@ impl<'a> Change<'a> {
 
 /// The origin of a part of a document.
 pub(super) enum Origin<'a> {
-    /// The whole part comes from one setting or track. The string is the name of this setting or track in
-    /// messages.
+    /// The whole part of the document comes from one setting, or from one track of an animation. The string
+    /// is the name of the setting or the track in messages.
     Setting(Cow<'a, str>),
     /// The part comes from this range of the file's text.
     File(Range<usize>),
-    /// The origin is unknown, for example because the mistake is a missing key.
+    /// The origin of the part is unknown, for example because a key is missing.
     Unknown,
 }
 
@@ -105,7 +105,8 @@ pub(super) struct Changed {
 }
 
 impl Changed {
-    /// Returns the origin of the range `span` of `text`. `text` is the document after all values were set.
+    /// Returns the setting, the track or the part of the file from which the range `span` of `text` comes.
+    /// `text` is the document after all values were set.
     pub fn origin(&self, text: &str, span: &Range<usize>) -> Origin<'_> {
         let table = DeTable::parse(text).ok();
         let Some(location) = table.and_then(|table| Location::find(table.get_ref(), span)) else {
@@ -115,8 +116,8 @@ impl Changed {
         self.origin_of(&path, location.is_key, &self.tracks)
     }
 
-    /// Returns the origin of the key (if `is_key` is true) or of the value at `path`, after all settings and
-    /// then `tracks` have set their values.
+    /// Returns the origin of the key at `path` (if `is_key` is true) or of the value at `path`. The document
+    /// is that after all settings, and then all `tracks`, have set their values.
     fn origin_of<'a>(&'a self, path: &[&str], is_key: bool, tracks: &'a [TrackValue]) -> Origin<'a> {
         let settings = self.settings.iter().map(Change::Setting);
         let mut latest = settings.chain(tracks.iter().map(Change::Track)).rev();
@@ -127,13 +128,14 @@ impl Changed {
         if let Some(span) = original.and_then(|table| span_in(table.get_ref(), path, is_key)) {
             return Origin::File(span);
         }
-        // The file does not have this path. A value that was set below this path may have created it.
+        // The scene file does not have `path`. A setting or a track with a longer path may have created the
+        // table or list at `path`.
         let created = latest.find(|change| change.keys().starts_with(path));
         created.map_or(Origin::Unknown, |change| Origin::Setting(self.shown(change)))
     }
 
-    /// Returns a change as messages show it: a setting as the user wrote it, or a track after the location of
-    /// its keyframe's value.
+    /// Returns a change as messages show it. A setting is shown as the user wrote it. A track is shown by the
+    /// location of its keyframe's value, followed by the track's name.
     fn shown<'a>(&self, change: Change<'a>) -> Cow<'a, str> {
         match change {
             Change::Setting(setting) => Cow::Borrowed(&setting.origin),
@@ -146,10 +148,10 @@ impl Changed {
     }
 
     /// Returns a sentence that names the values that were set; `None` if there is none to name. The sentence
-    /// is for the help in an error about a mistake outside these values. `text` is the document after all
-    /// values were set. The sentence names all settings. If `near` is `None`, the sentence also names all
-    /// tracks. If `near` is a range of `text`, the sentence names only those tracks that set a value in the
-    /// same part of the scene.
+    /// is for the help in an error about a mistake that lies in none of the values that were set. `text` is
+    /// the document after all values were set. The sentence names all values that settings set. If `near` is
+    /// `None`, the sentence also names all tracks. If `near` is a range of `text`, the sentence names only
+    /// those tracks that set a value in the same part of the scene.
     pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
         let part = near.map(|span| part_of(text, span));
         let is_in_part = |part: &Vec<String>, track: &TrackValue| {
@@ -165,7 +167,7 @@ impl Changed {
 
 /// Returns the keys that lead to the part of the scene in which the range `span` of a document's text lies. A
 /// part is an element of a list, such as an object (`object`, `0`), or a value of the whole scene, such as
-/// the camera (`camera`). No keys are returned if the range lies in no value.
+/// the camera (`camera`). If the range lies in no key or value, the returned list of keys is empty.
 fn part_of(text: &str, span: &Range<usize>) -> Vec<String> {
     let table = DeTable::parse(text).ok();
     let location = table.and_then(|table| Location::find(table.get_ref(), span));
@@ -177,7 +179,7 @@ fn part_of(text: &str, span: &Range<usize>) -> Vec<String> {
 
 /// A key or a value of a document.
 struct Location {
-    /// The keys and indices that lead to the key or the value.
+    /// The keys and indices that lead to this key or value.
     path: Vec<String>,
     is_key: bool,
 }
@@ -194,7 +196,7 @@ impl Location {
     }
 }
 
-/// A search for the smallest key or value that contains a range.
+/// A search for the smallest key or value of a document that contains a range of the document's text.
 struct Search<'a> {
     span: &'a Range<usize>,
     path: Vec<String>,

@@ -22,7 +22,8 @@ const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// last 4 of the 40 bytes are a reserve.
 const TEXEL_BYTES: u64 = 40;
 /// A value below zero is reported in a note if its absolute value exceeds this share of the picture's mean
-/// value. Smaller negative values are common, because filters of other programs produce them.
+/// value. Negative values with a smaller absolute value are common, because filters of other programs produce
+/// them.
 const CLEARLY: f64 = 1e-3;
 
 /// A sky: light from all directions, unless something occludes it.
@@ -79,7 +80,7 @@ pub(super) struct FileTexels {
 
 impl FileTexels {
     /// Replaces values that are negative or not a number by 0, since no light is negative. Single texels of
-    /// stitched and baked pictures can have such values.
+    /// stitched and baked pictures can have values that are negative or not a number.
     fn of(size: [u32; 2], mut texels: Vec<[f32; 3]>) -> Self {
         let values = texels.as_flattened();
         let sum: f64 = values.iter().map(|value| f64::from(value.max(0.0))).sum();
@@ -159,9 +160,9 @@ impl SkyPicture {
         }
     }
 
-    /// Returns the direction of the picture's middle. Without a turn, this is the direction -z, or +y if the
-    /// z axis points up or down, made perpendicular to the zenith `up`. The direction is then turned by
-    /// `turn_degrees`, counter-clockwise as seen from the zenith.
+    /// Returns the direction of the picture's middle. If `turn_degrees` is 0, the direction is -z (or +y if
+    /// the z axis points up or down), made perpendicular to the zenith `up`. Otherwise, the direction of the
+    /// middle is also turned by `turn_degrees`, counter-clockwise as seen from the zenith.
     pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
         let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
         let level = (forward - up * forward.dot(up)).normalize_or_zero();
@@ -199,7 +200,8 @@ mod tests {
 
     #[test]
     fn only_texels_that_are_clearly_negative_are_counted() {
-        // The mean of all values is 1 if negative values count as 0.
+        // With negative values counted as 0, the mean of the picture's 12 values is 1, so values below -1e-3
+        // are clearly negative.
         let texels = vec![[4.0; 3], [0.0, -0.9e-3, 0.0], [0.0, -1.1e-3, -5.0], [0.0; 3]];
         let file = FileTexels::of([4, 1], texels);
         assert_eq!((file.invalid, &file.texels[1..]), (1, &[[0.0; 3]; 3][..]));
@@ -232,7 +234,7 @@ mod tests {
         };
         write("0.5");
         // A channel's value is the channel's byte divided by 256, times two to the power of the texel's last
-        // byte minus 128. The radiance is this value divided by EXPOSURE.
+        // byte minus 128. The radiance is the channel's value divided by EXPOSURE.
         assert_eq!(*SkyPicture::read(&path).unwrap().texels, [[2.0, 1.0, 0.5]]);
         write("-1");
         assert!(SkyPicture::read(&path).unwrap_err().starts_with("has the EXPOSURE -1 in its header"));

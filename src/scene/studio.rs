@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Factors by which the powers of the key light and of the fill light are multiplied. In the default
-/// surroundings, the sky provides the rest of the light.
+/// surroundings, the lights are weaker than usual, because the sky provides the rest of the light.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light, which is slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
@@ -27,11 +27,11 @@ const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// The ground is a square that is surrounded by square rings. The numbers are the distances of the squares'
-/// edges from the middle, in radii of the ball around the mesh. The last distance is so large that a usual
-/// view does not reach it. The triangles near the middle are small, because rounding errors of a ray-triangle
-/// test grow with the triangle's size. If the ground had only large triangles, shadow rays at a low angle
-/// would hit the ground from which they start.
+/// The ground is a square that is surrounded by square rings. The elements are the distances from the
+/// ground's middle to the edges of the inner square and of each ring, in radii of the ball around the mesh.
+/// The last distance is so large that a usual view does not reach it. The triangles near the middle are
+/// small, because rounding errors of a ray-triangle test grow with the triangle's size. If the ground had
+/// only large triangles, shadow rays at a low angle would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh, in radii of the ball around the mesh, so that the ground does not
 /// coincide with a mesh's flat bottom.
@@ -107,9 +107,9 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     })
 }
 
-/// Returns the corners of the ground's triangles. The first two triangles are the inner square. Around it lie
-/// square rings of eight triangles each, two for each side. The drawing shows the inner square and the first
-/// ring, with the corners' indices.
+/// Returns the corners of the ground's triangles. The first two triangles are the square in the ground's
+/// middle. Around this inner square lie square rings of eight triangles each, two for each side. The drawing
+/// shows the inner square and the first ring, with the corners' indices.
 ///
 /// ```text
 ///  7 ------------- 6
@@ -189,15 +189,16 @@ mod tests {
         assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
     }
 
-    /// The expected background is the radiance of a level ground under the whole sky. The background is the
-    /// ground's k_L, times a radiance that is two thirds the zenith's and one third the horizon's.
+    /// The expected background is the radiance of a level ground under the whole sky. This radiance is the
+    /// ground's diffuse reflectance k_L times the mean radiance of the sky: two thirds of the zenith's
+    /// radiance plus one third of the horizon's.
     #[test]
     fn the_background_is_the_colour_of_the_ground_far_away() {
         let background = studio(DVec3::Y, 25.0).1.background;
         assert!(background.distance(Vec3::new(0.007_072, 0.007_453_3, 0.008_197_3)) < 1e-6, "{background}");
     }
 
-    /// If far surfaces counted, the far walls of a room would hide the whole sky.
+    /// If far surfaces occluded the sky, the far walls of a room would hide the whole sky.
     #[test]
     fn only_near_surfaces_hide_the_sky_from_a_mesh_that_is_open_on_one_side() {
         let whole = generate(&Shape::Sphere { triangles: 400 });
@@ -236,8 +237,8 @@ mod tests {
             };
             ground(&mesh, ball, &camera(&mesh, ball, &view), DVec3::Y)
         };
-        // The ground's edges are 60 radii of the mesh away from the middle. In the second case, this radius
-        // is more than 5e10, so the ground would exceed the coordinate limit of 1e12.
+        // The ground's edges are 60 radii of the mesh away from the middle. In the second call, the mesh's
+        // radius is more than 5e10, so the ground's edges would exceed the coordinate limit of 1e12.
         assert!(ground(1e9).is_some() && ground(5e10).is_none());
     }
 }

@@ -27,8 +27,8 @@ pub struct Texture {
     pub size: [u32; 2],
     /// How the texture continues beyond its edges, across and down.
     pub wrap: [Wrap; 2],
-    /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a texture that is no
-    /// mask.
+    /// For a mask (a texture whose alpha defines holes): the least alpha of a point that is not in a hole, in
+    /// 65535ths. For a texture that is no mask: 0.
     pub least_alpha: u16,
     /// One word per texel: red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are
     /// any, follow the picture's own texels.
@@ -36,9 +36,9 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. The value is
-    /// reduced by a small part of a step, so that rounding makes no holes where all texels have exactly the
-    /// least alpha.
+    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. The returned
+    /// alpha is smaller by a small part of a step. Otherwise, rounding could make holes where all texels have
+    /// exactly the least alpha.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }
@@ -89,11 +89,11 @@ impl Mapped {
 
     /// Returns a triangle's coordinates in a texture with the wrap modes `wrap`. If the texture is repeated
     /// or mirrored, the coordinates are shifted close to 0 before they are rounded to single precision,
-    /// because single precision is finest there. The texture repeats after the length of the shift, so the
-    /// triangle looks the same.
+    /// because single precision is finest there. The coordinates are shifted by a whole number of repetitions
+    /// of the texture, so the triangle looks the same.
     pub fn new(corners: [[f64; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
-        // Coordinates near 0 are also rounded before the shift, so that they get the same bits whether they
-        // were read in single or in double precision.
+        // Coordinates near 0 are also rounded to single precision before they are shifted, so that they get
+        // the same bits whether they were read in single or in double precision.
         let rounded = |value: f64| if value.abs() > Self::NEAR { value } else { f64::from(value as f32) };
         let mut corners = corners.map(|corner| corner.map(rounded));
         for (axis, wrap) in wrap.into_iter().enumerate() {
@@ -109,8 +109,8 @@ impl Mapped {
         Self { corners, texture, mask }
     }
 
-    /// Returns the number of floats per triangle on a device. With mip levels, there are four more: the
-    /// triangle's normal times the side of a texel (from `texel_on` in `mip.rs`), and a zero.
+    /// Returns the number of floats per triangle on a device. With mip levels, a triangle has four more
+    /// floats: the triangle's normal times the side of a texel (from `texel_on` in `mip.rs`), and a zero.
     pub fn floats(mip_levels: bool) -> usize {
         if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }
@@ -134,9 +134,9 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Makes textures from a list, the mapping of each triangle, and the triangles' materials. Masks without
-    /// holes are removed from the mappings. The result is empty if, after this removal, no triangle has a
-    /// texture or a mask, and no material has an emission texture.
+    /// Makes textures from a list, the mapping of each triangle, and the triangles' materials. A mask that
+    /// makes no holes is removed from the mappings of its triangles. The returned textures are empty if no
+    /// triangle has a texture or a mask with holes, and no material has an emission texture.
     pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>, materials: &[Material]) -> Self {
         let have_holes: Vec<bool> = list.iter().map(Texture::has_holes).collect();
         for row in &mut mapped {
@@ -230,8 +230,8 @@ mod tests {
             let [near, far] = [near, far].map(|corners| Mapped::new(corners, Some(0), None, [wrap; 2]));
             assert_eq!(far, near);
         }
-        // Without the rounding before the shift, the coordinate of the first corner would be one unit in the
-        // last place smaller.
+        // If coordinates near 0 were not rounded before they are shifted, the first corner's coordinate would
+        // be one unit in the last place smaller.
         let corners = [[1.0 - f64::from(0.001_f32), 0.0], [-0.5, 0.0], [0.0, 0.0]];
         let moved = Mapped::new(corners, Some(0), None, [Wrap::Repeat; 2]).corners;
         assert_eq!(moved.map(|[u, _]| u), [(1.0_f32 - 0.001) + 1.0, 0.5, 1.0]);
@@ -284,8 +284,8 @@ mod tests {
         assert_eq!(words(Some(7), Some(8))[..6], floats);
         assert_eq!(words(Some(7), Some(8))[6..], [7, 9]);
         assert_eq!(words(None, None)[6..], [u32::MAX, 0]);
-        // With mip levels, three more floats have the normal and the texels' size, and a fourth float fills
-        // the row.
+        // With mip levels, each triangle has four more floats: three for its normal times the side of a
+        // texel, and one that is 0.
         assert_eq!([false, true].map(Mapped::floats), [8, 12]);
     }
 
@@ -298,8 +298,8 @@ mod tests {
         assert_eq!(textures.mapped[0].corners, [[1.0, 2.0], [5.0, 6.0], [3.0, 4.0]]);
     }
 
-    /// 257 units of the least alpha are one step of an 8-bit channel. `least_step` subtracts one unit, so
-    /// that rounding makes no holes.
+    /// `least_alpha` counts 65535ths, so 257 of its units are one step of an 8-bit channel. `least_step`
+    /// subtracts one unit, so that rounding makes no holes where all texels have exactly the least alpha.
     #[test]
     fn the_least_alpha_is_one_unit_below_its_step() {
         let least_step = |least_alpha| Texture { least_alpha, ..texture() }.least_step();

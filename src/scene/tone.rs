@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 
-/// The tone curve [default: clip]. It maps exposed radiance, from 0 on, to brightness from 0 to 1.
+/// The tone curve [default: clip]. The curve maps exposed radiance, from 0 on, to brightness from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
@@ -29,7 +29,7 @@ impl Tone {
     }
 
     /// Returns the coefficients a, b, c and d of the curve: exposed radiance x has the brightness
-    /// min(x (a x + b) / (x (c x + d) + 1), 1). `cl/common/mark_rough.cl` computes the same in single
+    /// min(x (a x + b) / (x (c x + d) + 1), 1). `cl/common/mark_rough.cl` computes the same formula in single
     /// precision.
     pub fn coefficients(self) -> [f64; 4] {
         match self {

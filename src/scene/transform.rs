@@ -24,9 +24,9 @@ impl Transform {
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: DVec3::ZERO };
 
-    /// Transforms a mesh's normals and positions. `from` is the vector that was subtracted from the positions when
-    /// the file was read. It is added again before the scale is applied. The transformed positions are relative to
-    /// `to`.
+    /// Transforms a mesh's normals and positions. `from` is the vector that was subtracted from the positions
+    /// when the file was read. The vector `from` is added again before the scale is applied. The transformed
+    /// positions are relative to `to`.
     pub fn apply(&self, mesh: &mut Mesh, from: DVec3, to: DVec3) {
         // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact
         // coordinates.
@@ -37,9 +37,9 @@ impl Transform {
         let transform = |p: &mut Vec3| *p = (self.position(rotation, p.as_dvec3() + from) - to).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(transform);
         // Normals are transformed by the inverse transpose of the matrix. The inverse scale is multiplied by
-        // the smallest scale, so that its components are within -1 and 1. This factor does not change the
-        // normalised result. The result gets the length that the normal had before, because a longer normal
-        // has more weight in the interpolation.
+        // the smallest scale, so that its components are within -1 and 1. The smallest scale, as a factor,
+        // does not change the normalised result. The result gets the length that the normal had before,
+        // because a longer normal has more weight in the interpolation.
         let inverse = scale.abs().min_element() / scale;
         let turn = |n: &mut Vec3| {
             let turned: DVec3 = rotation * (n.as_dvec3() * inverse);

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 /// must stay below the largest f32, 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// Largest power of a light, which is enough for a scene of the largest allowed size. The same value is the
-/// largest radiance of the sky and of the background. Kernels add several samples before they divide the sum,
-/// so this radiance must be much less than the largest f32, 3.4e38.
+/// Largest power of a light, which is enough for a scene of the largest allowed size. `MAX_POWER` is also the
+/// largest radiance of the sky and of the background. Kernels add the radiances of several samples before
+/// they divide the sum, so each radiance must be much less than the largest f32, 3.4e38.
 pub const MAX_POWER: f32 = 1e28;
 
 /// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up
@@ -162,7 +162,7 @@ impl Brightness {
     }
 
     /// Refuses a light if products in `cl/cast/shade.cl` could exceed the range of single precision. The
-    /// bounding box counts as the nearest surface.
+    /// distance from the light to the scene's bounding box counts as the distance to the nearest surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
         // Straight in front of it, an area light is four times as bright as a point light of the same power.
@@ -430,16 +430,18 @@ mod tests {
         let both = Material::blinn_phong(Vec3::splat(0.25), Vec3::splat(0.5), 8.0);
         assert!((brightest(&both) - 1.25).abs() < 1e-6);
         // A power of 1e35 with a reflectance of 1e6 gives 7.96e-4 * 1e35 * 1e6 = 7.96e37, which exceeds the
-        // limit of 1e37. With a power of 1e34, the product does not exceed the limit.
+        // limit of 1e37. With a light's power of 1e34, the product is 7.96e36, which does not exceed the
+        // limit.
         assert!(brightness(dull, 1).check(&light(1e35, 0.0)).is_ok());
         assert!(brightness(bright, 1).check(&light(1e35, 0.0)).is_err());
         assert!(brightness(bright, 1).check(&light(1e34, 0.0)).is_ok());
         assert!(brightness(bright, 10).check(&light(1e34, 0.0)).is_err());
-        // A light with a radius of 9 reaches up to 1 unit above the box. At this distance, a hundred times as
-        // much light arrives as at 10 units.
+        // A light with a radius of 9 reaches up to 1 unit above the box. At a distance of 1 unit, a hundred
+        // times as much light arrives as at 10 units.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
         // An area light with edges of 13 has a half diagonal of 9.2, so it may reach as far as this ball.
-        // Straight in front of it, even a small area light gives four times as much light as a point light.
+        // Straight in front of an area light, even of a small one, four times as much light arrives as from a
+        // point light.
         let area = |edge: f32| {
             let edges = [edge * Vec3::X, edge * Vec3::Y];
             Light { area: Some(Area { shape: AreaShape::Rectangle, edges }), ..light(5e33, 0.0) }

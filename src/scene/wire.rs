@@ -46,8 +46,9 @@ pub(super) struct SceneWire {
     pub textures: Option<bool>,
     /// Use mip levels, smaller versions of textures, for pixels larger than texels [default: true].
     pub mip_levels: Option<bool>,
-    /// Crease angle in degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle. The
-    /// angle is measured in the mesh's own coordinates, before `scale` [default: all edges are smooth].
+    /// Crease angle in degrees: edges of meshes without normals stay sharp if their faces meet at a larger
+    /// angle. The crease angle is measured in the mesh's own coordinates, before `scale` [default: all edges
+    /// are smooth].
     pub crease: Option<Number<Crease>>,
     /// The distance from the surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box,
     /// but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
@@ -134,8 +135,8 @@ pub(super) struct ObjectWire {
     /// Give every triangle its own normal, so that facets are visible [default: false].
     #[serde(default)]
     pub flat: bool,
-    /// With a mesh or vertices: the object's crease angle in degrees, instead of the scene's. The angle is
-    /// measured before `scale`.
+    /// With a mesh or vertices: the object's crease angle in degrees, instead of the scene's. The crease
+    /// angle is measured before `scale`.
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
     /// Values that replace those of all materials of the object.

@@ -103,7 +103,7 @@ impl Source for Device<'_> {
 impl<D: Source + Send> Sensor for NvmlSensor<D> {
     fn read(&mut self) -> Reading {
         let Self(device) = self;
-        // The reasons that count as throttling. Idleness and clocks set by a user do not count.
+        // The reasons that count as throttling. Idleness and clocks set by a user do not count as throttling.
         let slowing = ThrottleReasons::SW_POWER_CAP
             | ThrottleReasons::HW_SLOWDOWN
             | ThrottleReasons::SW_THERMAL_SLOWDOWN

@@ -22,8 +22,9 @@ impl UsedMemory {
         Some(self.used_bytes.saturating_sub(self.own_bytes?))
     }
 
-    /// Returns true if other processes may use more than a hundredth of the device's memory. If this
-    /// process's part is not known, all memory in use may be that of other processes.
+    /// Returns true if other processes may use more than a hundredth of the device's memory. If it is not
+    /// known how much memory this process uses, the function assumes that other processes use all memory in
+    /// use.
     pub fn may_be_others(&self) -> bool {
         self.others_bytes().unwrap_or(self.used_bytes) > self.total_bytes / 100
     }

@@ -40,9 +40,9 @@ impl Watch {
         Self { readings, ended }
     }
 
-    /// Returns the mean of the readings from `start` to `end`. If there are no readings in this interval,
-    /// returns the last reading before `start`; `None` if there is no reading before `start` either. The
-    /// energy is the mean power times `frame_ms`, the device time of a frame.
+    /// Returns the mean of the readings from `start` to `end`. If there are no readings from `start` to
+    /// `end`, returns the last reading before `start`. If there is no reading before `start` either, returns
+    /// `None`. The energy is the mean power times `frame_ms`, the device time of a frame.
     pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }
@@ -88,7 +88,8 @@ fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// A sensor that reports the number of its readings as its clock.
+    /// A sensor for tests: its first reading has a clock of 1 MHz, its second reading a clock of 2 MHz, and
+    /// so on.
     struct Counting(f64);
 
     impl Sensor for Counting {

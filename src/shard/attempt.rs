@@ -46,8 +46,9 @@ pub struct About {
     /// in files of earlier versions.
     pub folder: Option<String>,
     /// The word in the variable `RAYCL_DEVICE` or in the user's settings that selected the devices. Null if
-    /// no such word was used: the command or the config names the devices, or the variable and the settings
-    /// name none. The field is also null in files that earlier versions of raycl wrote.
+    /// neither the variable nor the settings selected the devices: the command or the config names the
+    /// devices, or the variable and the settings name none. The field `device` is also null in files that
+    /// earlier versions of raycl wrote.
     pub device: Option<String>,
     /// The environment variables that the user had set and that a repetition of the command needs, each as
     /// `NAME=VALUE`; missing in files of earlier versions.
@@ -168,15 +169,15 @@ impl Attempt {
     }
 
     /// Returns the attempt's description; `None` if the attempt was killed before it wrote the description,
-    /// or if the description is not valid JSON. Fails if the system reports an error when the description is
-    /// read, since the description may exist nevertheless.
+    /// or if the description is not valid JSON. If the system cannot read the description, returns an error
+    /// and not `None`, since the description may exist.
     pub fn about(&self) -> Result<Option<About>> {
         self.read(ABOUT)
     }
 
     /// Returns how the attempt ended; `None` if the attempt is still running or was killed, or if the file
-    /// that says how it ended is not valid JSON. Fails if the system reports an error when this file is read,
-    /// since the file may exist nevertheless.
+    /// that says how it ended is not valid JSON. If the system cannot read this file, returns an error and
+    /// not `None`, since the file may exist.
     pub fn end(&self) -> Result<Option<End>> {
         self.read(END)
     }

@@ -1,5 +1,5 @@
-//! The kinds of device that take part in an experiment, with the keys and names of their points. Each kind
-//! has a file, written by the first shard that measures on this kind.
+//! The kinds of device that take part in an experiment, with the keys and names of their points. Each kind of
+//! device has a file, written by the first shard that measures on a device of this kind.
 
 use crate::error::{Error, Result};
 use crate::existing;
@@ -20,7 +20,7 @@ pub struct Kind {
     pub device: String,
     /// The platform, the device, the driver, and every property of the device that affects times.
     pub identity: String,
-    /// The kind's points, in the plan's order.
+    /// The points that are measured on this kind of device, in the plan's order.
     pub points: Vec<KindPoint>,
 }
 
@@ -35,8 +35,8 @@ pub struct KindPoint {
 }
 
 impl Kind {
-    /// Returns the path of a kind's file. The file's name consists of the device's name and a hash of everything that
-    /// identifies the kind, including the version of raycl.
+    /// Returns the path of the file of a kind of device. The file's name consists of the device's name and a
+    /// hash of everything that identifies the kind of device, including the version of raycl.
     pub fn file(out: &Path, device: &str, identity: &str) -> PathBuf {
         let program = option_env!("RAYCL_GIT_REVISION").unwrap_or(env!("CARGO_PKG_VERSION"));
         let hash = blake3::hash(format!("{device}\n{identity}\n{program}").as_bytes()).to_hex();
@@ -45,7 +45,7 @@ impl Kind {
         out.join(FOLDER).join(format!("{}-{}.jsonl", words.join("-").to_lowercase(), &hash[..8]))
     }
 
-    /// Writes the file of this kind of device, unless another shard has already written it.
+    /// Writes this kind of device to its file, `path`, unless another shard has already written the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let failed =
             |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
@@ -55,14 +55,16 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds in a folder: first the kinds of host, then the other kinds, both sorted by file
-    /// name. If the points of several kinds have equal keys, only the first of these kinds is returned.
+    /// Returns all kinds of device in a folder: first the kinds of host, then the other kinds, both sorted by
+    /// file name. If several kinds of device have points with equal keys, only the first of these kinds is
+    /// returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files = existing::entries(&out.join(FOLDER))?;
         files.retain(|path| path.extension().is_some_and(|ending| ending == "jsonl"));
         files.sort();
-        // The file of a kind has one line with all points of the kind. A file whose line is damaged or
-        // missing is an error, since a merge without this line would leave out all points of the kind.
+        // The file of a kind of device has a single line with all points of this kind. A file whose line is
+        // damaged or missing is an error: without the line, a merge would leave out all points of this kind
+        // of device.
         let lines = |path: &PathBuf| -> Result<Vec<Self>> {
             let lines = read_lines(path)?.refuse_if_all_damaged(path)?.lines;
             if lines.is_empty() { Err(no_points(path)) } else { Ok(lines) }
@@ -70,8 +72,8 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(lines).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // Two kinds have points with equal keys if they differ only in the build of raycl or in the device's name on
-        // its machine.
+        // Two kinds of device have points with equal keys if the kinds differ only in the build of raycl or
+        // in the device's name on its machine.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)
@@ -81,9 +83,10 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// Returns, for each kind, a text with its differences from other kinds of the same name, or `None` if no
-    /// other kind has this name. The text lists the parts of the kind's identity that not all kinds of this
-    /// name have. If all kinds of this name have the same parts, the text is "another program".
+    /// Returns, for each kind of device, a text with its differences from other kinds of the same name, or
+    /// `None` if no other kind has this name. The text lists those parts of the kind's `identity` that not
+    /// all kinds of the same name have. If `identity` has the same parts in all kinds of the same name, the
+    /// text is "another program".
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {
@@ -101,12 +104,12 @@ impl Kind {
     }
 }
 
-/// Returns the error for a kind's file without a complete line.
+/// Returns the error for a file of a kind of device that has no complete line.
 fn no_points(path: &Path) -> Error {
     let message =
         format!("{} has no complete line, but must list the points of a kind of device", path.display());
     Error::input(message).with_help(
-        "copy the file again from the machine that wrote it. If that machine no longer has it, delete the file here: the next shard on a device of this kind then writes it again",
+        "copy the file again from the machine that wrote it. If that machine no longer has the file, delete the file here: the next shard on a device of this kind then writes it again",
     )
 }
 

@@ -17,8 +17,9 @@ struct Assignment {
     rank: u32,
     /// The number of processes that the launcher started; `None` if the launcher does not set this number.
     count: Option<u32>,
-    /// The shard's number, if the process belongs to an element of a Slurm array and the user gives the
-    /// number of shards: the element's number is then the shard's number. `None` in all other cases.
+    /// The number of the Slurm array's element to which the process belongs, if the user gives the number of
+    /// shards. In this case, the element's number is the shard's number. `None` if the process belongs to no
+    /// Slurm array, or if the user does not give the number of shards.
     number: Option<u32>,
 }
 
@@ -61,8 +62,9 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Launchers that number whole jobs. Slurm's arrays, which [`array()`] reads, are not in this table. The user
-/// chooses the numbers of a HyperQueue array; raycl needs numbers that begin at 1.
+/// Launchers that give a number to each job as a whole, and not to each process of a job. Slurm's arrays,
+/// which [`array()`] reads, are not in this table. The user chooses the numbers of a HyperQueue array; raycl
+/// needs numbers that begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
@@ -87,19 +89,20 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, one of them
-/// decides. The order of precedence is: the innermost launcher that started several processes, a Slurm array,
-/// a launcher of whole jobs (`OUTER`), a launcher that started a single process. The number of shards is `of`
-/// or, if `of` is `None`, the launcher's count. Returns an error if a Slurm array of several elements and an
-/// inner launcher of several processes both set numbers.
+/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the numbers
+/// of one launcher decide which shard is returned. The order of precedence is: the innermost launcher that
+/// started several processes, a Slurm array, a launcher of whole jobs (`OUTER`), a launcher that started a
+/// single process. The number of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error
+/// if a Slurm array of several elements and an inner launcher of several processes both set numbers.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()
         .filter_map(|ranks| ranks.assignment(variable).transpose())
         .collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // A launcher that started a single process does not decide the process's shard. For example, the process may be the
-    // only task of a step, and the step may be an element of an array, whose number decides.
+    // A launcher that started a single process does not decide the process's shard. For example, the process
+    // may be the only task of a Slurm step, and the step may belong to an element of a Slurm array. The
+    // element's number then decides the shard.
     let numbered = inner.into_iter().find(|assignment| assignment.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
@@ -134,14 +137,15 @@ impl Ranks {
     }
 }
 
-/// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the element's
-/// number is the shard's number, so that a part of an array can be started again.
+/// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the
+/// number of the array's element is the shard's number, so that a part of the array can be started again.
 fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Assignment>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
     let of = |name| number(name, variable);
     if count_is_given {
-        // The count is read because an array of one element is treated like a launcher that started a single process.
+        // The array's number of elements is read because an array of one element may contain a launcher of
+        // several processes, which then decides the shard.
         let count = of("SLURM_ARRAY_TASK_COUNT")?;
         return Ok(Some(Assignment { launcher, rank: 0, count, number: Some(task) }));
     }

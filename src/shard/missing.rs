@@ -20,25 +20,25 @@ pub struct Missing {
     pub failed: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The names of the kinds that took part, if a selected kind did not take part; otherwise `None`. The
-    /// user may have misspelt the name of the selected kind, and can compare the misspelt name with the names
-    /// in `took_part`.
+    /// The names of the kinds of device that took part in the experiment, if a selected kind did not take
+    /// part; otherwise `None`. The user may have misspelt the name of the selected kind, and can compare the
+    /// misspelt name with the names in `took_part`.
     pub took_part: Option<String>,
 }
 
 /// The missing points, or the failed points, of a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingKind {
-    /// The kind's name, with the differences from other kinds of the same name. If no shard has begun on the kind, the
-    /// text is the word that selects the kind.
+    /// The name of the kind of device, with the differences from other kinds of the same name. If no shard
+    /// has begun on this kind of device, the text is the word that selects the kind.
     pub device: String,
-    /// The kind's points without a record, or the kind's failed points, in a readable form.
+    /// The points of this kind of device that have no record, or that failed, in a readable form.
     pub points: Vec<String>,
-    /// The number of points that the plan has for the kind.
+    /// The number of points that the plan has for this kind of device.
     pub of: usize,
     /// The shards that contain the missing points, or the failed points.
     pub shards: Vec<u32>,
-    /// The command that measures all missing points, or all failed points, of the kind.
+    /// The command that measures all missing points, or all failed points, of this kind of device.
     pub command: String,
 }
 
@@ -59,7 +59,8 @@ impl Missing {
 pub struct Wanted<'a> {
     /// All kinds of device that took part in the experiment.
     pub all: &'a [Kind],
-    /// The kinds that took part and are selected. The host's kinds are always selected.
+    /// The kinds of device that took part and are selected. The kinds of host, on which baselines run, are
+    /// always selected.
     pub kinds: &'a [Kind],
     /// The words that select kinds on which no shard has begun.
     pub not_begun: &'a [String],
@@ -69,9 +70,9 @@ pub struct Wanted<'a> {
 /// shard has begun on a selected kind, all points except casters on the host are missing on this kind. A
 /// caster on the host is missing only if it has no record on any kind of host. If no shard with casters on
 /// the host has begun, all casters on the host are missing. The points that failed are returned too, in
-/// `Missing::failed`. The commands that measure the points write to the folder `out`, and are made from the
-/// commands of the attempts that `abouts` describe. `outcome` returns the outcome of the record with a key;
-/// `None` if there is no such record.
+/// `Missing::failed`. The result contains commands that measure the missing points and the failed points and
+/// write to the folder `out`. These commands are made from the command lines in `abouts`, with which attempts
+/// were started. `outcome` returns the outcome of the record with a key; `None` if there is no such record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,
@@ -147,9 +148,10 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
     format!("{}{label}", kind.device)
 }
 
-/// Returns the plan's casters on the host and the plan's other points, as indices. The casters on the host
-/// are the points that the first kind of device other than the host does not measure. If only hosts took
-/// part, the casters on the host are the points that these hosts measure.
+/// Returns the indices of those points of the plan that are casters on the host, and the indices of all other
+/// points. A point is a caster on the host if the first kind of device in `all` that is no host does not
+/// measure the point. If all kinds of device in `all` are hosts, the points that these hosts measure are the
+/// casters on the host.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -286,8 +288,8 @@ fn without(command: &[String], option: &str) -> Vec<String> {
     words
 }
 
-/// Returns a command line without the option `--out` and its value. The option's short form may follow short
-/// options that have no value, as in `-qo DIR`; the options before it stay.
+/// Returns a command line without the option `--out` and its value. The short form `-o` may follow short
+/// options without a value in the same word, as in `-qo DIR`. The options before the `o` stay.
 fn without_out(command: &[String]) -> Vec<String> {
     let mut words = Vec::new();
     let mut rest = without(command, "--out").into_iter();

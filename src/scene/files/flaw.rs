@@ -19,8 +19,8 @@ pub(super) struct Flaw {
     /// The description of the mistake without text of the file; `None` if `what` quotes nothing from the
     /// file.
     unquoted: Option<String>,
-    /// The remedy in the error's help. An error that shows `unquoted` instead of `what` has the remedy
-    /// `OUTSIDE` instead of this one.
+    /// The remedy in the help of an error that shows `what`. The help of an error that shows `unquoted` is
+    /// `OUTSIDE`.
     remedy: &'static str,
 }
 
@@ -42,8 +42,8 @@ impl Flaw {
     }
 }
 
-/// Makes a `Flaw` whose description quotes nothing from the file. Numbers of elements and bytes do not count
-/// as quotations.
+/// Makes a `Flaw` whose description quotes nothing from the file. The description may contain numbers of
+/// elements and bytes: only text of the file is a quotation.
 impl<T: Into<String>> From<T> for Flaw {
     fn from(what: T) -> Self {
         Self { line: None, what: what.into(), unquoted: None, remedy: EXPORT }

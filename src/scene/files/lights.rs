@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
 /// The least distance of a light in the computation of the brightness at the mesh's centre, in radii of the
-/// mesh. A nearer light counts as if it were at this distance.
+/// mesh. A light that is nearer to the centre counts as if it were at this least distance.
 const NEAREST_RADII: f64 = 0.25;
 
 /// The origin of a light: a point, or infinity.

@@ -8,17 +8,17 @@ use crate::scene::mesh::Triangle;
 use crate::scene::validate::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
-/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At
-/// this distance, four of the 24 significant bits of a coordinate (f32) are the same for all points of the
-/// mesh.
+/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At a
+/// distance of this many radii, four of the 24 significant bits of a coordinate (f32) are the same for all
+/// points of the mesh.
 const FAR_RADII: f64 = 16.0;
-/// A mesh with a smaller radius is scaled, because products of its lengths could underflow. A ray-triangle
-/// test multiplies up to four lengths. If the edges of a mesh are a thousandth of this radius, the product of
-/// four edges is 1e-36. The smallest normal number of single precision is 1.2e-38.
+/// A mesh with a smaller radius than this is scaled, because products of its lengths could underflow. A
+/// ray-triangle test multiplies up to four lengths. If the edges of a mesh are a thousandth of this radius,
+/// the product of four edges is 1e-36. The smallest normal number of single precision is 1.2e-38.
 const SMALLEST_RADIUS: f64 = 1e-6;
-/// A mesh with a larger radius is scaled. The lights that raycl adds are ten radii away from the mesh, and
-/// the edges of the ground that raycl adds are 60 radii away. The coordinates of these lights and edges must
-/// be within +-1e12.
+/// A mesh with a larger radius than this is scaled. The lights that raycl adds are ten radii away from the
+/// mesh, and the edges of the ground that raycl adds are 60 radii away. The coordinates of the added lights
+/// and of the ground's edges must be within +-1e12.
 const LARGEST_RADIUS: f64 = 1e9;
 
 /// How a mesh is moved and scaled before its positions are rounded to single precision: a vector is
@@ -49,8 +49,8 @@ impl Placement {
     }
 
     /// Returns the identity if the bounds, which are rounded to single precision, show that the mesh need not
-    /// be moved or scaled. If the bounds do not show this, returns `None`: the placement must then be
-    /// computed from the bounds in double precision.
+    /// be moved or scaled. Returns `None` if the rounded bounds do not show that the mesh need not be moved
+    /// or scaled: the placement must then be computed from the bounds in double precision.
     pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let radius = length(high - low) / 2.0;
@@ -80,7 +80,7 @@ impl Placement {
     }
 
     /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved
-    /// nor scaled. The notes are for a bare mesh, which stays moved and scaled.
+    /// nor scaled. The notes are for a bare mesh: raycl undoes the scaling of a mesh that a scene file names.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {
@@ -104,8 +104,8 @@ impl Placement {
 }
 
 /// Returns the vector to be subtracted from the positions of a mesh with this centre and radius. If the
-/// centre is far from the origin, this vector is the centre, rounded to whole numbers if the radius is above
-/// 1. Otherwise, this vector is zero.
+/// centre is far from the origin, the returned vector is the centre; if the radius is also above 1, the
+/// vector is rounded to whole numbers. If the centre is not far from the origin, the returned vector is zero.
 fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     let far = centre.is_finite() && length(centre) > FAR_RADII * radius;
     // The centre of a small mesh is not rounded, because the nearest point with whole coordinates may lie
@@ -114,9 +114,10 @@ fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     if far { rounded } else { DVec3::ZERO }
 }
 
-/// Returns the power of two by which a mesh with this radius is multiplied. The product of an extreme radius
-/// and the power is at least 1 and less than 2. The power is 1 for other radii, for the radius 0 of a point,
-/// and for a radius below the smallest normal number of double precision.
+/// Returns the power of two by which a mesh with this radius is multiplied. If the radius is extreme (not
+/// from `SMALLEST_RADIUS` to `LARGEST_RADIUS`), the product of the radius and the power of two is at least 1
+/// and less than 2. If the radius is not extreme, the power of two is 1. The power of two is also 1 for the
+/// radius 0 of a point, and for a radius below the smallest normal number of double precision.
 fn scale_of(radius: f64) -> f64 {
     if !radius.is_normal() || (SMALLEST_RADIUS..=LARGEST_RADIUS).contains(&radius) {
         return 1.0;
@@ -131,8 +132,8 @@ fn length(vector: DVec3) -> f64 {
 }
 
 /// Returns positions in single precision, and their placement (how they were moved and scaled). The placement
-/// depends only on positions that triangles use. Other positions need not be finite: scanners write NaN or
-/// zeros for points that they did not measure.
+/// depends only on positions that triangles use. Positions that no triangle uses need not be finite: scanners
+/// write NaN or zeros for points that they did not measure.
 pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
     settle_if(positions, triangles, |_| true)
 }
@@ -212,7 +213,8 @@ mod tests {
         let (positions, placement) = settle(&map, &[triangle([1, 2, 3])]).expect("valid positions");
         assert_eq!(placement.origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
         assert!((positions[2].x - positions[1].x - 0.01).abs() < 1e-5, "{positions:?}");
-        // The unused position stays within the limit of coordinates, even if the mesh is enlarged.
+        // The last position, which no triangle uses, stays within the limit of coordinates, even if the mesh
+        // is enlarged.
         for (edge, scale) in [(1.0, 1.0), (2e-9, 2_f64.powi(30))] {
             let corners = [DVec3::ZERO, DVec3::X * edge, DVec3::Y * edge, DVec3::X * 1e11];
             let (positions, placement) = settle(&corners, &[triangle([0, 1, 2])]).expect("valid positions");

@@ -85,8 +85,8 @@ impl Pictures {
         bytes: impl FnOnce() -> Parsed<Cow<'a, [u8]>>,
         usage: Usage,
     ) -> Parsed<u32> {
-        // This key is a relative path, so it differs from every path that `Reach::locate` returns: those
-        // paths are absolute.
+        // The picture's key becomes a relative path, so it differs from every path that `Reach::locate`
+        // returns: those paths are absolute.
         let key = Path::new("in the file").join(key);
         self.texture(key, usage, || decoded(&bytes()?, None))
     }
@@ -288,7 +288,7 @@ mod tests {
         assert!(decoded(b"nothing", None).unwrap_err().contains("not a PNG"));
         assert!(decoded(&png(2, 2)[..20], None).unwrap_err().contains("cannot be decoded"));
         let mut huge = png(2, 2);
-        // These bytes of the PNG's header have the picture's width.
+        // Bytes 16 to 19 of a PNG file contain the picture's width.
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
         assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("not a PNG"));

@@ -38,7 +38,7 @@ const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>())
 /// colour of one triangle.
 const FACE_COLOUR_BYTES: u64 = (size_of::<ColouredFace>() + size_of::<Vec3>()) as u64;
 /// Memory for each different colour of triangles, in bytes: a material, and an entry in the map of colours.
-/// The sum is doubled, because the list of materials and the map may be half empty.
+/// This memory is doubled, because up to half of the list of materials and of the map may be unused.
 const COLOUR_BYTES: u64 = 2 * (size_of::<Material>() + size_of::<((u32, [u32; 3]), u32)>()) as u64;
 /// The largest number of different colours of triangles: a colour has three channels of 8 bits.
 const MAX_COLOURS: u64 = 1 << 24;
@@ -88,7 +88,8 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
     let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches(['.', ':']);
-    // The first line of some messages contains a name from the header, so the message counts as a quotation.
+    // The first line of some messages contains a name from the header, so every message is treated as a
+    // quotation of the file.
     let flaw = Flaw::quoting(what, "not valid PLY; expected elements as the header defines them");
     match line {
         Some(line) => flaw.at(line),
@@ -219,7 +220,8 @@ struct Parts {
     /// The colour of each face; empty if the colours of faces are not used.
     face_colours: Vec<Colour>,
     strips: Vec<Face>,
-    /// The other types of elements: the name of each type, and the number of its elements.
+    /// The types of elements that are in none of the lists `vertices`, `faces` and `strips`: the name of each
+    /// type, and the number of its elements.
     others: Vec<(String, usize)>,
 }
 

@@ -18,8 +18,8 @@ use rayon::prelude::*;
 const HEADER_BYTES: usize = 84;
 /// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
-/// Number of bytes at the beginning of a file that show whether the file is text. A file is not text if these
-/// bytes contain a zero byte and no word `vertex`.
+/// Number of bytes at the beginning of a file that show whether the file is text. A file is not text if its
+/// first `HEAD_BYTES` bytes contain a zero byte and no word `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
 /// The program Materialise Magics writes this key into the header of a binary file, before a colour for all
 /// facets.
@@ -43,8 +43,8 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             hold(named.name, count as u64, &Available::read())?;
             (binary(bytes, count), notes(bytes, count))
         }
-        // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read` demands four
-        // times the file's size, which is enough for such triangles.
+        // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read` demands
+        // memory of four times the file's size, which is enough for triangles of 100 bytes or more.
         false => {
             let Text { corners, unknown, is_in_solid } = ascii(bytes).map_err(failed)?;
             let mut notes: Vec<String> = unknown.notes("statement", named.quotes).collect();
@@ -88,7 +88,7 @@ fn count(bytes: &[u8]) -> Option<usize> {
 
 /// Returns the number of triangles to be read: the number in the header or, if the header has a 0, the number
 /// of all triangles in the file. A program that writes to a stream may leave a 0 in the header. Returns an
-/// error if the header's number is larger than the number of triangles in the file.
+/// error if the header states more triangles than the file contains.
 fn held(bytes: &[u8]) -> std::result::Result<usize, Flaw> {
     let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
     match said {
@@ -105,7 +105,8 @@ fn rows(bytes: &[u8], count: usize) -> impl Iterator<Item = &[u8]> {
     bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES).take(count)
 }
 
-/// Returns notes on parts of a binary file that are not read, and on a header with the number 0.
+/// Returns notes on parts of a binary file that are not read, and on a header that states 0 triangles
+/// although the file contains triangles.
 fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
     let mut notes = Vec::new();
     let attributes = rows(bytes, triangles).filter(|row| row[48..] != [0, 0]).count();

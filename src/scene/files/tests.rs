@@ -57,8 +57,9 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
         ["nothing is visible, since none of the mesh's 2 triangles has an area"]
     );
     assert_eq!(notes("f 1 2 3\nf 1 2 4\n"), Vec::<String>::new());
-    // In both triangles, the angle at the first corner has the sine 1e-7. The sides at this corner are
-    // equally long in the first triangle, and 1 and 10000 units long in the second.
+    // In both triangles, the angle at the first corner has the sine 1e-7. In the first triangle, the two
+    // sides at the first corner are equally long. In the second triangle, the two sides at the first corner
+    // are 1 and 10000 units long.
     for thin in ["v 0 0 0\nv 10000 0 0\nv 10000 0.001 0\n", "v 0 0 0\nv 1 0 0\nv 10000 0.001 0\n"] {
         let noted = notes(&format!("{thin}f 5 6 7\n"));
         assert_eq!(noted, ["nothing is visible, since the mesh's only triangle has no area"], "{thin}");

@@ -265,7 +265,7 @@ fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() 
     let [key, fill] = towards(Ball { opening: None, ..ball })[..] else { panic!("two lights") };
     assert!(key.x < 0.0 && key.y > 0.0 && key.z > 0.0, "{key}");
     assert!(fill.x > 0.0 && fill.y > 0.0 && fill.z > 0.0, "{fill}");
-    // The mesh is open towards +z, where the eye is. Only light from this side enters the mesh.
+    // The mesh is open towards +z, where the eye is. Only light from the eye's side enters the mesh.
     for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
         assert!(light.normalize().z > 0.9, "{light}");
     }
@@ -285,16 +285,16 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
         };
         Ball::around(&mesh, DVec3::Y).opening
     };
-    // The mesh has a front with an area of 1, and a back with the area `back`. With a back of 0.82, the two
-    // areas differ by 0.18, which is less than a tenth of their sum, 1.82. With a back of 0.8, they differ by
-    // 0.2, which is more than a tenth of their sum, 1.8.
+    // The mesh has a front with an area of 1, and a back with the area `back`. If the back has an area of
+    // 0.82, the two areas differ by 0.18, which is less than a tenth of their sum, 1.82. If the back has an
+    // area of 0.8, the two areas differ by 0.2, which is more than a tenth of their sum, 1.8.
     assert_eq!([opening(0.82), opening(0.8)], [None, Some(DVec3::Z)]);
     assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }
 
-/// Returns a box of this size. Its corner with the least coordinates is at `corner`. `sides` has a number for
-/// each side: left, right, bottom, top, back, front. The number is 1 if the side faces outwards, -1 if it
-/// faces inwards, and 0 if it is missing.
+/// Returns a box of this size. The box's corner with the smallest coordinates is at `corner`. `sides` has a
+/// number for each side: left, right, bottom, top, back, front. The number is 1 if the side faces outwards,
+/// -1 if it faces inwards, and 0 if it is missing.
 fn sides_of_box(corner: Vec3, size: Vec3, sides: [i32; 6]) -> Mesh {
     // The three lowest bits of a corner's number say where the corner is along x, y and z: 0 at the end with
     // the smaller coordinate, and 1 at the other end.
@@ -347,14 +347,14 @@ fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
     for sides in [[1; 6], [-1; 6], [1, 1, 0, 1, 1, 1]] {
         assert_eq!(opening(&[(on_floor, cube, sides)]), Some(DVec3::Z), "{sides:?}");
     }
-    // The mesh still counts as a shell if it contains only a small body, or if a part of the shell is
-    // recessed.
+    // The mesh counts as a shell, not as a room, if it contains only a small body, or if a part of the shell
+    // is recessed.
     assert_eq!(opening(&[(on_floor, cube * 0.5, [1; 6])]), Some(DVec3::NEG_Z));
     let recess = (Vec3::new(0.5, 0.5, 1.0), Vec3::new(2.0, 1.2, 0.5), [0, 0, 0, 0, 1, 0]);
     assert_eq!(opening(&[recess]), Some(DVec3::NEG_Z));
 }
 
-/// Near each side of its bounding box, a rough surface has as much area as a wall would have.
+/// Near each side of its bounding box, a rough surface has triangles that are together as large as a wall.
 #[test]
 fn a_rough_surface_is_no_room() {
     let count = 48_u32;
@@ -377,8 +377,8 @@ fn a_rough_surface_is_no_room() {
     assert!(opening.z < -0.99, "{opening}");
 }
 
-/// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, it must be seen
-/// from outside.
+/// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, the scan of a
+/// face must be seen from outside.
 #[test]
 fn a_vaulted_surface_is_seen_from_its_front_whatever_the_order_of_its_corners() {
     let half = |is_reversed: bool, front: f32| {
@@ -406,8 +406,8 @@ fn a_closed_mesh_is_closed_although_all_its_normals_have_the_same_direction() {
     assert!(ball.is_closed() && ball.opening.is_none());
 }
 
-/// Of the 12 triangles of a cube, each has a twelfth of the area. If one of them is reversed, the sum of the
-/// area vectors has the length of a sixth of the area.
+/// Each of the 12 triangles of a cube has a twelfth of the cube's area. If one of these triangles is
+/// reversed, the sum of the cube's area vectors has the length of a sixth of the cube's area.
 #[test]
 fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
     let cube = |wrong: &[usize], own_normals: bool| {
@@ -426,8 +426,8 @@ fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
         assert_eq!(cube(&[wrong], false), (false, true), "{wrong}");
     }
     // If the mesh has its own normals, the order of corners does not matter. If the normals follow from the
-    // order of corners, a whole side that faces inwards opens the mesh. In this test, the front faces
-    // inwards; its triangles are the last two.
+    // order of corners, a cube with a whole side that faces inwards is not closed. In this test, the front
+    // faces inwards; its triangles are the last two.
     assert_eq!(cube(&[10, 11], true), (false, true));
     assert_eq!(cube(&[10, 11], false), (false, false));
     // A cube without a side has the same sum of area vectors as a cube with one reversed triangle.

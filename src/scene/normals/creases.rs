@@ -27,9 +27,9 @@ impl Face {
 }
 
 /// Replaces the smooth normals of the triangles `triangles` at positions where the normals of two of their
-/// faces differ by more than the crease angle. At such a position, each face gets a separate normal: a mean
-/// of face normals, weighted by area. The mean includes the faces at the position whose normals differ from
-/// the face's normal by at most the crease angle.
+/// faces differ by more than the crease angle. At a position with such a crease, each face gets a separate
+/// normal: a mean of face normals, weighted by area. The mean includes the faces at the position whose
+/// normals differ from the face's normal by at most the crease angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease_degrees = f64::from(crease_degrees.max(0.0)) + ROUNDING_DEGREES;
     // No two normals differ by more than 180 degrees.
@@ -55,10 +55,10 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     mesh.normals.extend(normals);
 }
 
-/// Returns sorted pairs: the index of a position, and the index of a triangle at this position. The pairs are
-/// only of positions where a face's normal differs from the smooth normal by more than half the crease angle;
-/// `least_cosine` is the cosine of this half. Only at these positions can the normals of two faces differ by
-/// more than the crease angle.
+/// Returns sorted pairs: the index of a position, and the index of a triangle at this position. A position is
+/// included only if a face's normal at this position differs from the smooth normal by more than half the
+/// crease angle. `least_cosine` is the cosine of half the crease angle. At all other positions, the normals
+/// of two faces cannot differ by more than the crease angle.
 fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {
     let parted = |triangle: &u32| {
         let unit = Face::of(mesh, *triangle).unit;

@@ -1,6 +1,6 @@
 //! Reads the texture coordinates (`vt`) of OBJ files. Coordinates far from 0 are stored in double precision,
-//! since single precision would lose the digits after the point. These digits decide where a repeated picture
-//! lies.
+//! since single precision would lose the digits after the point. The digits after the point decide where a
+//! repeated texture lies on a triangle.
 
 use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens};
 use crate::scene::Mapped;
@@ -11,7 +11,7 @@ pub(super) struct Coordinates {
     /// All coordinates, rounded to single precision.
     rounded: Vec<[f32; 2]>,
     /// The coordinates far from 0 in double precision, each after its index in `rounded`. The list is sorted
-    /// by these indices.
+    /// by the index in `rounded`.
     far: Vec<(usize, [f64; 2])>,
 }
 
@@ -65,8 +65,8 @@ pub(super) fn read(chunk: &Chunk) -> (Coordinates, Seen) {
     (coordinates, odd)
 }
 
-/// Reads the two numbers of a texture coordinate. The second number may be missing, and a third number is
-/// ignored.
+/// Reads the two numbers of a texture coordinate. If the second number of the coordinate is missing, 0 is
+/// used; a third number is ignored.
 fn coordinate(offset: usize, rest: &[u8]) -> Result<[f64; 2], Mistake> {
     let mut tokens = tokens(rest);
     let mut next = |usual: Option<&'static [u8]>| {
@@ -100,8 +100,8 @@ mod tests {
         let read = |line: &[u8]| coordinate(0, line).unwrap();
         assert_eq!(read(b" 0.1 64.000001"), [f64::from(0.1_f32), 64.0]);
         assert_eq!(read(b" 500000.1 -64.1"), [500_000.1, -64.1]);
-        // The number 1e39 is finite in double precision, but not in single precision. The number is refused,
-        // because shifted coordinates are stored in single precision.
+        // The number 1e39 is finite in double precision, but not in single precision. The coordinate 1e39 is
+        // refused, because raycl shifts coordinates and then stores them in single precision.
         assert!(coordinate(0, b" 1e39 0").is_err());
     }
 

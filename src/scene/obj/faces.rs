@@ -25,7 +25,7 @@ pub(super) struct Start<'a> {
 }
 
 /// Returns a [`Start`] for each piece of the file, and then one for the end of the file. `coordinates` has
-/// the texture coordinates of each piece; it is empty if they were not read.
+/// the texture coordinates of each piece of the file; it is empty if texture coordinates were not read.
 pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
@@ -39,7 +39,7 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) 
     starts
 }
 
-/// The data of the whole file that reading faces needs.
+/// Data of the whole file that are needed for reading the faces of a piece.
 pub(super) struct FaceContext<'a> {
     pub positions: &'a [Vec3],
     /// The normals that are not valid, sorted by index.
@@ -75,8 +75,8 @@ pub(super) struct FaceChunk {
     short: Seen,
 }
 
-/// Reads the faces of a piece. `triangles` is an empty list whose memory is reused: it becomes the result's
-/// list of triangles.
+/// Reads the faces of a piece of the file. `triangles` is an empty list whose memory is reused: it becomes
+/// the result's list of triangles.
 pub(super) fn read(
     context: &FaceContext,
     chunk: &Chunk,
@@ -210,8 +210,9 @@ fn read_corners(
 }
 
 /// Appends the corners of a face to `corners` and returns true if the line has the most frequent form: blanks
-/// before each corner, and only positive indices that exist in the file. Returns false for all other lines,
-/// after appending perhaps some of the corners; the caller then reads these lines with [`corner`].
+/// before each corner, and only positive indices that exist in the file. Returns false if the line has
+/// another form. In this case, some of the line's corners may have been appended, and the caller reads the
+/// line again with [`corner`].
 fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corner>) -> bool {
     let mut rest = line;
     while let Some(text) = after_blanks(rest) {
@@ -259,7 +260,7 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
 }
 
 /// Splits a corner in the form `1`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None` if
-/// the corner has another form, or if one of its indices does not exist in the file.
+/// the corner is written in none of these four forms, or if one of its indices does not exist in the file.
 fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'a [u8])> {
     let index = |number: u32, total: usize| (number as usize <= total).then(|| number - 1);
     let (position, mut rest) = leading_index(text)?;
@@ -284,7 +285,7 @@ fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'
 /// Returns the index, from 0, of the element that the number in `part` means. `what` names the kind of
 /// elements, such as "vertex". The number of the first element is one. Negative numbers count backwards: -1
 /// means the last element before the face. `seen` is the number of elements before the face, and `total` the
-/// number of elements in the whole file. Returns an error if there is no such element.
+/// number of elements in the whole file. Returns an error if the file has no element with this number.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
@@ -310,8 +311,8 @@ fn not_an_index(part: &[u8], token: &[u8]) -> String {
     format!("{} in {} is not an index; expected a whole number", quoted(part), quoted(token))
 }
 
-/// Parses an integer. The result is limited to half of the largest i64, with either sign. The limit does not
-/// matter: no mesh has so many elements, so callers refuse an index of this size.
+/// Parses an integer. An integer beyond half of the largest i64, with either sign, is replaced by this half.
+/// The replacement does not matter: no mesh has so many elements, so callers refuse every index of this size.
 fn integer(token: &[u8]) -> Option<i64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),

@@ -4,12 +4,13 @@
 //! reader accepts NaN, infinities and `1e400`, and returns fewer normals than positions for `f 1//1 2 3`.
 //! `tobj` turns `l 1 2 3` into a triangle, and divides concave polygons into fans. `tobj` ignores the first
 //! line of a file with a byte order mark, and refuses `\` continuations and Latin-1 text. `tobj` reports no
-//! line numbers, and uses one core. Tests compare raycl's meshes with those of this reader. raycl uses the
-//! MTL reader of `tobj` ([`mtl`]).
+//! line numbers, and uses one core. Tests compare the meshes that raycl reads with the meshes that `tobj`
+//! reads. raycl reads MTL files with the MTL reader of `tobj` ([`mtl`]).
 //!
 //! The text is divided into pieces of whole lines, which are read in parallel. A first pass over the text
-//! reads vertices and normals. If a material has a texture, another pass reads texture coordinates. The last
-//! pass reads faces; it can check every index, because the numbers of vertices and normals are known.
+//! reads vertices and normals. If a material has a texture, a second pass over the text reads texture
+//! coordinates. The last pass reads faces; it can check every index, because the numbers of vertices and
+//! normals are known.
 
 mod asked;
 mod coordinates;
@@ -71,10 +72,10 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     }
 }
 
-/// Reads a mesh. Returns the mesh or, if it must be read again, the way in which it must be read. There are
-/// two reasons to read a mesh again. The first reason is that some triangles have coordinates that are valid
-/// only if the mesh is scaled. The second reason is that vertices that no face uses have influenced the
-/// mesh's placement.
+/// Reads a mesh. Returns the mesh or, if it must be read again, the way in which it must be read. A mesh must
+/// be read again if some triangles have coordinates that are valid only if the mesh is scaled. A mesh must
+/// also be read again if vertices that no face uses have influenced its placement (how it is moved and
+/// scaled).
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
     let chunks = text::chunks(source.text);
     let (points, placement) = read_points(&chunks, reading);
@@ -134,7 +135,8 @@ fn check_total(name: &str, total: faces::Start) -> Result<()> {
         .with_help("split the mesh into several files"))
 }
 
-/// Adds the positions and normals of all pieces of the file to a mesh. `total` has their total numbers.
+/// Adds the positions and normals of all pieces of the file to a mesh. `total` has the numbers of positions
+/// and normals of the whole file.
 fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     mesh.positions.reserve_exact(total.positions);
     mesh.normals.reserve_exact(total.normals);
@@ -238,9 +240,10 @@ fn exact_placement(
 }
 
 /// Returns the placement (how the mesh is moved and scaled), computed only from vertices that triangles use.
-/// Returns `None` if this placement equals `placement`, which was computed from all vertices of the file.
-/// Also returns `None` if `reading.placement` is already set, or if the mesh has no triangles. In all other
-/// cases, the mesh must be read again, because `placement` moves or scales it wrongly.
+/// Returns `None` if the computed placement equals `placement`, the placement that was computed from all
+/// vertices of the file. Also returns `None` if `reading.placement` is already set, or if the mesh has no
+/// triangles. If a placement is returned, the mesh must be read again, because `placement` moves or scales it
+/// wrongly.
 fn placement_of_used(
     mesh: &Mesh,
     placement: Placement,
@@ -250,7 +253,7 @@ fn placement_of_used(
     reading: &Reading,
 ) -> Option<Placement> {
     // Often, the bounds of the triangles show that `placement` is right. The vertices are read once more only
-    // if the bounds do not show this.
+    // if the bounds do not show that `placement` is right.
     let (low, high) = mesh.bounds()?;
     let is_usual = placement == Placement::IDENTITY && Placement::of_rounded(low, high).is_some();
     let is_whole = || mesh.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all());
@@ -274,9 +277,10 @@ fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) 
 /// piece.
 ///
 /// The pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the
-/// end of the list, and the next group is read into the same memory. For large files, this is faster than new
-/// memory for each piece, since the system fills new memory with zeros. For the same reason, all threads move
-/// triangles. After the last group, the memory of a piece is freed as soon as its triangles are moved.
+/// end of the list, and the next group is read into the same memory. For large files, reading into the same
+/// memory is faster than reading into new memory, since the system fills new memory with zeros. All threads
+/// move triangles, since the system also fills the new memory of the list with zeros. After the last group of
+/// pieces, the memory of each piece is freed as soon as its triangles are moved.
 fn read_faces(
     source: &Source,
     context: &FaceContext,

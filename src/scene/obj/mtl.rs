@@ -40,9 +40,10 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds notes on files that cannot be loaded. Among several files
-/// that define a material of the same name, the file in the last `mtllib` line counts. Among such files in
-/// one line, the first file counts. The specification of OBJ demands this order.
+/// Loads all MTL files that can be loaded, and adds notes on files that cannot be loaded. If several files
+/// define a material of the same name, the material of the file in the last `mtllib` line is used. If several
+/// of these files are in the same line, the material of the line's first file is used. The specification of
+/// OBJ demands this order of files.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -51,8 +52,8 @@ pub(super) fn load_all<'a>(
     let mut loader = Loader::new();
     // The indices of the files that each `mtllib` line names.
     let mut lines: Vec<Vec<usize>> = Vec::new();
-    // The indices of the files, by the text of the line. Some programs write the same `mtllib` line before
-    // each object; this map saves examining such a line again.
+    // The indices of the files that an `mtllib` line names, by the text of the line. Some programs write the
+    // same `mtllib` line before each object; this map saves examining such a line again.
     let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
     for library in libraries {
         if !known.contains_key(&**library) {
@@ -84,8 +85,9 @@ struct Loader {
 struct Names {
     /// The names as they are in the file.
     whole: HashMap<String, u32>,
-    /// Each name up to the first word that is only `#`. A word that is only `#` certainly begins a comment
-    /// (see `possible_names`). The shortened names are used only if no name in `whole` fits.
+    /// The names as they are in the file, each shortened to the text before its first word that is only `#`.
+    /// A word that is only `#` certainly begins a comment (see `possible_names`). The shortened names are
+    /// used only if no name in `whole` fits.
     short: HashMap<String, u32>,
 }
 
@@ -123,7 +125,8 @@ impl Loader {
     }
 
     /// Returns the materials, after filling `by_name`. If several files have a material of the same name, the
-    /// first file in `order` counts. Whole names count before short names.
+    /// first file in `order` counts. A name as it is in a file is preferred to a shortened name (see
+    /// [`Names`]).
     fn named(mut self, order: &[usize]) -> Materials {
         for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
             for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file])) {
@@ -157,11 +160,11 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 
 impl Reach<'_> {
     /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
-    /// one name if a file with this name exists (the name may end before a comment). The whole text is also
-    /// one name if its first word neither ends in `.mtl` nor is the name of a file. In all other cases, each
-    /// word is a name. Some programs write a blank within a name as `\ `. If a file with such a blank in its
-    /// name exists, the text is divided only at its other blanks. If there is no file with a name, raycl also
-    /// tries the name without its folders.
+    /// one name if a file with this name exists (the name may end before a comment). The whole text after
+    /// `mtllib` is also one name if its first word neither ends in `.mtl` nor is the name of a file.
+    /// Otherwise, each word of the text is the name of a file. Some programs write a blank within a name as
+    /// `\ `. If a file exists whose name has a blank that is written in this way, the text is divided only at
+    /// blanks without a `\`. If there is no file with a name, raycl also tries the name without its folders.
     fn file_names(&self, library: &str) -> Vec<String> {
         let exists = |name: &str| self.locate(name).is_ok();
         let existing = |text: &str| possible_paths(text).find(|path| exists(path)).map(str::to_owned);
@@ -197,9 +200,9 @@ impl Reach<'_> {
         }
     }
 
-    /// Returns the part of a note that names a file whose name differs from one of `names` only in upper and
-    /// lower case. Returns an empty text if there is no such file, or if a file with one of `names` exists.
-    /// `names` are the possible names of a file that cannot be used.
+    /// Returns the part of a note that names a similar file: its name differs from one of `names` only in
+    /// upper and lower case. `names` are the possible names of a file that cannot be used. Returns an empty
+    /// text if there is no similar file, or if a file has exactly one of `names`.
     pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
         let names: Vec<_> = names.map(|name| self.folder.join(name.as_ref().replace('\\', "/"))).collect();
         if names.iter().any(|name| name.exists()) {
@@ -210,7 +213,8 @@ impl Reach<'_> {
     }
 
     /// Returns the name, without folders, of a file that differs from that of `named` only in upper and lower
-    /// case. Returns `None` if no file has such a name, or if the mesh may not read the file.
+    /// case. Returns `None` if the folder of `named` has no such file, or if the mesh may not read files in
+    /// this folder.
     fn in_other_case(&self, named: &Path) -> Option<String> {
         let (folder, wanted) = (named.parent()?, named.file_name()?.to_str()?);
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -547,11 +551,13 @@ mod tests {
         let missing: Vec<_> = notes.iter().filter(|note| note.starts_with("material file")).collect();
         assert_eq!(missing.len(), 1, "{notes:?}");
         assert!(missing[0].starts_with("material file `my paints.mtl` cannot be read ("), "{notes:?}");
-        // The file `paints.mtl`, whose name is only the last word of the text, is not read.
+        // The file `paints.mtl` is not read: its name is only the last word of the text `my paints.mtl` after
+        // `mtllib`.
         let (notes, material) = read("my paints.mtl", &[("paints.mtl", "newmtl paint\nKd 1 0 0\n")], true);
         assert!(notes[0].starts_with("material file `my paints.mtl` "), "{notes:?}");
         assert_eq!(material, Material::default());
-        // The materials of the first file are used, even if there are no files with the other names.
+        // The materials of the file that the first word names are used, even if there are no files with the
+        // names that the other words state.
         for library in ["body.mtl hair.mat", "body.mtl by Jane", "body hair.mat"] {
             let paint = "newmtl paint\nKd 0.25 0.25 0.25\n";
             let (notes, material) = read(library, &[("body.mtl", paint), ("body", paint)], true);

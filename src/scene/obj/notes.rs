@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 /// normals are generated for `mesh`.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
-    // A single group needs no note, since all faces without normals become smooth anyway.
+    // A single smoothing group needs no note, since all faces without normals become smooth anyway.
     let edges = groups.len() > 1 || groups.iter().any(|group| *group == "off");
     let made = |mesh: &Mesh| mesh.triangles.iter().filter(|triangle| triangle.normals[0] == MISSING).count();
     let made = if edges { made(mesh) } else { 0 };

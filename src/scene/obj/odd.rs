@@ -1,7 +1,7 @@
 //! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of
-//! range. For example, programs write NaN for points that were not measured. A vertex that is not valid is a
-//! mistake only if a face uses the vertex. A normal or a texture coordinate that is not valid counts as
-//! missing.
+//! range. For example, programs write vertices with NaN for points that were not measured. A vertex that is
+//! not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate that is not valid
+//! counts as missing.
 
 use super::coordinates::mistake_in_coordinate;
 use super::faces::Start;
@@ -15,7 +15,7 @@ use glam::Vec3;
 #[derive(Clone, Copy)]
 pub(super) struct Odd {
     /// The index of the vertex or the normal within a piece of the file. In the results of [`vertices`] and
-    /// [`normals`], it is the index within the whole file.
+    /// [`normals`], `number` is the index within the whole file.
     pub number: usize,
     /// The byte offset of the vertex's or normal's line in the text.
     pub offset: usize,
@@ -55,8 +55,8 @@ pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
     }
 }
 
-/// Returns an error if a triangle uses a vertex that is not valid. If no triangle uses such a vertex, adds a
-/// note on the vertices that are not valid, if there are any.
+/// Returns an error if a triangle uses a vertex that is not valid. If there are vertices that are not valid,
+/// but no triangle uses them, adds a note on these vertices.
 pub(super) fn check_vertices(
     odd: &[Odd],
     mesh: &Mesh,

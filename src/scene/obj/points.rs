@@ -12,8 +12,8 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
-/// The colour of a vertex for which the file has no colour. Colours are later limited to white, so this
-/// colour becomes white.
+/// The colour of a vertex for which the file has no colour. Channels of colours are later limited to 1, so a
+/// vertex without a colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a channel of a colour is larger than this, all channels in the file count as numbers from 0 to 255. The
 /// limit is above 1, because rounded channels may be slightly larger than 1.
@@ -95,9 +95,10 @@ pub(super) struct PointChunk {
     pub smoothing: BTreeSet<String>,
     /// The vertices with only two coordinates.
     pub flat: Vec<Odd>,
-    /// The vertices that are not valid. In `positions`, these vertices are NaN.
+    /// The vertices that are not valid. In `positions`, the coordinates of vertices that are not valid are
+    /// NaN.
     pub odd_vertices: Vec<Odd>,
-    /// The normals that are not valid. In `normals`, these normals are zero.
+    /// The normals that are not valid. In `normals`, normals that are not valid are zero.
     pub odd_normals: Vec<Odd>,
     /// Unsupported statements.
     pub asked: Asked,
@@ -130,8 +131,8 @@ impl PointChunk {
         }
     }
 
-    /// Reads a vertex that does not have three valid coordinates. If it has only two coordinates and both are
-    /// valid, z is 0.
+    /// Reads a vertex that does not have three valid coordinates. If the vertex has only two coordinates and
+    /// both are valid, its z is 0.
     fn odd_vertex(&mut self, rest: &[u8], offset: usize, reading: &Reading) {
         let odd = Odd { number: self.positions.len(), offset };
         let with_z = || reading.position(&mut tokens(rest).chain([&b"0"[..]]));

@@ -7,8 +7,8 @@ use glam::{DVec2, DVec3};
 /// corners are refused.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
-/// An outline with more corners than this is also divided into a fan if only rounding makes the outline
-/// concave. With fewer corners, ear clipping is fast, and it reverses no triangle.
+/// An outline with more corners than this is divided into a fan even if it is concave, provided that only
+/// rounding errors make it concave. With fewer corners, ear clipping is fast, and it reverses no triangle.
 const MANY_CORNERS: usize = 1_024;
 
 /// The largest width of a seam (see [`has_sound_fan`]), as a fraction of the outline's size.
@@ -61,10 +61,11 @@ fn is_convex(flat: &[DVec2]) -> bool {
 
 /// Returns true if a fan covers an outline once, except for overlaps that rounding explains. Positions are
 /// rounded to single precision. In a circle of very many corners, the angles are so flat that rounding makes
-/// some corners concave. Some triangles of the fan are then reversed. Twice their total area may be at most
-/// the area of a seam, a narrow strip along the outline. The seam's width is four times the largest rounding
-/// error of a coordinate. The width is limited to a fraction of the outline's size ([`WIDEST_SEAM`]), because
-/// an outline in double precision may be small and far from the origin.
+/// some corners concave. If corners are concave, some triangles of the fan are reversed. Twice the total area
+/// of the reversed triangles may be at most the area of a seam, a narrow strip along the outline. The seam's
+/// width is four times the largest rounding error of a coordinate. The seam's width is limited to a fraction
+/// of the outline's size ([`WIDEST_SEAM`]), because an outline in double precision may be small and far from
+/// the origin.
 fn has_sound_fan(flat: &[DVec2]) -> bool {
     let first = flat[0];
     let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
@@ -97,7 +98,8 @@ struct Remaining<'a> {
     /// For each element of `corners`, true if the corner is an ear: if the triangle of the corner and its two
     /// neighbours can be cut off.
     is_ear: Vec<bool>,
-    /// For each corner of the whole outline, true if it is convex in the remaining part.
+    /// For each corner of the whole outline, true if the corner is convex in the part that is not yet
+    /// divided.
     is_convex: Vec<bool>,
 }
 
@@ -128,8 +130,8 @@ impl<'a> Remaining<'a> {
         area(a, b, c)
     }
 
-    /// Cuts a corner off. Cutting it off changes only the triangles of the corner's two neighbours, so only
-    /// these two are tested again.
+    /// Cuts a corner off. Cutting off a corner changes only the triangles of the corner's two neighbours, so
+    /// only these two corners are tested again.
     fn cut(&mut self, at: usize) {
         self.corners.remove(at);
         self.is_ear.remove(at);
@@ -141,9 +143,9 @@ impl<'a> Remaining<'a> {
 
     /// Returns true if a corner is an ear: if it is convex and no other corner lies in its triangle. Only
     /// corners that are not convex are tested: if a corner lies in the triangle, a corner that is not convex
-    /// lies there too. Corners at the positions of the triangle's own corners are not tested. An outline with
-    /// a hole has such corners: it contains a bridge, a line from the outer edge to the hole, and passes
-    /// twice through both ends of the bridge.
+    /// lies there too. Corners at the positions of the triangle's own corners are not tested. If a polygon
+    /// has a hole, several corners of its outline have the same position: the outline contains a bridge, a
+    /// line from the outer edge to the hole, and passes twice through both ends of the bridge.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
         let [a, b, c] = corners.map(|corner| self.flat[corner]);
@@ -227,8 +229,8 @@ mod tests {
         outline
     }
 
-    /// Returns the corners of a spiral band, with `corners` corners on each of its two sides. With 200
-    /// corners on each side, the band has five turns.
+    /// Returns the corners of a spiral band, with `corners` corners on each of its two sides. A spiral band
+    /// with 200 corners on each side winds five times around the origin.
     fn spiral(corners: usize) -> Vec<DVec3> {
         let at = |i: usize, inner: f64| {
             let (radius, angle) = (inner + 0.01 * i as f64, std::f64::consts::TAU * i as f64 / 40.0);
@@ -279,21 +281,22 @@ mod tests {
         assert!(!is_convex(&flatten(&outline)) && outline.len() > MAX_CONCAVE_CORNERS);
         let (sum, oriented) = total_area(&outline);
         assert!((sum - oriented).abs() < 1e-5, "overlap: {sum} against {oriented}");
-        // The outline gets a dent that is deeper than rounding explains. The outline with the dent is
-        // refused, also after it is moved far from the origin.
+        // One corner of the circle is moved inwards, farther than rounding could move it. `triangulate`
+        // refuses the changed outline, also after the outline is moved far from the origin.
         outline[100].x -= 0.3;
         assert_eq!(triangulate(&outline), None);
         outline.iter_mut().for_each(|corner| corner.y += 1e7);
         assert_eq!(triangulate(&outline), None);
-        // The first triangle of a fan from the first corner would be reversed, so this outline must not
-        // become a fan.
+        // In a fan from the first corner of this quadrilateral, the first triangle would be reversed, so
+        // `triangulate` must not divide the quadrilateral into a fan.
         let quad = [(0.0, 0.0), (1.0, 1e-7), (2.0, 0.0), (1.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
         assert_eq!(triangulate(&quad).map(|triangles| triangles.contains(&[0, 1, 2])), Some(false));
     }
 
-    /// The first triangle of the fan is reversed, and twice its area is twice the height of the second
-    /// corner. The outline's largest coordinate is 2, so the seam has a width of 4.768e-7. Together, three of
-    /// the outline's sides have a length of 4.236.
+    /// The first triangle of a fan over this outline is reversed. Twice the area of this triangle is twice
+    /// the height of the outline's second corner. The outline's largest coordinate is 2, so the seam (see
+    /// [`has_sound_fan`]) has a width of 4.768e-7. The three sides of the outline along which the seam runs
+    /// have a length of 4.236 together.
     #[test]
     fn reversed_triangles_of_a_fan_are_at_most_as_large_as_a_seam_along_its_outline() {
         let outline = |height: f64| [(0.0, 0.0), (1.0, height), (2.0, 0.0), (1.0, 2.0)].map(DVec2::from);
@@ -333,9 +336,10 @@ mod tests {
         (0..corners).map(corner).collect()
     }
 
-    /// Two sides of an outline meet at the corner `at`. Returns true if the point `p` lies in the angle to
-    /// the left of these sides, which may be larger than 180 degrees. An outline with a bridge has several
-    /// corners at some positions. The function returns true for at most one of these corners.
+    /// Two sides of an outline meet at the corner `at`. Returns true if the point `p` lies in the angle
+    /// between the two sides, on their left. This angle may be larger than 180 degrees. If an outline has a
+    /// bridge (a line from the outer edge to a hole), several of its corners have the same position. Of
+    /// several corners with the same position, at most one is a corner for which the function returns true.
     fn faces(outline: &[DVec2], at: usize, p: DVec2) -> bool {
         let count = outline.len();
         let [a, b, c] = [at + count - 1, at, at + 1].map(|at| outline[at % count]);
@@ -345,7 +349,8 @@ mod tests {
 
     /// Returns true if the line from p to q crosses no side of the outlines.
     fn sees(outlines: &[Vec<DVec2>], p: DVec2, q: DVec2) -> bool {
-        // For a side that ends at p or q, an area in this test is 0, so the line does not cross this side.
+        // If the side from a to b ends at p or q, one of the areas below is 0, so the line from p to q does
+        // not cross the side.
         let crosses =
             |a: DVec2, b: DVec2| area(p, q, a) * area(p, q, b) < 0.0 && area(a, b, p) * area(a, b, q) < 0.0;
         let mut sides =

@@ -11,10 +11,11 @@ const SHOWN_LINE_BYTES: usize = 400;
 const SHOWN_FILE_BYTES: usize = 4 << 20;
 /// Largest number of characters of a file's name that messages show in full.
 const SHOWN_NAME_CHARACTERS: usize = 200;
-/// Smallest number of bytes of a piece of the text. Reading shorter pieces in parallel would save no time.
+/// Smallest number of bytes of a piece of an OBJ file's text. Reading shorter pieces in parallel would save
+/// no time.
 const CHUNK_BYTES: usize = 1 << 17;
-/// Largest number of bytes of a piece, apart from the rest of its last line. With longer pieces, the other
-/// threads would wait long while one thread reads the last piece.
+/// Largest number of bytes of a piece of the text. A piece may be longer by the rest of its last line. With
+/// longer pieces, the other threads would wait long while one thread reads the last piece.
 const MOST_CHUNK_BYTES: usize = 8 << 20;
 
 /// Number of pieces per thread, unless the pieces would be shorter than `CHUNK_BYTES` or longer than
@@ -26,7 +27,7 @@ pub(super) const PIECES_PER_THREAD: usize = 4;
 pub(super) struct Mistake {
     offset: usize,
     message: String,
-    /// The form that the line should have; `None` if this form follows from the line's keyword.
+    /// The form that the line with the mistake should have; `None` if the line's keyword shows this form.
     expected: Option<String>,
 }
 
@@ -35,7 +36,8 @@ impl Mistake {
         Self { offset, message: message.into(), expected: None }
     }
 
-    /// Sets the form that the line should have. The string must quote nothing from the file.
+    /// Sets the form that the line with the mistake should have. The string `expected` must quote nothing
+    /// from the file.
     pub fn expecting(self, expected: impl Into<String>) -> Self {
         Self { expected: Some(expected.into()), ..self }
     }
@@ -59,8 +61,8 @@ impl Seen {
         self.count += 1;
     }
 
-    /// Joins the lines of this piece of the file and of a later piece: returns their total number, and the
-    /// byte offset of the first line.
+    /// Joins what was seen in this piece of the file and in a later piece. Returns the number of irregular
+    /// lines in both pieces together, and the byte offset of the first irregular line.
     pub fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,
@@ -250,10 +252,10 @@ pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// beginning of the previous one.
 ///
 /// 1. The whole text.
-/// 2. The text before the first word that is only `#`. Such a word certainly begins a comment.
-/// 3. The text before the first word that begins with `#`, whatever follows the `#`. Such a word may begin a
-///    comment, or belong to a name such as `Material #25`. If nothing is before this word, the name is the
-///    second one.
+/// 2. The text before the first word that is only `#`. A word that is only `#` certainly begins a comment.
+/// 3. The text before the first word that begins with `#`, whatever follows the `#`. A word that begins with
+///    `#` may begin a comment, or belong to a name such as `Material #25`. If the text begins with `#`, the
+///    third name is the same as the second name.
 pub(super) fn possible_names(text: &str) -> [&str; 3] {
     let certain = before_comment(text, |comment| {
         let rest = &comment[1..];
@@ -267,13 +269,14 @@ pub(super) fn possible_names(text: &str) -> [&str; 3] {
 /// and then each of these names without its folders. Many files contain paths from their authors' disks.
 pub(super) fn possible_paths(text: &str) -> impl Iterator<Item = &str> {
     let names = possible_names(text);
-    // Only slashes in the shortest name separate folders, because a comment may contain slashes, too.
+    // Only slashes in the shortest of the three names separate folders: the longer names may contain a
+    // comment, and a comment may contain slashes, too.
     let folders = names[2].rfind(['/', '\\']).map_or(0, |slash| slash + 1);
     names.into_iter().chain(names.map(|name| &name[folders..]))
 }
 
 /// Returns a text up to the first word that begins with `#` and for which `is_comment` returns true. The
-/// argument of `is_comment` is the text from this word on.
+/// argument of `is_comment` is the text from the beginning of the word to the end of the whole text.
 fn before_comment(text: &str, is_comment: impl Fn(&str) -> bool) -> &str {
     let begins_word =
         |at: usize| text[..at].chars().next_back().is_none_or(|before| before.is_ascii_whitespace());
@@ -332,8 +335,8 @@ pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Parses a decimal number of few digits; most numbers in meshes have few digits. Returns `None` for all
-/// other text.
+/// Parses a decimal number of few digits; most numbers in meshes have few digits. Returns `None` for text
+/// that is not a decimal number of few digits.
 fn short_number(token: &[u8]) -> Option<f32> {
     leading_number(token).and_then(|(number, rest)| rest.is_empty().then_some(number))
 }
@@ -369,7 +372,7 @@ pub(super) fn after_blanks(text: &[u8]) -> Option<&[u8]> {
 }
 
 /// Reads three numbers in the most frequent form: each has few digits and follows blanks. Returns `None` for
-/// all other text, which [`tokens`] and [`number`] read.
+/// text in another form, which [`tokens`] and [`number`] read.
 pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
     let mut values = [0.0; 3];
     let mut rest = line;
@@ -380,8 +383,8 @@ pub(super) fn usual_vector(line: &[u8]) -> Option<[f32; 3]> {
 }
 
 /// Splits an index (a number of one to nine digits) off the beginning of a text. Returns `None` if the text
-/// does not begin with a digit, or if the number is 0. If there are more than nine digits, the rest begins
-/// with a digit.
+/// does not begin with a digit, or if the number is 0. If the number has more than nine digits, the returned
+/// rest of the text begins with a digit.
 pub(super) fn leading_index(text: &[u8]) -> Option<(u32, &[u8])> {
     // Numbers of nine digits fit into 32 bits, so no step needs a check for overflow.
     let (mut value, mut length) = (0, 0);

@@ -35,7 +35,7 @@ pub(super) struct Maps {
 impl Maps {
     /// Makes a material's textures, and counts their unsupported options. The settings of one texture (scale,
     /// offset and wrap mode) place all textures of the material. If the mask or the emission texture has
-    /// other settings, its settings are counted as unsupported.
+    /// other settings than this one texture, its settings are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, emission: Option<Map>, asked: &mut Asked) -> Self {
         [&colour, &mask, &emission].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
         let maps = Self { colour, mask, emission };
@@ -62,8 +62,8 @@ impl Maps {
     }
 
     /// Loads the textures; returns `None` if none could be loaded. Calls `report` for each texture that
-    /// cannot be read. The first argument of `report` names the file and the reason, and the second argument
-    /// makes a note.
+    /// cannot be read. The first argument of `report` is a text that names the file and the reason. The
+    /// second argument is a function that makes a note on the texture.
     fn load(
         &self,
         reach: Reach<'_>,
@@ -76,8 +76,9 @@ impl Maps {
             let map = map.as_ref()?;
             map.load(reach, pictures, usage)
                 .map_err(|why| {
-                    // The text `about` has no line number, so a file that many materials name adds only one
-                    // note. The text has the whole name, so that different files are counted separately.
+                    // The text `about` has no line number, so only one note is added if many materials name
+                    // the same file. The text `about` has the whole name of the file, so that different files
+                    // are counted separately.
                     let about = format!("{what} {} {why}", map.name());
                     report(about, &|| map.note(reach, what, &why, instead));
                 })
@@ -99,12 +100,12 @@ impl Maps {
     }
 }
 
-/// The textures of a material that were read; `None` if none was.
+/// The textures of a material that could be read; `None` if no texture of the material could be read.
 type Loaded<'a> = Option<LoadedMaps<'a>>;
 
 #[derive(Clone, Copy)]
 struct LoadedMaps<'a> {
-    /// The map whose settings place the textures.
+    /// The texture whose settings (scale, offset and wrap mode) place all textures of the material.
     mapping: &'a Map,
     /// The indices of the colour texture, the mask and the emission texture in `Pictures::list`.
     all: [Option<u32>; 3],
@@ -160,7 +161,7 @@ impl Map {
     }
 
     /// Reads an option, or counts the option if raycl does not support it. `after` has the words after the
-    /// option. Returns how many of these words belong to the option.
+    /// option. Returns how many of the words in `after` belong to the option.
     fn option(&mut self, keyword: &str, option: &[u8], after: &[&[u8]]) -> Result<usize, Unfit> {
         let count = after.iter().take(3).take_while(|word| is_number(word)).count();
         let numbers = || -> Result<Vec<f64>, Unfit> {
@@ -212,7 +213,8 @@ impl Map {
         Self { at, folder: folder.to_owned(), alone, ..self }
     }
 
-    /// Returns the name of the picture's file for messages, without what is certainly a comment.
+    /// Returns the name of the picture's file for messages. If a part of the text is certainly a comment,
+    /// this part is left out.
     fn name(&self) -> &str {
         possible_names(&self.named)[1]
     }
@@ -241,7 +243,7 @@ impl Map {
 
     /// Returns the index, in `Pictures::list`, of the map's texture: the first file of [`Self::paths`] that
     /// can be used. If no file can be used, returns what is wrong with the first file that the mesh may read.
-    /// If there is no such file either, returns what is wrong with the file [`Self::name`].
+    /// If the mesh may read none of the files, returns what is wrong with the file [`Self::name`].
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
         let mut unusable = None;
         for path in self.paths().filter(|path| reach.locate(path).is_ok()) {
@@ -323,10 +325,11 @@ pub(super) fn apply(
     }
 }
 
-/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. Does the
-/// same with the `Ke` colour and the emission texture. `unmapped` has the indices of the triangles that have
-/// no texture coordinates, and thus show no texture. If the material of such a triangle becomes white, the
-/// triangle gets a copy of the material as it was before.
+/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. Makes a
+/// material's emitted light white if its `Ke` colour is missing or black and its emission texture was read.
+/// `unmapped` has the indices of the triangles that have no texture coordinates, and thus show no texture. If
+/// the material of a triangle without texture coordinates becomes white, the triangle gets a copy of the
+/// unchanged material.
 fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
     let whitened = |material: usize| loaded[material].map_or([false; 2], |maps| maps.is_whitened);
     let is_whitened = |material: usize| whitened(material) != [false; 2];

@@ -11,11 +11,11 @@ pub(super) struct Unfit {
     /// The keyword, such as `Kd`. For a form of colours that raycl does not support, the name of the form is
     /// added: `Kd spectral`. Ignored lines of the same kind share one note.
     kind: String,
-    /// What is wrong with the line. This text may quote the file.
+    /// What is wrong with the line. This description may quote the file.
     found: String,
-    /// The form that raycl accepts.
+    /// The form of the line that raycl accepts.
     expected: String,
-    /// A sentence, without its full stop, that says what raycl uses instead of the line.
+    /// A sentence, without its full stop, that says what raycl uses instead of the ignored line.
     instead: String,
 }
 

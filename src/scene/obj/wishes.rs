@@ -1,8 +1,8 @@
 //! Counts statements of OBJ and MTL that raycl does not support. Statements that affect no picture, such as
-//! names and groups (`o`, `g`, `mg`), are not counted. Some statements have an effect only together with
-//! another statement, and only the other statement is counted. Texture coordinates (`vt`) need a texture,
-//! parameters of a free-form shape (`cstype`, `deg`, `parm`, ...) need the shape, and the refractive index
-//! (`Ni`) needs a refracting material.
+//! names and groups (`o`, `g`, `mg`), are not counted. Some statements have an effect only together with a
+//! second statement. Of two such statements, only the second statement is counted. Texture coordinates (`vt`)
+//! need a texture, parameters of a free-form shape (`cstype`, `deg`, `parm`, ...) need the shape, and the
+//! refractive index (`Ni`) needs a refracting material.
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};

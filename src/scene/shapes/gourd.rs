@@ -6,7 +6,7 @@ use crate::scene::Mesh;
 use crate::scene::normals::flatten;
 use std::f64::consts::PI;
 
-/// Returns a gourd of about `triangles` triangles. With 648 triangles, it has exactly 18 segments and 18
+/// Returns a gourd of about `triangles` triangles. A gourd with 648 triangles has exactly 18 segments and 18
 /// rings.
 pub(super) fn gourd(triangles: u32) -> Mesh {
     let (segments, rings) = split(f64::from(triangles) / 2.0, 1.0);

@@ -12,7 +12,7 @@ const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
 /// The least number of triangles of a column. With fewer triangles, a column would not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
-/// The fraction of the hall's triangles that the columns get. This fraction is large, because only the
+/// The fraction of the hall's triangles that the columns get. This fraction is large, because only the hall's
 /// columns are round.
 const COLUMN_SHARE: f64 = 0.75;
 
@@ -43,8 +43,8 @@ pub(super) fn interior(triangles: u32) -> Mesh {
     mesh
 }
 
-/// Returns the position of the column `number` on the floor. Columns are alternately left and right, from
-/// front to back; `a_side` is the number of columns on each side.
+/// Returns the position on the hall's floor where the column `number` stands. Columns are alternately left
+/// and right, from front to back; `a_side` is the number of columns on each side.
 fn foot(number: u32, a_side: u32) -> DVec3 {
     let side = if number.is_multiple_of(2) { -1.0 } else { 1.0 };
     let depth = (f64::from(number / 2) + 0.5) / f64::from(a_side);
@@ -65,8 +65,8 @@ fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
     })
 }
 
-/// Returns the floor, the ceiling and the left, right, back and front walls, each as a corner and two edges.
-/// The cross product of the two edges points into the hall.
+/// Returns the hall's floor, ceiling and left, right, back and front walls, each as a corner and two edges.
+/// The cross product of the two edges of a wall points into the hall.
 fn walls() -> [[DVec3; 3]; 6] {
     let (x, y, z) = (DVec3::X * WIDTH, DVec3::Y * HEIGHT, DVec3::Z * LENGTH);
     let corner = -x / 2.0 - z;

@@ -10,8 +10,8 @@ mod terrain;
 
 use super::Mesh;
 
-/// Largest number of triangles in a shape or a scene. Even if these triangles share no vertices, 32-bit
-/// indices suffice.
+/// Largest number of triangles in a shape or a scene. 32-bit indices suffice even if the triangles of a scene
+/// share no vertices.
 pub const MAX_TRIANGLES: u32 = 100_000_000;
 /// The fineness of a teapot with [`MAX_TRIANGLES`].
 pub(super) const MAX_FINENESS: u32 = 1250;
@@ -133,8 +133,8 @@ impl Shape {
     }
 }
 
-/// Generates a shape's mesh. The mesh is the same on every machine. The time is proportional to the number of
-/// triangles.
+/// Generates a shape's mesh. The mesh is the same on every machine. The time for generating the mesh is
+/// proportional to the number of triangles.
 pub fn generate(shape: &Shape) -> Mesh {
     match *shape {
         Shape::Ground => paper::ground(),

@@ -18,8 +18,8 @@ struct Data {
 type Patch = [[DVec3; 4]; 4];
 
 /// Returns the teapot with 32 x 2 x `columns` x `rows` triangles. At the middle of the lid and of the base,
-/// an edge of each patch is a single point, so triangles at these edges have no area. These triangles are
-/// part of the mesh, since the paper counts them.
+/// an edge of each patch is a single point, so triangles at these edges have no area. The triangles without
+/// area are part of the mesh, since the paper counts them.
 pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for patch in patches() {
@@ -29,9 +29,10 @@ pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// Returns the teapot with about `triangles` triangles, at least 64. The numbers of columns and rows may
-/// differ. Different numbers leave no gaps, because two neighbouring patches both divide their common edge by
-/// the number of columns, or both by the number of rows.
+/// Returns the teapot with about `triangles` triangles, at least 64. The numbers of columns and rows into
+/// which each patch is divided may differ. Different numbers of columns and rows leave no gaps between the
+/// patches, because two neighbouring patches both divide their common edge by the number of columns, or both
+/// by the number of rows.
 pub(super) fn of_triangles(triangles: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
     teapot(columns, rows)

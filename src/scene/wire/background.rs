@@ -60,7 +60,8 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     }
 }
 
-/// Parses a colour such as `#203040` or `#234`, or `black` or `white`. Returns `None` for any other text.
+/// Parses a colour such as `#203040` or `#234`, or `black` or `white`. Returns `None` for a text that is no
+/// such colour.
 fn displayed(text: &str) -> Option<[u8; 3]> {
     match text {
         "black" => return Some([0; 3]),

@@ -38,32 +38,32 @@ macro_rules! ranges {
 ranges! {
     /// Any f32 that is finite.
     Finite: "a finite number", |_| true, {};
-    /// For values that must not be negative.
+    /// The range of values that must not be negative.
     NonNegative: "a finite number of at least 0", |value| value >= 0.0, { "minimum": 0 };
-    /// For k_L and k_G.
+    /// The range of the reflectances k_L and k_G.
     Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value),
         { "minimum": 0, "maximum": MAX_REFLECTANCE };
-    /// For the radiance that a surface emits.
+    /// The range of the radiance that a surface emits.
     Emission: "a number from 0 to 1e6", |value| (0.0..=MAX_EMITTED).contains(&value),
         { "minimum": 0, "maximum": MAX_EMITTED };
-    /// For s, the exponent of a highlight.
+    /// The range of s, the exponent of a highlight.
     Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
         { "minimum": 0, "maximum": MAX_SHININESS };
-    /// For lights, the sky and the background.
+    /// The range of the powers of lights, and of the radiances of the sky and the background.
     Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value),
         { "minimum": 0, "maximum": 1e28 };
-    /// For values that must be more than 0.
+    /// The range of values that must be more than 0.
     Positive: "a finite number of more than 0", |value| value > 0.0, { "exclusiveMinimum": 0 };
-    /// For scales, which must not be 0.
+    /// The range of scales, which must not be 0.
     NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
-    /// For the angle of a camera above the horizon.
+    /// The range of the angle of a camera above the horizon.
     Elevation: "an angle from -90 to 90 degrees", |value| (-90.0..=90.0).contains(&value),
         { "minimum": -90, "maximum": 90 };
-    /// For angles between faces.
+    /// The range of angles between faces.
     Crease: "an angle from 0 to 180 degrees", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
-    /// For fields of view. Angles near 0 and 180 degrees are refused, since the tangent of half such an angle
-    /// is almost 0 or very large.
+    /// The range of fields of view. Angles near 0 and 180 degrees are refused, since the tangent of half such
+    /// an angle is almost 0 or very large.
     Angle: "an angle between 0.001 and 179.99 degrees", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0.001, "exclusiveMaximum": 179.99 };
 }
@@ -166,7 +166,7 @@ impl<const LEAST: u32, const MOST: u32> Visitor<'_> for WholeVisitor<LEAST, MOST
     }
 }
 
-/// A number whose value in single precision is in a range, in the precision of the file.
+/// A number from a file, in double precision. Rounded to single precision, the number is in the range `R`.
 struct Wide<R>(f64, PhantomData<R>);
 
 impl<'de, R: Range> Deserialize<'de> for Wide<R> {

@@ -24,14 +24,15 @@ pub struct Chosen {
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes
 /// precedence over all other records, and a record with a time takes precedence over a record without a time.
 /// Among records without a time, [`Record::rank`] decides on the order. If several records of a point are
-/// equally good by these rules, the record of the preferred attempt is used. All points of a block have the
-/// same preferred attempt, because points of different attempts were not measured in the same rounds. To find
-/// the preferred attempt, raycl counts, for each attempt, those points of the block for which no other
-/// attempt has a better record. The attempt with the largest count is preferred. Between attempts with equal
-/// counts, the attempt with the most samples of the counted points is preferred. Between attempts that also
-/// have equally many samples of these points, the attempt whose name sorts first is preferred. Times of day
-/// are never compared, since the clocks of two machines may differ. If an attempt has several records of a
-/// point, its last record is used, as for a run without shards.
+/// equally good by these rules of precedence, the record of the preferred attempt is used. All points of a
+/// block (points that are measured together) have the same preferred attempt, because points of different
+/// attempts were not measured in the same rounds. To find a block's preferred attempt, raycl counts, for each
+/// attempt, those points of the block for which no other attempt has a better record. The attempt with the
+/// most counted points is preferred. Between attempts with equally many counted points, the attempt with the
+/// most samples of its counted points is preferred. If attempts also have equally many samples of their
+/// counted points, the attempt whose name sorts first is preferred. Times of day are never compared, since
+/// the clocks of two machines may differ. If an attempt has several records of a point, its last record is
+/// used, as for a run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -91,9 +92,9 @@ impl Offered {
     }
 
     /// Returns two numbers for each attempt and each set of points that the attempt measured together. The
-    /// first number counts the points of the set for which no other attempt has a better record (a record
-    /// with a lower rank). The second number is the number of samples in the attempt's records of the points
-    /// that the first number counts.
+    /// first of the two numbers counts those points of the set for which no other attempt has a better record
+    /// (a record with a lower rank). The second of the two numbers is the number of samples in the attempt's
+    /// records of these counted points.
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {
@@ -119,10 +120,10 @@ impl Chosen {
         keys.filter_map(|key| self.best.remove(key)).collect()
     }
 
-    /// Returns an error if a point with a record belongs to none of the kinds `all`, which are all kinds of
-    /// device in the folder. The file of a kind may have been left out when the folders of several machines
-    /// were copied together. Without this check, the merge would leave out the records of a kind whose file
-    /// is missing.
+    /// Returns an error if a point with a record is in none of the lists of points of the kinds of device
+    /// `all`, which are all kinds of device in the folder. The file of a kind of device may have been left
+    /// out when the folders of several machines were copied together. Without this error, the merge would
+    /// leave out the records of points of a kind of device whose file is missing.
     pub fn refuse_unlisted(&self, out: &Path, all: &[Kind], attempts: &[Attempt]) -> Result<()> {
         let points = all.iter().flat_map(|kind| &kind.points);
         let listed: HashSet<&str> = points.map(|point| point.planned.key.as_str()).collect();
@@ -141,7 +142,7 @@ impl Chosen {
             few(&names)
         );
         Err(Error::input(message).with_help(format!(
-            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}. If these files are lost, start one of these shards again on such a machine: the shard writes its file, and measures no finished point again. To merge without these attempts, move their folders out of parts/"
+            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}. If these files are lost, start a shard of these attempts again on a machine of the same kind: the shard writes the file of its kind of device, and measures no finished point again. To merge without these attempts, move their folders out of parts/"
         )))
     }
 
@@ -245,8 +246,9 @@ mod tests {
         }
     }
 
-    /// Returns the attempts whose records of the points "a", "b", ... are chosen. Each attempt offers an outcome and a
-    /// number of samples for each of these points, in this order.
+    /// Returns the attempts whose records of the points "a", "b", ... are chosen. `offered` has, for each
+    /// attempt, the outcome and the number of samples of the attempt's record of each point, in the order of
+    /// the points.
     fn attempts_of(offered: &[&[(Outcome, usize)]], change: impl Fn(&str, Record) -> Record) -> Vec<usize> {
         let keys = ["a", "b", "c"];
         let mut all = Offered::default();
@@ -271,11 +273,12 @@ mod tests {
         assert_eq!(attempts_of(&unequal, apart), [0, 1]);
         let scenes = |key: &str, record| Record { block: Some(1), scene: key.into(), ..record };
         assert_eq!(attempts_of(&unequal, scenes), [0, 0], "a block of several scenes");
-        // A record of an attempt counts if the other attempt's record of the same point does not have a
-        // better outcome. In `lacking`, all three records of the second attempt count, but only two records
-        // of the first attempt. The second attempt is preferred, although the first one has more samples. In
-        // `both`, two records of each attempt count, so the first attempt, which has more samples, is
-        // preferred. Only the point that the first attempt did not measure is taken from the second attempt.
+        // For the choice of the preferred attempt, an attempt's record of a point counts unless the other
+        // attempt's record of this point has a better outcome. In the first case, `lacking`, all three
+        // records of the second attempt count, but only two records of the first attempt. The second attempt
+        // is preferred, although the first one has more samples. In the second case, `both`, two records of
+        // each attempt count, so the first attempt, which has more samples, is preferred. Only the point that
+        // the first attempt did not measure is taken from the second attempt.
         let lacking: [&[(Outcome, usize)]; 2] =
             [&[(Measured, 90), (Crashed, 0), (Crashed, 0)], &[(Measured, 30), (Measured, 30), (Crashed, 0)]];
         assert_eq!(attempts_of(&lacking, block), [1, 1, 1]);

@@ -1,23 +1,24 @@
-//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0. If an attempt copied a
-//! launch of an earlier attempt, the copy gets the same new number as the original.
+//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0. An attempt
+//! may have copied the results of a launch from an earlier attempt at its shard. The copied launch gets the
+//! same new number as the original launch.
 
 use super::Measured;
 use super::origins::{Launch, Origins};
 use crate::record::Record;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// The new number of each launch (of worker processes) that a record uses.
+/// The number, in the merged folder, of each launch (of worker processes) that a record uses.
 #[derive(Clone, Debug, Default)]
 pub struct Launches {
     origins: Origins,
-    /// The new number of each launch. If a launch was copied to the folder of a later attempt, the map
-    /// contains only the original launch.
+    /// The number of each launch in the merged folder. If a launch was copied to the folder of a later
+    /// attempt, `numbers` contains only the original launch.
     numbers: BTreeMap<Launch, u32>,
 }
 
 impl Launches {
-    /// Numbers the launches (of worker processes) that these records use. Numbers start at 0 and follow the order of
-    /// the attempts.
+    /// Numbers the launches (of worker processes) that these records use. The new numbers of the launches
+    /// start at 0 and follow the order of the attempts.
     pub fn of<'a>(origins: Origins, records: impl Iterator<Item = &'a Measured>) -> Self {
         let used = |(attempt, record): &Measured| origins.of_record(*attempt, record);
         let all: BTreeSet<Launch> = records.flat_map(used).collect();

@@ -12,8 +12,9 @@ use std::collections::HashMap;
 /// The type of each kind of device, such as "gpu", by [`Kind::identity`].
 pub type Types = HashMap<String, String>;
 
-/// Returns the types of the devices that attempts measured on. The types are in the attempts' environments.
-/// An attempt that was killed before it wrote its environment is left out, since it has no records.
+/// Returns the types of the devices that attempts measured on. The type of a device, such as "gpu", is read
+/// from the description of the environment in the attempt's folder. An attempt that was killed before it
+/// wrote this description is left out, since it has no records.
 pub fn types_of_devices(attempts: &[Attempt]) -> Result<Types> {
     let mut types = Types::new();
     for attempt in attempts {
@@ -33,10 +34,11 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
     Some(devices.iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned()).collect())
 }
 
-/// Returns the kinds that took part and are selected, and the words that match no kind. If there are no
-/// words, all kinds are selected. The kinds of host are always selected. A word is `all`, a type of device
-/// (`cpu`, `gpu`, `accelerator`), or a part of a kind's description. A word that consists only of digits must
-/// be a whole number in the description, and not a part of a longer number, as with `raycl run --device`.
+/// Returns the kinds of device that took part in the experiment and are selected, and the words in `meant`
+/// that match no kind. If `meant` has no words, all kinds of device are selected. The kinds of host, on which
+/// baselines run, are always selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a
+/// part of a kind's description. As with `raycl run --device`, a word that consists only of digits matches a
+/// whole number in the description, but not a part of a longer number.
 pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>, Vec<String>) {
     let has =
         |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());
@@ -47,8 +49,8 @@ pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>,
 }
 
 /// Returns true if `word`, which is in lower case, selects `kind`. `known` is the type of the kind's devices.
-/// If this type is unknown, a word such as `gpu` is looked for in the kind's description, like any other
-/// word.
+/// If the type of the kind's devices is unknown, a word such as `gpu` is looked for in the kind's
+/// description, like any other word.
 fn matches(kind: &Kind, known: Option<&String>, word: &str) -> bool {
     let types = [DeviceKind::Cpu, DeviceKind::Gpu, DeviceKind::Accelerator].map(DeviceKind::name);
     let is_type = types.contains(&word);
@@ -122,7 +124,8 @@ mod tests {
         assert_eq!(selected(&["cpu"]), (names(&["host", "EPYC"]), vec![]));
         assert_eq!(selected(&["all"]), (names(&["host", "H200", "EPYC"]), vec![]));
         assert_eq!(selected(&["accelerator"]), (names(&["host"]), names(&["accelerator"])));
-        // The host, on which baselines run, is not a device of the type `cpu`, so this word selects nothing.
+        // The host, on which baselines run, is not a device of the type `cpu`, so the word `cpu` matches no
+        // kind.
         let host = meant_kinds(&all[..1], &types, &names(&["cpu"]));
         assert_eq!(host.1, names(&["cpu"]));
     }

@@ -58,17 +58,17 @@ type Measured = (usize, Record);
 
 /// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains
 /// words that select kinds of device. Each word is `all`, a type of device (`cpu`, `gpu`, `accelerator`) or a
-/// part of a kind's description. A word that consists only of digits must be a whole number in the
-/// description, and not a part of a longer number. Without words, all kinds that took part are merged. The
-/// baselines are always merged.
+/// part of a kind's description. A word that consists only of digits matches a whole number in the
+/// description, but not a part of a longer number. Without words, the results of all kinds of device that
+/// took part are merged. The results of baselines, which run on the host, are always merged.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
     let attempts = Attempt::all(out)?;
     let chosen = choose(&attempts)?;
-    // The kinds are read after the records. An attempt writes the files of its kinds before its first record.
-    // The kind of each record that was read is therefore among the kinds that are read, even if the record's
-    // attempt has only just begun.
+    // The kinds of device are read after the records. An attempt writes the files of its kinds of device
+    // before its first record. For each record that was read, the record's kind of device is therefore read
+    // too, even if the record's attempt has only just begun.
     let all = Kind::all(out)?;
     let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts)?, meant);
     chosen.refuse_unlisted(out, &all, &attempts)?;
@@ -197,17 +197,18 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     Ok((points > 0).then(|| {
         format!(
             "parts/{}/{SAMPLES} is missing or has no lines, so {SAMPLES} lacks samples of {}. The times of \
-             these samples are in {RECORDS}.",
+             the missing samples are in {RECORDS}.",
             attempt.name,
             counted(points, "point")
         )
     }))
 }
 
-/// Returns the records in all attempts' `controls.jsonl`: records of control points that a block measured
-/// although the points belong to another block. If an attempt copied all launches of a control point's record
-/// from an earlier attempt, the earlier attempt may have a record of the same launches. Of two records of the
-/// same launches, only one is returned.
+/// Returns the records in all attempts' `controls.jsonl`. A control point belongs to one block of a cut group
+/// of points, but every block of the group measures it. `controls.jsonl` has the records of the control point
+/// from the blocks to which it does not belong. If an attempt copied the launches of such a record from an
+/// earlier attempt, the earlier attempt may have a record of the same launches. Of two records of the same
+/// launches, only one is returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
     let (mut controls, mut known) = (Vec::new(), HashSet::new());
     for (index, attempt) in attempts.iter().enumerate() {
@@ -258,8 +259,8 @@ fn write_samples(
 
 /// Joins the attempts' journals (files with one JSON object per line) that have this name. Only lines about
 /// launches (of worker processes) that records use are written, each once, with the launches' new numbers.
-/// `change` is called with each of these lines and the index of its attempt; `change` returns the line, or
-/// `None` if the line is left out.
+/// `change` is called with each line about such a launch, and with the index of the line's attempt. `change`
+/// returns the line to be written, or `None` if the line is left out.
 fn write_renumbered<T: Serialize + OfLaunch>(
     out: &Path,
     name: &str,
@@ -278,11 +279,11 @@ fn write_renumbered<T: Serialize + OfLaunch>(
     })
 }
 
-/// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device
-/// of an attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates
-/// for which `name` returns `None` are left out: a reader might mistake such rates for the rates of a
-/// selected kind of device that has the same name. If several attempts have rates of the same device, the
-/// rates of the first attempt are used.
+/// Writes the devices' peak rates that attempts stored. `name` is called with an attempt's index and a
+/// device's name in this attempt. `name` returns the device's name in the merged folder; `None` if the merged
+/// folder has no record that the attempt measured on this device. Rates for which `name` returns `None` are
+/// left out: a reader might mistake such rates for the rates of a selected kind of device that has the same
+/// name. If several attempts have rates of the same device, the rates of the first attempt are used.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     let mut has_rates = false;
@@ -372,7 +373,8 @@ mod tests {
         let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
         let actual: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
         assert_eq!(actual, [(0, 12.0), (1, 20.0), (2, 21.0)]);
-        // The sample of a control point is counted, but not written.
+        // The sample of a control point (a point that every block of a cut group measures) is counted, but
+        // not written.
         let controls = [(0, record(&[1]))];
         let counts = write_samples(out.path(), &attempts, [&records, &controls], &launches).unwrap();
         assert_eq!(counts, [3, 1, 8]);
@@ -434,7 +436,8 @@ mod tests {
         );
     }
 
-    /// Writes the file of a kind of device that has one point of the plan.
+    /// Writes the file that describes a kind of device. One point of the plan is measured on this kind of
+    /// device.
     fn write_kind(out: &Path, device: &str, identity: &str, point: usize) {
         use crate::record::PlannedPoint;
         use crate::shard::KindPoint;
@@ -449,7 +452,8 @@ mod tests {
         kind.write(&Kind::file(out, device, identity)).unwrap();
     }
 
-    /// Writes an attempt at the first shard with one record, of the attempt's fourth launch, and its picture.
+    /// Makes the folder of an attempt at the first shard. The folder has one record, which was measured in
+    /// the attempt's fourth launch, and the record's picture.
     fn write_attempt(out: &Path, host: &str, key: &str, device: &str) {
         use crate::record::{JsonLines, Outcome};
         use crate::shard::About;
@@ -543,9 +547,11 @@ mod tests {
         assert_eq!(lost_samples(attempt).unwrap(), None);
     }
 
-    /// Writes what an attempt measured in two launches: a sample of a point and of a control point, the anchor, the
-    /// load, and the record of the control point. If the attempt copied the launches, `origin` is the attempt that
-    /// measured them, as its launches 5 and 6.
+    /// Writes what an attempt measured in two launches (of worker processes). In each launch, it measured a
+    /// sample of a point and of a control point, a sample of the anchor (work whose time shows the machine's
+    /// speed), and the machine's load. The record of the control point is written too. If the attempt copied
+    /// the two launches, `origin` is the attempt that measured them: they are the launches 5 and 6 of
+    /// `origin`.
     fn write_launches(attempt: &Attempt, origin: Option<&Attempt>, launches: [u32; 2]) {
         use crate::record::JsonLines;
         let journal = |name: &str| attempt.folder.join(name);
@@ -579,8 +585,8 @@ mod tests {
         }
     }
 
-    /// The first attempt measured the launches of its block, but was killed before it wrote the record. The second
-    /// attempt copied the launches and wrote the record.
+    /// The first attempt measured the launches of its block, but was killed before it wrote the record. The
+    /// second attempt copied the results of these launches from the first attempt and wrote the record.
     #[test]
     fn a_copied_launch_counts_as_measured_by_the_attempt_that_measured_it() {
         use crate::record::JsonLines;

@@ -1,6 +1,6 @@
-//! Finds the attempt that measured a launch (of worker processes). An attempt that continues an earlier
-//! attempt copies launches from the earlier attempt. The folders of both attempts then contain the lines of
-//! the copied launches.
+//! Finds the attempt whose worker processes measured a launch (one measurement of a group of points). An
+//! attempt that continues an earlier attempt copies the results of launches from the earlier attempt. The
+//! folders of both attempts then contain the lines of the copied launches.
 
 use super::lines;
 use crate::error::Result;
@@ -16,11 +16,12 @@ pub type Launch = (usize, u32);
 /// Which attempt measured each launch, and on which machine.
 #[derive(Clone, Debug, Default)]
 pub struct Origins {
-    /// The original of each copied launch.
+    /// For each copied launch (whose results an attempt copied from an earlier attempt): the original launch.
     originals: HashMap<Launch, Launch>,
     /// The name of each attempt's machine. The list begins with the machines of the attempts in the folder.
-    /// Then follow the machines of attempts whose folders are missing, but from which other attempts copied
-    /// launches. The machine of an attempt without a folder is known from the attempt's name.
+    /// The machines of attempts whose folders are missing, but from which other attempts copied launches,
+    /// follow at the end of the list. The machine of an attempt without a folder is known from the attempt's
+    /// name.
     hosts: Vec<String>,
 }
 
@@ -52,7 +53,8 @@ impl Origins {
         self.originals.get(&launch).copied().unwrap_or(launch)
     }
 
-    /// Returns the originals of the launches in which a record's samples were measured.
+    /// Returns the launches in which a record's samples were measured; instead of a copied launch, the
+    /// original launch.
     pub fn of_record(&self, attempt: usize, record: &Record) -> BTreeSet<Launch> {
         record.sample_launches.iter().map(|launch| self.of((attempt, *launch))).collect()
     }
@@ -83,8 +85,8 @@ fn parsed(origin: &str) -> Option<(&str, u32)> {
 pub trait OfLaunch: DeserializeOwned {
     /// The launch's number in the attempt.
     fn launch(&mut self) -> &mut u32;
-    /// The key of the point, or the name of the device, that the line is about. Empty if the journal's lines
-    /// are neither about a point nor about a device.
+    /// The key of the point, or the name of the device, that the line is about. The text is empty if the
+    /// journal's lines are about neither points nor devices.
     fn subject(&self) -> &str;
 }
 
@@ -118,9 +120,10 @@ impl OfLaunch for RoundLoad {
     }
 }
 
-/// Calls `use_line` with the lines of the attempts' journals of this name, and with the index of each line's
-/// attempt. `use_line` returns true if it used the line. Copies of lines that were used are left out.
-/// Original lines are read before copies, so a copy is used only if the original is missing.
+/// Reads the file `journal` in the folder of each attempt. Calls `use_line` with each line of these files,
+/// and with the index of the line's attempt. `use_line` returns true if it used the line. If a line was used,
+/// the copies of this line in other attempts' folders are left out. Original lines are read before lines that
+/// attempts copied, so a copied line is used only if the original line is missing.
 pub fn each_line<T: OfLaunch>(
     attempts: &[Attempt],
     journal: &str,
@@ -156,7 +159,8 @@ mod tests {
     use crate::shard::About;
     use std::path::Path;
 
-    /// Makes an attempt at the first shard with these samples. A sample has a launch and, if it is a copy, an origin.
+    /// Makes an attempt at the first shard with these samples. Each sample is given by the number of its
+    /// launch and, if it was copied from another attempt, the text of its field `origin`.
     fn attempt(out: &Path, host: &str, samples: &[(u32, Option<String>)]) -> Attempt {
         let about = About { shard: 1, of: 1, host: host.into(), ..About::default() };
         let attempt = Attempt::begin(out, &about).unwrap();
@@ -201,7 +205,8 @@ mod tests {
         assert_eq!(host(0, &[0, 0]).as_deref(), Some("n2"));
         assert_eq!(host(0, &[0, 2, 2]).as_deref(), Some("n1, n2"));
         assert_eq!((host(2, &[5]).as_deref(), host(2, &[])), (Some("gone"), None));
-        // The folder of the attempt `gone` is missing, so the lines of its launch are used from the first copy.
+        // The folder of the attempt `gone` is missing, so the lines of its launch are taken from the first
+        // attempt that copied them.
         assert_eq!(used(&attempts, &origins), [(0, 2), (1, 3), (1, 3), (1, 4), (0, 1)]);
         // If the original lines of a copied launch are missing, the lines of the copy are used.
         std::fs::write(attempts[1].folder.join(SAMPLES), "").unwrap();

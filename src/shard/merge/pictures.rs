@@ -17,12 +17,12 @@ pub struct Lost {
     why: IoError,
 }
 
-/// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the
-/// picture is not copied again. If a different file of that name exists, a hash of the picture's bytes is
-/// added to the copy's name, also in the record. The attempt may come from a stranger, so a picture is left
-/// out if its path leads out of the attempt's folder, even if only through a link. A picture that cannot be
-/// read is left out, too. Returns all pictures that were left out. Fails if a folder into which a picture
-/// would be copied is a link.
+/// Copies a record's pictures from its attempt's folder to the folder `out`. If `out` already has an
+/// identical file of the same name, the picture is not copied again. If `out` has a different file of the
+/// same name, a hash of the picture's bytes is added to the picture's name, in `out` and in the record. The
+/// attempt may come from a stranger, so a picture is left out if its path leads out of the attempt's folder,
+/// even if only through a link. A picture that cannot be read is left out, too. Returns all pictures that
+/// were left out. Fails if a folder into which a picture would be copied is a link.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>> {
     let pictures = [
         &mut record.image,
@@ -36,7 +36,8 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<Vec<Lost>
     for name in pictures.into_iter().flatten() {
         let bytes = match read(attempt, name) {
             Ok(bytes) => bytes,
-            // A picture may be lost with its machine. The times in the picture's record are still used.
+            // A picture may be lost with its machine. If a picture is lost, the times in its record are used
+            // nevertheless.
             Err(why) => {
                 let place = attempt.file_name().unwrap_or_default().to_string_lossy();
                 lost.push(Lost { path: format!("parts/{place}/{name}"), why });
@@ -75,8 +76,8 @@ fn read(attempt: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     read_inside(attempt, name)
 }
 
-/// Returns true if a path in a record is relative, has no `..` and does not begin with `./`. A path of this
-/// form can lead out of the record's folder only through a link of the file system.
+/// Returns true if a path in a record is relative, has no `..` and does not begin with `./`. Such a relative
+/// path without `..` can lead out of the record's folder only through a link of the file system.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
@@ -131,10 +132,11 @@ mod tests {
         assert!(!stays_inside("../a.png") && !stays_inside("/a.png") && stays_inside("images/a.png"));
     }
 
-    /// Copies a picture of a record that a stranger wrote, from `parts/attempt` to `merged/out` in a temporary folder.
-    /// The files `b.png` and `images/a.png` are in the attempt's folder, and `a.png` is beside it. `prepare` is called
-    /// with the temporary folder before the picture is copied. Returns the result, and the paths of all files and links
-    /// of the temporary folder that are not in `parts`.
+    /// Copies a record's picture with the path `name`, which a stranger may have chosen, from `parts/attempt`
+    /// to `merged/out` in a temporary folder. The files `b.png` and `images/a.png` are in the attempt's
+    /// folder, and `a.png` is beside it. `prepare` is called with the temporary folder before the picture is
+    /// copied. Returns the result, and the paths of all files and links of the temporary folder that are not
+    /// in `parts`.
     fn strangers(name: &str, prepare: impl Fn(&Path)) -> (Result<Vec<Lost>>, Vec<String>) {
         let parent = tempfile::tempdir().unwrap();
         let [out, attempt] = ["merged/out", "parts/attempt"].map(|name| parent.path().join(name));
@@ -181,8 +183,8 @@ mod tests {
             let (target, at) = (target.to_owned(), at.to_owned());
             move |parent: &Path| symlink(&target, parent.join(&at)).unwrap()
         };
-        // In the attempt's folder, the path `deep/../../b.png` leads to `b.png`. In the folder `out`, this
-        // path would lead out of the folder.
+        // In the attempt's folder, the path `deep/../../b.png` leads to `b.png`. In the folder `out`, the
+        // path `deep/../../b.png` would lead out of the folder.
         let deep = link("far/away", "parts/attempt/deep");
         let (result, files) = strangers("deep/../../b.png", deep);
         assert!(result.is_ok() && files.is_empty(), "{result:?} {files:?}");
@@ -191,7 +193,7 @@ mod tests {
             let (result, files) = strangers("images/new.png", link(target, "parts/attempt/images/new.png"));
             assert!(result.is_ok() && files.is_empty(), "{target}: {result:?} {files:?}");
         }
-        // A folder of the copy is a link, or a file with the copy's name is a device.
+        // In `out`, a folder on the picture's path is a link, or the file at the picture's path is a device.
         let new = |parent: &Path| {
             for folder in ["elsewhere/images", "parts/attempt/images/images"] {
                 std::fs::create_dir_all(parent.join(folder)).unwrap();

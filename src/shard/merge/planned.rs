@@ -10,8 +10,9 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 pub struct Planned {
     /// The points, each once, sorted by scene and image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// For each caster on the host, by its key: the words that distinguish its kind of host from the other
-    /// kinds of host. The map is empty if there is only one kind of host.
+    /// A map from the key of each point that is a caster on the host to the words that distinguish the
+    /// caster's kind of host from the other kinds of host. The map is empty if there is only one kind of
+    /// host.
     hosts: HashMap<String, String>,
 }
 
@@ -47,9 +48,9 @@ impl Planned {
         self.points.iter().map(|point| point.key.as_str())
     }
 
-    /// Returns a map to the names of devices in the merged folder. A key of the map is an attempt's index and
-    /// a device's name in the attempt's records. Two attempts may give the same name to devices of different
-    /// kinds.
+    /// Returns a map from each attempt's devices to the names of these devices in the merged folder. A key of
+    /// the map is an attempt's index and a device's name in the attempt's records. Two attempts may give the
+    /// same name to devices of different kinds.
     pub fn devices<'a>(
         &self,
         records: impl Iterator<Item = &'a Measured>,

@@ -7,8 +7,8 @@ use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 
-/// Largest number of elements of an accessor (in glTF, a list of numbers or vectors in a buffer). No
-/// supported scene needs as many.
+/// Largest number of elements of an accessor (in glTF, a list of numbers or vectors in a buffer). No scene
+/// that raycl supports needs so many elements.
 const MOST_ELEMENTS: u64 = 1 << 31;
 
 /// The JSON and the buffers of a file, from which numbers are read.
@@ -131,7 +131,7 @@ impl<'a> Numbers<'a> {
     }
 
     /// Returns `count` elements of zeros for an accessor without a buffer view, and thus without data (glTF
-    /// 2.0, 3.6.2.3). If the accessor is sparse, some of these zeros are replaced later.
+    /// 2.0, 3.6.2.3). If the accessor is sparse, some of the returned zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         if count > self.most {
             return Err(format!("{} elements without data, more than raycl accepts", accessor.count.0));
@@ -180,7 +180,7 @@ impl<'a> Numbers<'a> {
         let range = start.saturating_add(offset).min(end) as usize..end as usize;
         let size = bytes_of(component) * components;
         // In glTF 1.0, a stride of 0 means that elements follow each other without gaps. Some converters from
-        // glTF 1.0 keep this 0.
+        // glTF 1.0 to glTF 2.0 keep a stride of 0.
         let stride = view.byte_stride.map(|stride| stride.0).filter(|stride| *stride > 0).unwrap_or(size);
         if stride < size {
             return Err(format!("a stride of {stride} bytes for elements of {size} bytes"));
@@ -210,8 +210,8 @@ fn components(accessor: &Accessor) -> Parsed<usize> {
 mod tests {
     use super::*;
 
-    /// An accessor without data may have at most 65,536 elements or, if the file's largest buffer has more
-    /// bytes than this, one element per byte.
+    /// An accessor without data may have at most 65,536 elements. If the file's largest buffer has more than
+    /// 65,536 bytes, the accessor may have one element per byte of this buffer.
     #[test]
     fn elements_without_data_are_zeros_and_a_small_file_has_not_too_many() {
         let zeros = |count: usize, held: usize| {

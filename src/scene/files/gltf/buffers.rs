@@ -34,8 +34,8 @@ pub(super) fn load<'a>(
                 .map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // Reading an accessor finds an empty buffer only if the accessor uses the buffer, so all
-                // empty buffers are refused here.
+                // All empty buffers are refused here, because an empty buffer that no accessor uses would not
+                // be noticed later.
                 0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
                 _ => Ok(bytes),
             }

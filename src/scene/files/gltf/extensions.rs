@@ -10,8 +10,8 @@ use gltf::json::validation::Checked;
 /// uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Beginnings of the names of further extensions on which other modules write notes. These extensions concern
-/// only surfaces.
+/// Beginnings of the names of more known extensions: other modules write notes on extensions with such names.
+/// Extensions with such names concern only surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
 /// An extension that gives a surface several materials to choose from. This extension does not count as
 /// known, although its name begins with `KHR_materials_`, because no other module writes a note on it.
@@ -35,7 +35,7 @@ fn is_compression(extension: &str) -> bool {
 }
 
 /// Refuses a file that requires an extension which compresses vertices, and a file that has vertices in
-/// compressed form only. The error names the extensions if messages may quote the file.
+/// compressed form only. The error names the unsupported extensions if messages may quote the glTF file.
 pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
     let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);

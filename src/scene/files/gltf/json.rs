@@ -178,8 +178,8 @@ mod tests {
             read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).unwrap().animations
         };
         let valid = "{\"channels\": [], \"samplers\": []}";
-        // `gltf-json` refuses animations without channels, so the third file is read without the contents of
-        // its animations.
+        // The third file has three animations without channels. `gltf-json` refuses such animations, so the
+        // file is read without the contents of its animations.
         assert_eq!([count("[]"), count(&format!("[{valid}, {valid}]")), count("[{}, {}, {}]")], [0, 2, 3]);
     }
 }

@@ -52,9 +52,9 @@ const BLENDED: f32 = 0.5;
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
         // Here, the factor by which the texture's alpha is multiplied is below one half, so every point would
-        // be a hole. An example is a flat mesh that imitates a soft shadow. Without holes, the surface would
-        // hide the surfaces behind it. The factor is therefore ignored: only the texture's alpha decides
-        // which points are holes.
+        // be a hole. A flat mesh that imitates a soft shadow has such a factor, for example. Without holes,
+        // the surface would hide the surfaces behind it. raycl therefore ignores the factor of alpha: only
+        // the texture's alpha decides which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
@@ -82,9 +82,9 @@ fn factor(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns true if all points of the surface would be in a hole, whatever the texture is: if the factor is 0,
-/// or is less than the cutoff. raycl draws such a surface without holes, except a blended surface whose
-/// factor is above 0 (see [`least_alpha`]).
+/// Returns true if every point of the surface would be a hole, whatever its texture is. This happens if the
+/// factor of alpha is 0 or less than the cutoff. raycl draws such a surface without holes, unless it is
+/// blended and its factor is above 0 (see [`least_alpha`]).
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -116,7 +116,7 @@ fn emitted(wire: &Wire) -> Vec3 {
 }
 
 /// Returns true if a material emits light. An emissive texture is multiplied by `emissiveFactor`, which is 0
-/// by default. If this factor is 0, the texture has no effect.
+/// by default. If `emissiveFactor` is 0, the emissive texture has no effect.
 pub(super) fn emits(wire: &Wire) -> bool {
     emitted(wire) != Vec3::ZERO
 }

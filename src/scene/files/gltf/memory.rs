@@ -40,7 +40,8 @@ fn needed(numbers: Numbers<'_>, placed: &[PlacedNode], maps: &[Option<ColourMap>
     let triangle = (size_of::<Triangle>() + mapped) as u64;
     let of_primitive = |primitive: &Primitive| {
         let Sizes { elements, triangles, positions } = Part::largest(&numbers, primitive);
-        // No count is larger than the number of bytes in memory, so these sums fit into 64 bits.
+        // The sizes of the buffers in memory limit the three counts, so the two sums of bytes fit into 64
+        // bits.
         (triangle * triangles + POSITION_BYTES * positions, ELEMENT_BYTES * elements + READ_BYTES * positions)
     };
     let of_mesh = |primitives: &[Primitive]| {

@@ -50,8 +50,8 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The indices of the triangles that have a texture but no texture coordinates.
     unmapped: Vec<usize>,
-    /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the index of the
-    /// first triangle of each mesh.
+    /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
+    /// index of the first triangle of each mesh.
     starts: Vec<u32>,
     /// For each perspective camera: its position in double precision, the camera moved to the origin, and its
     /// zfar, if the file states one. zfar is the depth beyond which the file's camera sees nothing.
@@ -392,8 +392,8 @@ fn local(node: &Node) -> DMat4 {
 }
 
 /// Returns the matrix that transforms normals: the matrix of cofactors of `linear`, negated if the
-/// determinant is negative. This matrix is the inverse transpose times a positive factor. Unlike the inverse,
-/// it also exists if the transform flattens the mesh.
+/// determinant is negative. The returned matrix is the inverse transpose of `linear` times a positive factor.
+/// Unlike the inverse of `linear`, the returned matrix also exists if the transform flattens the mesh.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

@@ -29,7 +29,7 @@ pub(super) struct Part {
     /// The index of the material in `Materials::list`: the file's materials begin at 1. A part without a
     /// material has the index 0 or, if the part has colours, the index that [`white`] returns.
     pub material: u32,
-    /// Number of the part's accessors that store nothing.
+    /// Number of the primitive's accessors that store nothing, so that all their elements are zero.
     pub empty: usize,
     /// Number of triangles that were left out, since they name a position that does not exist.
     pub dangling: usize,
@@ -342,7 +342,8 @@ mod tests {
             let sizes = Part::largest(&numbers, &serde_json::from_str(&text).unwrap());
             (sizes.elements, sizes.triangles, sizes.positions)
         };
-        // The modes are triangles, a strip and a fan. The elements are those of both accessors.
+        // The modes are triangles, a strip and a fan. The number of elements is the sum over both accessors:
+        // 100 positions and 6 indices.
         assert_eq!([4, 5, 6].map(sizes), [(106, 2, 6), (106, 6, 18), (106, 6, 18)]);
     }
 }

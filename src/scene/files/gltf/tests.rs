@@ -113,9 +113,9 @@ fn normalised_numbers_go_from_minus_one_to_one() {
 
 #[test]
 fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
-    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle.
-    // The index of the replaced position is the second of the triangle's indices, 1. The new position
-    // consists of the second to fourth numbers of the positions: 0, 0, 1.
+    // The sparse accessor replaces one position. The sparse accessor's index and value are read from bytes
+    // that the file also uses for the triangle. The index is the second of the triangle's three indices: 1.
+    // The new position is read from the second to fourth of the positions' nine coordinates: 0, 0, 1.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 4}},"#;
@@ -138,9 +138,9 @@ fn an_accessor_with_only_sparse_elements_is_not_without_data() {
 
 #[test]
 fn sparse_elements_are_normalised_like_the_others() {
-    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle.
-    // The index of the replaced position is the second of the triangle's indices, 1. The new position
-    // consists of the sixth to eighth numbers of the corners: 0, 0, 127.
+    // The sparse accessor replaces one position. The sparse accessor's index and value are read from bytes
+    // that the file also uses for the triangle. The index is the second of the triangle's three indices: 1.
+    // The new position is read from the sixth to eighth of the corners' nine coordinates: 0, 0, 127.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 5}},"#;
@@ -731,9 +731,9 @@ fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
     let file = with(r#""componentType": 5126"#);
     assert_eq!(file.mesh.triangles.len(), 2);
     assert_eq!(file.notes, [""; 0]);
-    // The colours are now nine bytes of the positions, read as whole numbers. Two of these bytes are not
-    // zero: they are bytes of the floating-point number 1. As colours, the two bytes are channels of the
-    // third colour, so this colour has channels larger than 1.
+    // In the second file, the three colours are nine bytes of the positions, read as whole numbers. Seven of
+    // the nine bytes are zero; the last two bytes of the floating-point number 1 are 128 and 63. The third
+    // colour contains 128 and 63, so it has channels larger than 1.
     let notes = with(r#""byteOffset": 8, "componentType": 5121"#).notes;
     let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
     assert_eq!(notes, [outside]);

@@ -1,5 +1,5 @@
-//! Reads base-colour textures and emissive textures. Their pictures are in a buffer, in a separate file, or
-//! in the JSON as base64.
+//! Reads base-colour textures and emissive textures. The pictures of these textures are in a buffer, in a
+//! separate file, or in the JSON as base64.
 
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
@@ -43,8 +43,8 @@ impl ColourMap {
     }
 
     /// Returns true if the coordinates of a triangle with this material are so far from 0 that they are
-    /// inexact in single precision. Coordinates of a clamped picture never count, since the picture looks the
-    /// same everywhere far from 0.
+    /// inexact in single precision. Coordinates of a clamped picture never count as inexact: far from 0, a
+    /// clamped picture looks the same everywhere.
     pub fn is_coarse(&self, corners: [[f32; 2]; 3]) -> bool {
         corners.into_iter().any(|corner| {
             // The transform's offset is left out: it is added in double precision, so it makes no coordinate
@@ -67,8 +67,8 @@ pub(super) struct Files<'a> {
 impl Files<'_> {
     /// Returns the texture of each material, in the file's order. A material without a texture, or whose
     /// index is not in `used`, gets `None`. A texture that cannot be read adds a note to `notes`, and its
-    /// material also gets `None`. The function also gives the emissive textures to `materials`, in the same
-    /// order.
+    /// material is treated like a material without this texture. The function also gives the emissive
+    /// textures to `materials`, in the same order.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
@@ -192,7 +192,7 @@ fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str
 }
 
 /// Returns the texture of a material's colour; `None` if there is none. A material with the older extension
-/// KHR_materials_pbrSpecularGlossiness has this texture under the key `diffuseTexture`.
+/// KHR_materials_pbrSpecularGlossiness has its colour texture under the key `diffuseTexture`.
 pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {
@@ -228,7 +228,7 @@ fn vector(coordinate: [f32; 2]) -> DVec2 {
 }
 
 /// Returns the transform that the extension KHR_texture_transform states, or the identity. Also returns the
-/// index of the set of texture coordinates, which the extension may replace.
+/// index of the texture's set of texture coordinates; the extension may state another index than the texture.
 fn transform(info: &Info) -> (DAffine2, u32) {
     let named =
         info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));

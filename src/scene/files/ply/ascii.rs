@@ -123,8 +123,8 @@ fn parsed<T: FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Parses a whole number. Some programs write it with a decimal point or an exponent. Returns `None` if the
-/// number is not whole or does not fit into `T`.
+/// Parses a whole number. Some programs write whole numbers with a decimal point or an exponent. Returns
+/// `None` if the number is not whole or does not fit into `T`.
 fn whole<T: TryFrom<i64>>(word: &[u8]) -> Option<T> {
     // All whole numbers up to this one are exact in double precision.
     const MOST: f64 = (1_u64 << 53) as f64;

@@ -4,8 +4,8 @@ use crate::scene::files::colours;
 use glam::Vec3;
 use ply_rs_bw::ply::Property;
 
-/// The names of the colour channels of vertices and faces. A file uses the three names of one row of this
-/// table.
+/// The names of the colour channels of vertices and faces. Each row of this table has a name for red, green
+/// and blue; a file uses the names of one row.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 /// The names of the alpha channel.

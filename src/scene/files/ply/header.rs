@@ -1,5 +1,6 @@
-//! The header of a PLY file. The crate `ply-rs-bw` reads only headers in the form that PLY defines. Headers
-//! that programs write in other forms are converted to this form first.
+//! The header of a PLY file. The crate `ply-rs-bw` reads only headers in the form that PLY defines. If a
+//! program wrote a header in another form, raycl converts the header to PLY's form before `ply-rs-bw` reads
+//! it.
 
 use super::colour::with_lower_case;
 use crate::scene::files::flaw::Flaw;
@@ -24,15 +25,17 @@ pub(super) struct Tidied<'a> {
     /// The bytes after the header.
     pub payload: &'a [u8],
     /// The number of lines whose first word PLY does not define. For example, some exporters write their name
-    /// into a line without the word `comment`. In `header`, these lines are comments.
+    /// into a line without the word `comment`. In `header`, lines with such first words are turned into
+    /// comments.
     pub strange: usize,
     /// A map from the name of each element in `header` to the element's name in the file.
     pub elements: HashMap<String, String>,
 }
 
 /// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as
-/// its only line ends, and without blanks before a line. In this form, each property has a different name,
-/// and the names of colour channels are in lower case. Fails if the header is longer than [`MAX_BYTES`].
+/// its only line ends, and without blanks before a line. In the converted header, each property has a
+/// different name, and the names of colour channels are in lower case. Fails if the header is longer than
+/// [`MAX_BYTES`].
 pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };
@@ -119,8 +122,8 @@ fn line_end(head: &[u8]) -> u8 {
     }
 }
 
-/// The names in the lines of the header that were read so far. The keys of both maps are names in the tidied
-/// header, and the values are the names in the file.
+/// The names in the lines of the header that were read so far. The keys of the maps `elements` and
+/// `properties` are names in the tidied header, and the values are the corresponding names in the file.
 #[derive(Default)]
 struct Names {
     elements: HashMap<String, String>,

@@ -1,5 +1,6 @@
 //! Checks that a PLY file has the elements and properties that a mesh needs. The header of a PLY file may
-//! define any elements with any properties. Without these checks, a missing property would be read as zeros.
+//! define any elements with any properties. Without the checks of this module, a missing property would be
+//! read as zeros.
 
 use super::colour::CHANNELS;
 use super::elements::is_corners;

@@ -222,8 +222,8 @@ fn headers_of_other_programs_are_read() {
     }
 }
 
-/// The first two headers of this test state elements without properties. If raycl did not refuse these
-/// headers, it would run out of memory with the first header, and read forever with the second header.
+/// The first two headers of this test state elements without properties. If raycl did not refuse the first
+/// header, it would run out of memory. If raycl did not refuse the second header, it would read forever.
 #[test]
 fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
     let message_of = |format: &str, elements: &str, data: &str| {
@@ -286,7 +286,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
         let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
-    // If only faces have colours, each face and its triangle need a colour while the file is read.
+    // If only faces have colours, each face needs memory for two colours while the file is read: its own
+    // colour, and the colour of its triangle.
     let painted = "element face 1000\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
     let text = format!("ply\nformat ascii 1.0\nelement vertex {}\n{painted}end_header\n", 1_u64 << 50);
     let header = Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).unwrap();
@@ -296,8 +297,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
         message.contains(&format!(" + {face} B x 1000 faces + {COLOUR_BYTES} B x 1000 colours")),
         "{message}"
     );
-    // Each face may have a different colour, so the number of colours is the number of faces. This number is
-    // at most 2^24, the number of all colours with 8 bits per channel.
+    // Each face may have a different colour, so the number of colours is the number of faces. The number of
+    // colours is also at most 2^24, the number of all colours with 8 bits per channel.
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
         let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();
@@ -388,7 +389,7 @@ fn comments_between_the_elements_of_an_ascii_file_are_ignored() {
     let text = text.replacen("4 0 1 2 3\n", "  comment\n4 0 1 2 3\n", 1) + "comment the end\n";
     let [plain, commented] = [SQUARE, text.as_str()].map(|text| parse("a.ply", text.as_bytes()).unwrap());
     assert_eq!((commented.mesh, commented.notes), (plain.mesh, plain.notes));
-    // The line number of a mistake counts the comments before the mistake.
+    // The line number in an error message also counts the lines of comments before the mistake.
     let error = parse("a.ply", text.replacen("4 0 1 2 3", "4 0 1 x 3", 1).as_bytes()).err().unwrap();
     assert!(error.to_string().starts_with("a.ply:23: `x`"), "{error}");
 }
@@ -522,8 +523,8 @@ fn a_header_without_what_a_mesh_needs_is_refused_by_name() {
         assert!(shown.starts_with(&format!("a.ply: {message}")), "{shown}");
         assert_eq!(withheld, shown.split_once(';').map_or(&*shown, |(what, _)| what), "{shown}");
     }
-    // Strips need a list of corners, too. If the header states 0 elements of a type, this type needs no
-    // properties.
+    // Like faces, strips of triangles need a list of corners. If the header states 0 elements of a type, this
+    // type needs no properties.
     let strips = SQUARE.replacen("element face", "element tristrips", 1).replacen("indices", "list", 1);
     let error = parse("a.ply", strips.as_bytes()).err().unwrap().to_string();
     assert!(error.starts_with("a.ply: `tristrips` has no list "), "{error}");

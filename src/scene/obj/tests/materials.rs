@@ -118,8 +118,9 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
         parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
     };
     // In OBJ, the second coordinate in a texture is measured upwards from the texture's lower edge; if this
-    // coordinate is missing, it is 0. The fourth vertex makes the number of vertices differ from the number
-    // of texture coordinates, from whose end negative indices count.
+    // coordinate is missing, it is 0. Negative indices of texture coordinates count backwards from the last
+    // texture coordinate. Because of the fourth vertex, the number of vertices differs from the number of
+    // texture coordinates.
     let coordinates = "v 0 0 1\nvt 0.25 0\nvt 0.5\nvt 0 0.75\n";
     for face in ["f 1/1 2/2 3/3", "f 1/-3 2/-2 3/-1", "f 1/1/ 2/2/ 3/3/"] {
         let rows = mapped(&format!("{coordinates}{face}\n"));

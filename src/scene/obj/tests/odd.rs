@@ -162,7 +162,8 @@ fn a_vertex_that_no_face_uses_does_not_decide_where_the_mesh_is_and_how_large() 
         assert_eq!(beside.notes, plain.notes, "{corners}{unused}");
         crate::scene::validate::check_positions(&beside.mesh).unwrap();
     }
-    // The index of an unused vertex counts the vertices of all pieces of the file before it.
+    // This file is so large that it is read in several pieces. The index of its unused vertex includes the
+    // vertices of all earlier pieces.
     let mut text = String::new();
     for i in 0..40_000 {
         text.push_str(&format!("v {i} 5400000 0\nv {i} 5400000.25 0\nv {i} 5400000 1\nf -3 -2 -1\n"));

@@ -10,8 +10,8 @@ fn png() -> Vec<u8> {
     png
 }
 
-/// Returns the file of [`triangle`] with a material and with texture coordinates, which are the first six
-/// numbers of the positions. Texture 0 is the picture of [`png`].
+/// Returns the file of [`triangle`] with a material and with texture coordinates. The texture coordinates are
+/// the first six of the positions' nine numbers. Texture 0 is the picture of [`png`].
 fn textured(material: &str) -> String {
     let png = STANDARD.encode(png());
     let lists = format!(
@@ -205,8 +205,8 @@ fn a_picture_that_cannot_be_decoded_from_its_uri_is_noted_in_a_sentence() {
     }
 }
 
-/// Two surfaces show the same picture. For the opaque surface, the picture is the colour. For the other
-/// surface, the picture is both the colour and the mask.
+/// Two surfaces show the same picture. The opaque surface uses the picture as its colour texture. The masked
+/// surface uses the picture both as its colour texture and as its mask.
 #[test]
 fn a_picture_has_the_same_mip_levels_in_the_file_and_beside_it() {
     let mut bytes = Cursor::new(Vec::new());
@@ -252,8 +252,8 @@ fn blending_makes_holes_where_a_point_or_of_a_faint_surface_its_texture_is_less_
         let file = read(&textured(&material)).unwrap();
         (file.mesh.textures.have_holes(), file.notes.join("\n"))
     };
-    // With a factor below 0.5, every point would be a hole, so the texture's alpha alone decides which points
-    // are holes.
+    // With a factor of alpha below 0.5, every point would be a hole, so raycl ignores a factor between 0 and
+    // 0.5: the texture's alpha alone decides which points are holes.
     for (factor, expected) in [(0.8, false), (0.6, true), (0.2, false)] {
         let (has_holes, notes) = of(factor);
         assert_eq!(has_holes, expected, "{factor}");
@@ -337,7 +337,8 @@ fn a_transform_may_choose_another_set_of_texture_coordinates_than_the_texture() 
     assert_eq!([chosen("", 1), chosen(r#", "texCoord": 1"#, 0)], [second, first]);
 }
 
-/// The last pair is finite. In each of the other pairs, one number is not finite.
+/// The last of the three pairs of texture coordinates is finite. In each of the first two pairs, one number
+/// is not finite.
 #[test]
 fn pairs_of_coordinates_with_one_number_that_is_not_finite_are_counted() {
     let coordinates: [f32; 6] = [f32::NAN, 0.0, 0.0, f32::INFINITY, 1.0, 1.0];
@@ -369,7 +370,7 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
     assert_eq!(of(factor), ([0.0, 0.5, 1.0], None, 0, none()));
     let strength = r#", "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 4}}"#;
     assert_eq!(of(&format!("{factor}{strength}")).0, [0.0, 2.0, 4.0]);
-    // A texture is multiplied by the factor, which is 0 by default.
+    // An emissive texture is multiplied by `emissiveFactor`, which is 0 by default.
     let texture = r#""emissiveTexture": {"index": 0}"#;
     assert_eq!(of(texture), ([0.0; 3], None, 0, none()));
     let both = format!("{factor}, {texture}");
