@@ -159,10 +159,11 @@ impl Sources {
     /// instead of their names. The second returned value is true if the mistake is the user's. Built-in files
     /// compile by themselves, so the mistake is the user's if the program contains a file that the user added
     /// or changed. The mistake is the user's even if the compiler finds the error in a built-in file, for
-    /// example where the built-in file calls a function of the user with other arguments. If no error is in a
-    /// file of the user, the messages begin with the names of the user's files. The program's text, `text`,
-    /// consists of the files `files`. The compiler names a file relative to `cl/` or to the folder, or only
-    /// states a line number in the whole text.
+    /// example where the built-in file calls a function of the user with other arguments. If the compiler
+    /// reports no error in a file of the user, the returned messages begin with the names of the user's
+    /// files. The program's text, `text`, consists of the files `files`. The compiler names a file by its
+    /// path relative to `cl/` or to the user's folder of kernels. The compiler may also state only a line
+    /// number in the program's whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
@@ -175,8 +176,8 @@ impl Sources {
         (format!("{why} {}: {log}", some_of(&own)), true)
     }
 
-    /// Returns an error of the preprocessor with a file's path in place of the file's name, with which the
-    /// error's message begins. `files` are the names of the program's files.
+    /// Returns an error of the preprocessor. If the error's message begins with the name of a kernel file,
+    /// the file's path replaces this name. `files` are the names of the program's files.
     pub fn with_path(&self, error: Error, files: &[String]) -> Error {
         error.placed(|message| {
             let located = files.iter().find_map(|file| {
@@ -201,9 +202,9 @@ fn built_in(name: &str) -> Option<&'static str> {
     EMBEDDED.get_file(name)?.contents_utf8()
 }
 
-/// Returns the lines of a built-in file, which stay in memory until the process ends; `None` if the built-in
-/// file of this name has another text than `text`, if there is no built-in file of this name, or if the file
-/// cannot be split into lines.
+/// Returns the lines of a built-in file, which stay in memory until the process ends. Returns `None` in three
+/// cases: no built-in file has this name, the built-in file has another text than `text`, or the file cannot
+/// be split into lines.
 fn built_in_lines(name: &str, text: &str) -> Option<&'static [SourceLine<'static>]> {
     static KNOWN: Mutex<BTreeMap<&str, &[SourceLine<'_>]>> = Mutex::new(BTreeMap::new());
     let built_in = built_in(name).filter(|own| *own == text)?;
@@ -405,7 +406,8 @@ mod tests {
             ("watertight.cl", Some("cast/intersect/watertight.cl")),
             ("a/folder/that/is/far/away/from/all/others/soft.cl", Some("cast/soft.cl")),
             ("cast/sotf.cl", Some("cast/soft.cl")),
-            // The following paths share only the folder with existing files, so no file is meant.
+            // The next two paths have only the folder in common with existing files, so raycl suggests no
+            // other file for them.
             ("cast/nosuch.cl", None),
             ("cast/helper.cl", None),
         ] {

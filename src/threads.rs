@@ -13,7 +13,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 ///
 /// # Errors
 ///
-/// Fails if the system refuses a thread. The process must then end, since rayon does not try again.
+/// Fails if the system refuses a thread. rayon does not try again to start the threads, so the process must
+/// end after such a failure.
 pub fn start_pool() -> Result<()> {
     no_thread_of(ThreadPoolBuilder::new().build_global().err().as_ref()).map_or(Ok(()), Err)
 }

@@ -5,8 +5,9 @@ use serde_json::{Map, Value};
 use std::ops::Range;
 
 /// Returns the part of a message of serde (the library that converts TOML to Rust's types) that states which
-/// value was expected; `None` if the message has no such part. The part about the expected value quotes
-/// nothing of the document, so even a message that must not quote the document may contain this part.
+/// value was expected; `None` if the message has no such part. The part about the expected value contains no
+/// text of the document. A message may therefore contain this part even if the message must not quote the
+/// document.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let kinds =
@@ -71,8 +72,8 @@ impl Mistake {
     }
 }
 
-/// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the remedy
-/// unless a key or a value is unknown.
+/// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the
+/// usual remedy. For an unknown key or value, the remedy names the valid ones instead.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     mistake(error).in_file(name, text, error.span().unwrap_or(0..0), help)
 }
@@ -125,12 +126,12 @@ fn both_names(message: &str) -> Option<Mistake> {
     })
 }
 
-/// A table of a file: the line in brackets that begins the table, and the schemas of its keys. The line is empty for
-/// the top level.
+/// A table of a file: the line in brackets that begins the table, and the schemas of its keys. For keys that
+/// belong to no table (the file's top level), the line is empty.
 type TableInFile<'s> = (String, &'s Map<String, Value>);
 
-/// Returns the remedy for an unknown key at the byte `at` of `text`, if tables other than the key's own have
-/// a key of this name. `schema` is the JSON schema of the file.
+/// Returns the remedy for an unknown key at the byte `at` of `text`. There is a remedy only if a table other
+/// than the one that contains the key has a key of this name. `schema` is the JSON schema of the file.
 pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());
@@ -170,8 +171,9 @@ fn add_tables<'s>(all: &mut Vec<TableInFile<'s>>, schema: &'s Value, path: &str,
     }
 }
 
-/// Returns the line in brackets that begins the table to which the line of the byte `at` of `text` belongs. Returns
-/// `None` at the top level, and for a line that is itself in brackets.
+/// Finds the table that contains the byte `at` of `text`, and returns the line in brackets that begins this
+/// table. Returns `None` if no table contains the byte, or if the byte's line is the line in brackets of a
+/// table.
 fn header_above<'t>(text: &str, at: usize, tables: &'t [TableInFile<'_>]) -> Option<&'t str> {
     let begin = text.get(..at)?.rfind('\n')? + 1;
     if text.get(begin..)?.trim_start().starts_with('[') {
@@ -193,8 +195,8 @@ pub fn in_plain_words(message: &str) -> String {
             // names.
             "wanted string or table" => "wrong type: expected a string".to_owned(),
             // Instead of a string, the crate `toml` also accepts a table with a single key, which it takes as
-            // the name. For a table with no key or several keys, the crate sends the message "wanted exactly
-            // 1 element".
+            // the name. For a table with no key or several keys, the message of the crate `toml` is "wanted
+            // exactly 1 element".
             _ if message.starts_with("wanted exactly 1 element") => {
                 "wrong type: table, expected a string".to_owned()
             }

@@ -69,7 +69,8 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
         self.0.deserialize_enum(name, variants, StrictVisitor { visitor, is_table: false })
     }
 
-    // A TOML value states its own type, so the crate `toml` treats all other methods like `deserialize_any`.
+    // A TOML value states its own type, so in the crate `toml`, each of the following methods does the same
+    // as `deserialize_any`.
     serde::forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple
         tuple_struct map identifier ignored_any
@@ -119,7 +120,8 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.visit_map(Strict(table))
     }
 
-    // The enums of raycl's files are words without inner values, so there is nothing to wrap.
+    // The enums of raycl's files are words without inner values, so no inner value must be wrapped in
+    // `Strict`.
     fn visit_enum<A: EnumAccess<'de>>(self, value: A) -> Result<V::Value, A::Error> {
         self.visitor.visit_enum(value)
     }

@@ -4,9 +4,9 @@ use crate::printer::steers;
 use std::fmt::{Display, Write as _};
 use std::path::Path;
 
-/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that", "with",
-/// "without", "named" or "after" becomes plural ("3 primitives of lines"). If there is no such word, the last word
-/// becomes plural ("2 compute units").
+/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that",
+/// "with", "without", "named" or "after" becomes plural ("3 primitives of lines"). If `what` contains none of
+/// these words, the last word of `what` becomes plural ("2 compute units").
 pub fn counted(count: usize, what: &str) -> String {
     let what = if count == 1 { what.to_owned() } else { plural(what) };
     format!("{} {what}", grouped(count))
@@ -28,8 +28,8 @@ pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
 }
 
 /// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if the
-/// number before the noun is 1. Identities and states have the plural after every number. raycl corrects the
-/// plural only where it shows the text, since keys of records depend on the text.
+/// number before the noun is 1. In the text of a device's identity or state, a plural follows every number.
+/// raycl corrects the plural only where it shows the text, since keys of records depend on the text.
 pub fn in_singular(part: &str) -> String {
     match part.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
         Some(noun) => format!("1 {noun}"),

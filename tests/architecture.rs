@@ -64,8 +64,8 @@ fn the_table_of_kernels_is_that_of_the_manifest_and_of_the_kernel_files() {
     assert_eq!(listed, kernels_in_families());
 }
 
-/// In the table of the parts of a sample (docs/methodology.md), the last cell of a row names files, each
-/// followed by functions of this file.
+/// In the table of the parts of a sample (docs/methodology.md), the last cell of a row names files. After
+/// each file, the cell names functions that this file contains.
 #[test]
 fn the_table_of_the_parts_of_a_sample_names_functions_that_are_there() {
     let rows = table("docs/methodology.md", "\n| part | sample |");

@@ -275,8 +275,8 @@ fn create_with_mode(folder: &Path, mode: u32) {
 }
 
 /// Without `HOME` and `XDG_CACHE_HOME`, PoCL would use /tmp/pocl/kcache, which may belong to another user.
-/// PoCL runs the kernels that it finds in its folder, so raycl also rejects a folder, named by one of these
-/// variables, to which other users may write.
+/// PoCL runs the kernels that it finds in its cache folder. If `HOME` or `XDG_CACHE_HOME` names a folder to
+/// which other users may write, raycl therefore rejects this folder, too.
 #[test]
 #[cfg(target_os = "linux")]
 fn pocl_keeps_its_kernels_where_no_other_user_can_write() {

@@ -1,6 +1,6 @@
 //! The code that compilers generate from the kernels. Stored PTX (`tests/ptx/make` lists its compilers) shows
-//! that working vectors and triangles lie in the memory that a strategy names. `raycl compile` stores its
-//! results on any device.
+//! that working vectors and triangles lie in the memory that a strategy names. The command `raycl compile`
+//! stores its results, whichever device it compiles for.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
 use raycl::program::compiled::{InstructionCounts, instruction_counts, is_ptx};
@@ -57,7 +57,8 @@ fn private_vectors_are_in_registers() {
 }
 
 /// At each ray-triangle test of primary rays and of shadow rays, the kernel of `naive-test-vectors` writes
-/// and reads five vectors of three floats each. clang accesses its stack by generic addresses.
+/// and reads five vectors of three floats each. clang accesses the stack by generic addresses, so this test
+/// counts generic stores and loads, too.
 #[test]
 fn the_tests_own_vectors_are_in_private_memory() {
     for (file, counts) in stored("test-vectors") {
@@ -71,8 +72,8 @@ fn the_tests_own_vectors_are_in_private_memory() {
 
 #[test]
 fn constant_triangles_are_read_from_constant_memory() {
-    // Each file is compared with the `vectors-private` file of the same compiler: for both strategies, the files of
-    // both compilers are stored.
+    // Each PTX file is compared with the file `vectors-private` of the same compiler. For both of these
+    // strategies, the files of both compilers are stored.
     for ((file, counts), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
         assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
         assert!(counts.reach("const") > 9, "{file}: {counts}");
@@ -100,7 +101,7 @@ fn volatile_vectors_are_loaded_at_every_test() {
     }
 }
 
-/// A script that passes a shell's variable as the strategy passes an empty text if the variable is not set.
+/// If a script names the strategy by a shell variable that is not set, raycl gets an empty name.
 #[test]
 fn a_strategy_without_a_name_is_refused_and_nothing_is_written() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);

@@ -96,8 +96,8 @@ fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
     }
 }
 
-/// The rays to soft lights and to a sky have no common origin, so other code of the kernels casts these rays.
-/// The code for rays without a common origin must take account of holes, too.
+/// The rays to soft lights and to a sky have no common origin, so kernels cast them with other code than rays
+/// from a common origin. The code for rays without a common origin must take account of holes, too.
 #[test]
 fn soft_light_falls_through_holes() {
     let folder = room(MTL);
@@ -186,10 +186,10 @@ fn a_broken_cut_out_is_a_wrong_picture() {
     }
 }
 
-/// A ball behind the camera has more triangles than a tile of triangles in `__local` memory, so that the sheet is in
-/// the second tile. The changed kernels mistake a triangle's index in its tile for its index in the scene. Shadow rays
-/// (first change) and rays from the eye (second change) then look up the mask of a triangle of the ball, which has no
-/// mask.
+/// A ball behind the camera has more triangles than a tile of triangles in `__local` memory, so that the
+/// sheet is in the second tile. The changed kernels mistake a triangle's index in its tile for its index in
+/// the scene. The rays then look up the mask of a triangle of the ball, which has no mask. In the first
+/// changed kernel, shadow rays make this mistake; in the second changed kernel, rays from the eye make it.
 #[test]
 fn a_triangle_of_a_later_tile_has_its_own_holes() {
     let ball =
@@ -210,8 +210,9 @@ fn a_triangle_of_a_later_tile_has_its_own_holes() {
 
 /// The order of triangles in a tree differs from their order in the mesh. In this scene, a ball behind the
 /// camera precedes the sheet in the mesh, but the sheet precedes the ball in the tree. The changed kernels
-/// mistake a triangle's place in the tree for its number in the mesh. Shadow rays (first change) and rays
-/// from the eye (second change) then look up the mask of a triangle of the ball, which has no mask.
+/// mistake a triangle's place in the tree for its number in the mesh. The rays then look up the mask of a
+/// triangle of the ball, which has no mask. In the first changed kernel, shadow rays make this mistake; in
+/// the second changed kernel, rays from the eye make it.
 #[test]
 fn a_triangle_has_its_own_holes_at_whichever_place_in_the_tree() {
     let ball =
@@ -251,8 +252,8 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let factor = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.125,", "0.5").0;
     assert!(apart(&half, &opaque) > apart(&quarter, &opaque) && quarter != opaque);
     assert_eq!(factor, quarter);
-    // In this picture, one texel is a hole, and the alpha of all other texels equals the cutoff. Rounding must not turn
-    // these other texels into holes.
+    // In this picture, one texel is a hole, and the alpha of all other texels equals the cutoff. Rounding
+    // must not turn texels whose alpha equals the cutoff into holes.
     let hole = |x, y| Rgba([90, 200, 60, if (x, y) == (0, 0) { 0 } else { 51 }]);
     RgbaImage::from_fn(8, 8, hole).save(folder.path("leaf.png")).expect("a picture");
     let whole = of("", "1").0;
@@ -260,9 +261,9 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let kernels = folder.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = folder.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
-    // With the unchanged kernel, the picture differs from the one without a mask only at the hole. If the
-    // kernel did not subtract one unit from the least alpha, rounding would also turn an eighth of the solid
-    // pixels into holes.
+    // With the unchanged kernel, the picture differs from the one without a mask only at the hole. The kernel
+    // subtracts one unit from the least alpha of solid texels (the cutoff). Without this subtraction,
+    // rounding would turn an eighth of the solid pixels into holes.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(folder.path("leaf.png")).expect("a picture");

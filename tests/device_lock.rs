@@ -51,7 +51,7 @@ fn holder(folder: &WorkFolder, device: &str) -> Child {
     holder
 }
 
-/// Starts a run, with these further options, that waits for `holder`.
+/// Starts a run with the options `more`, and returns when the run waits for the process `holder`.
 fn waiter(folder: &WorkFolder, device: &str, more: &[&str], holder: &Child) -> Child {
     let waiter = start(folder, &run("second", device, more), "second.txt");
     let words = format!("waiting for process {}, `raycl run test.toml", holder.id());
@@ -74,8 +74,9 @@ fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
     let (folder, device) = (new_folder(), device());
     let first = holder(&folder, &device);
     let second = waiter(&folder, &device, &[], &first);
-    // While the first run holds the device, the second run may time only its baseline, with at most three samples. If
-    // the device is the host's CPU, the second run must not time even its baseline.
+    // While the first run holds the device, the second run may time only its baseline, with at most three
+    // samples. If the device is the host's CPU, the second run must not time anything, not even its baseline
+    // (a ray caster on the host).
     let timed = folder.json_lines("second/samples.jsonl").len();
     assert!(timed <= 3, "{timed} samples beside the first");
     end(first);

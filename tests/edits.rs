@@ -341,7 +341,8 @@ fn of_page(text: &str) -> Shown {
         for row in table.split("<tr").skip(1) {
             let cells: Vec<&str> = row.split("<td").skip(1).map(|cell| between(cell, ">", "</td>")).collect();
             let name = (scene.clone(), by_name(cells[0]), cells[1].to_owned());
-            // The cell may also say that the samples have two modes.
+            // After the median, the table's cell may also say that the samples have two modes (lie around two
+            // values).
             let median = cells[2].split_whitespace().next().expect("a cell");
             shown.medians.insert(name.clone(), median.parse().expect("a median"));
             if row.starts_with(" class=\"wins\"") {

@@ -4,7 +4,8 @@ use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::{due, soon};
 use image::{Rgb, RgbImage};
 
-/// A lamp in front of a wall, and a floor. The lamp's back is seen by the light, its front by the camera.
+/// A lamp in front of a wall, and a floor. The light shines on the lamp's back, and the camera looks at its
+/// front.
 const ROOM: &str = "mtllib room.mtl
 v -2 -1 -4
 v 2 -1 -4

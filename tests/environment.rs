@@ -107,8 +107,8 @@ fn directions_are_where_they_belong() {
     assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
 }
 
-/// After half a turn, the seam at which the picture's edges meet is straight ahead. Each changed kernel of this test
-/// fails to continue the picture beyond one of these edges.
+/// After half a turn, the seam at which the picture's edges meet is straight ahead. Each changed kernel of
+/// this test fails to continue the picture beyond its left or its right edge.
 #[test]
 fn the_picture_s_left_edge_continues_at_its_right_edge() {
     let folder = folder_with(&EMPTY.replace("[[object]]", "turn_degrees = 180\n[[object]]"));
@@ -205,9 +205,9 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
 }
 
 /// If work-items share a tile, the lights are processed in rounds, a fixed number of lights at a time. The
-/// sky follows the last light. In this scene, the lights fill a round of lights, so that the sky is processed
-/// in a round of its own. tests/mutants/kernels.toml has a change that adds the mirrored picture in both
-/// rounds.
+/// sky is processed after the last light. In this scene, the lights fill a round of lights, so that the sky
+/// is processed in a round of its own. tests/mutants/kernels.toml has a change that adds the mirrored picture
+/// in both rounds.
 #[test]
 fn a_shiny_surface_mirrors_the_sky_once_if_the_lights_fill_a_round() {
     let path = repository("tests/data/mirrors.toml");
@@ -231,8 +231,8 @@ fn what_is_mirrored_from_below_a_surface_is_dark() {
 }
 
 /// A shiny square, seen from straight ahead. Kernels choose half vectors around a fixed axis, and apply the
-/// shortest rotation that turns this axis to the surface's normal. The square's normal is opposite to the
-/// fixed axis, so the shortest rotation is undefined.
+/// shortest rotation that turns this axis to the surface's normal. The normal of this square is opposite to
+/// the kernels' fixed axis, so the shortest rotation is undefined.
 const OPPOSITE: &str = "[camera]
 position = [-1.08, -1.44, -2.4]
 look_at = [0, 0, 0]
@@ -272,8 +272,8 @@ fn a_shiny_surface_mirrors_what_its_highlight_says_on_average() {
     Rgb32FImage::from_pixel(4, 2, Rgb([radiance; 3])).save(folder.path("sky.exr")).expect("a picture");
     let picture = render(&folder, &["--samples", "64"]);
     let mean = picture.pixels().map(|pixel| pixel.0[1]).sum::<f32>() / (61.0 * 43.0);
-    // The integral, over half vectors with the cosine c, of the product of their density, c, and the mirrored
-    // direction's cosine 2 c^2 - 1.
+    // An integral over half vectors, where c is the cosine of a half vector. The integrand is the product of
+    // the half vectors' density, the cosine c, and the mirrored direction's cosine 2 c^2 - 1.
     let steps = 100_000;
     let density = |c: f32| (20.0 + 8.0) * c.powf(20.0) * c * (2.0 * c * c - 1.0).max(0.0);
     let integral =

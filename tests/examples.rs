@@ -1,6 +1,6 @@
 //! The programs under examples/, which use the stable part of the library, do what their comments say. The
-//! command `cargo test` builds these programs. `cargo test --test all` does not build them, so
-//! `cargo build --examples` must be run first.
+//! command `cargo test` builds these programs. The command `cargo test --test all` does not build the example
+//! programs, so `cargo build --examples` must be run first.
 
 use crate::binary::{NO_SETTINGS, TRIANGLE, WorkFolder, config, device, has};
 use std::path::Path;
@@ -82,7 +82,8 @@ fn one_runs_an_experiment() {
 
 /// Without a call of `serve_if_worker`, a worker would run the experiment again and start further workers
 /// without end. raycl therefore refuses to run an experiment in a process that has a worker's environment
-/// variable. This test starts an example with this variable and without a worker's arguments.
+/// variable. This test starts an example program with a worker's environment variable, but without a worker's
+/// arguments.
 #[test]
 fn a_worker_runs_no_experiment_of_its_own() {
     let folder = crate::binary::one_point();
@@ -102,8 +103,8 @@ fn an_argument_of_the_users_own_makes_no_worker() {
     has(&text, &["1 of 1 points were measured"]);
 }
 
-/// `raycl run` limits the threads of PoCL, unless the user has set their number. A program that uses the
-/// library limits these threads, too, so that it measures the same times as `raycl run`.
+/// `raycl run` limits the threads of PoCL, unless the user has set their number. A program that uses raycl's
+/// library limits PoCL's threads, too, so that it measures the same times as `raycl run`.
 #[test]
 fn an_experiment_runs_with_the_variables_of_drivers_that_raycl_run_sets() {
     let folder = crate::binary::one_point();

@@ -79,8 +79,8 @@ fn the_experiments_page_has_every_axis_with_its_values() {
     assert_eq!(baselines, known);
 }
 
-/// `tests/readme.rs` loads the complete example of docs/experiments.md. This test checks that this example conforms to
-/// the schema and has every key.
+/// `tests/readme.rs` loads the complete example of docs/experiments.md. This test checks that the complete
+/// example conforms to the schema of configs and has every key.
 #[test]
 fn the_complete_example_of_the_experiments_page_uses_every_key() {
     let page = read_to_string(repository(EXPERIMENTS)).expect("the page");

@@ -68,7 +68,8 @@ impl Ground {
     /// Checks that every point of the experiment was measured exactly once, and that no sample is stored
     /// twice. Usually, a round of the experiment has one sample of each point. A round has two samples of a
     /// point if the first sample does not count because the host had moved a virtual machine's processors to
-    /// other cores. Such a move may happen at any time, and only the core-to-core latency shows it.
+    /// other cores. The host may move the processors at any time, and only the core-to-core latency shows
+    /// such a move.
     fn all_measured_once(&self) {
         assert_eq!((self.count(Outcome::Measured), self.records().len()), (POINTS, POINTS));
         let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
@@ -207,8 +208,8 @@ fn random_moment(rng: &mut ChaCha8Rng, ground: &Ground, run: &mut Child) {
     });
 }
 
-/// A test that kills runs gives up after this many runs per kill. Most runs live long enough to be killed, so a
-/// correct test needs fewer.
+/// A test that kills runs gives up after this many runs per kill. Most runs live long enough to be killed, so
+/// a correct test needs fewer runs than this.
 const RUNS_FOR_A_KILL: usize = 20;
 
 #[test]
@@ -304,8 +305,8 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
     // The worker hangs, so the current sample never ends, and only the second signal can end the run. When
-    // the second signal arrives, the first one may not have been handled yet. The test therefore repeats the
-    // second signal, which does no harm.
+    // the second signal arrives, the first one may not have been handled yet. The test therefore sends
+    // further signals until the run has ended; more signals do no harm.
     let process = run.id();
     until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
     let output = finish(run);
@@ -400,8 +401,8 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     let ground = Ground::new(60);
     let run = ground.start(&[]);
     until("a point is done", || !ground.records().is_empty());
-    // From now on, the run's own process cannot make any file larger than 1000 bytes. This limit applies
-    // neither to the run's worker nor to the driver's cache.
+    // From now on, the run's own process cannot make any file larger than 1000 bytes. The run's worker and
+    // the driver's cache do not have this limit for the size of files.
     let limit = Rlimit { current: Some(1000), maximum: Some(1000) };
     prlimit(Pid::from_raw(run.id() as i32), Resource::Fsize, limit).expect("a limit");
     let output = finish(run);
@@ -413,7 +414,8 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     ground.resume();
 }
 
-/// The run cannot write a file in two cases: before anything is measured, and after all points are measured.
+/// In this test, the run cannot write a file at one of two moments: before anything is measured, or after all
+/// points are measured.
 #[test]
 fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_continued() {
     let ground = Ground::new(3);

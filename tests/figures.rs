@@ -80,9 +80,9 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
         let numbers = numbers(text);
         assert!(numbers.len() > 20, "{name} has {} numbers", numbers.len());
         for (index, at) in numbers.into_iter().enumerate() {
-            // The check compares a generated part of a document as a whole with the part that it generates
-            // from the records. Any wrong number in the part is then noticed, so the test changes only every
-            // 20th number of generated parts.
+            // For each generated part of a document, the check generates the part's text again from the
+            // records, and compares both texts as a whole. The check therefore notices any wrong number in
+            // such a part, so the test changes only every 20th number there.
             let is_made =
                 text[..at.start].rfind("<!-- figures: ") > text[..at.start].rfind("<!-- end of figures");
             if is_made && index % 20 != 0 {
@@ -94,8 +94,9 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
                 continue; // A name, such as H200.
             }
             let mut changed = text.to_owned();
-            // The test puts a 7 before the number. The new number is much larger, so it is unlikely to equal
-            // another number that the check would accept here.
+            // The test changes a number of the document by inserting the digit 7 before it. The changed
+            // number is much larger, so it is unlikely to equal another number that the check of documents
+            // would accept in this place.
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),

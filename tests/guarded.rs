@@ -4,7 +4,7 @@
 use crate::binary::{TRIANGLE, WorkFolder, device, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
-/// The text of files that the user did not name. No message may show this text.
+/// The text of files that the user did not name. No message of raycl may show the text of such a file.
 const SECRET: &str = "hunter2";
 
 const CONFIG: &str = r#"question = "?"

@@ -68,8 +68,9 @@ fn a_transparent_background_keeps_its_coverage() {
     );
 }
 
-/// A grey background has no light that could be blocked: the background must not change the light of surfaces
-/// beside it, and pixels at a silhouette keep their share of the background.
+/// The grey of a background is a colour, not light that surfaces could block. The background must therefore
+/// not change the light of surfaces beside it. Pixels at a silhouette must keep their share of the
+/// background.
 #[test]
 fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
@@ -78,9 +79,10 @@ fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     }
 }
 
-/// The unoccluded light of a black surface is 0, so the filter finds no similar pixel in the half picture.
-/// The weights of the half picture's pixels must nevertheless not be 0, since the filter divides by the sum
-/// of these weights. In the changed kernel, the weights are 0.
+/// The unoccluded light of a black surface is 0. The filter that smooths the half picture (a picture of half
+/// the width and height) therefore finds no similar pixel. Even so, the filter must not give all pixels the
+/// weight 0, since it divides by the sum of the weights. In the changed kernel of this test, the filter's
+/// weights are 0.
 #[test]
 fn a_black_mesh_is_black() {
     let black = format!("mtllib mesh.mtl\nusemtl black\n{MESH}");

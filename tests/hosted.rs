@@ -1,6 +1,7 @@
-//! Tests of the files for other machines. Every command in the workflows of the hosted CI and in the
-//! container file exists. Archives and packages are complete, and the licences of others' files are named.
-//! The program has the right revision, and the citation file names this version.
+//! Tests of the files with which other machines test, build and install raycl. Every command in the workflows
+//! of the hosted CI and in the container file exists. Archives and packages are complete, and the licences of
+//! others' files are named. The program states the right revision (commit) of its source, and the citation
+//! file names the version of this crate.
 
 use crate::binary::{WorkFolder, has, repository, run};
 use clap::Parser as _;
@@ -74,7 +75,8 @@ fn every_command_of_the_workflows_exists() {
     }
 }
 
-/// The least major versions of actions. Earlier versions need Node 20, which GitHub removed from its machines in 2026.
+/// The least major versions of GitHub's actions that workflows may use. Earlier versions of these actions
+/// need Node 20, which GitHub removed from its machines in 2026.
 const LEAST_VERSIONS: [(&str, u32); 3] =
     [("actions/checkout", 5), ("actions/upload-artifact", 6), ("actions/download-artifact", 7)];
 
@@ -175,7 +177,7 @@ fn the_citation_is_of_this_version() {
 #[cfg(unix)]
 fn archived() -> BTreeSet<String> {
     let folder = WorkFolder::new();
-    // The tests' own binary is large. The test packs a short script instead, which starts this binary.
+    // The tests' own binary is large. The test therefore packs a short script that starts the binary.
     folder.write("raycl", concat!("#!/bin/sh\nexec '", env!("CARGO_BIN_EXE_raycl"), "' \"$@\"\n"));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(folder.path("raycl"), executable).expect("permissions");

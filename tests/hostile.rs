@@ -51,7 +51,8 @@ fn among_good_ones(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
 }
 
 /// Checks that `render` and `devices` leave out a driver that runs `body` as soon as it is loaded, and use
-/// all other drivers. Both commands run at the same time, since both may have to wait for the driver.
+/// all other drivers. The two commands `render` and `devices` run at the same time, since both may have to
+/// wait for the driver.
 #[track_caller]
 fn is_left_out(body: &str, reason: &str) {
     let folder = one_point();
@@ -79,9 +80,9 @@ fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
 }
 
 /// Some OpenCL loaders overwrite the separators in the variable `OCL_ICD_FILENAMES` while they load drivers;
-/// the driver of this test does the same. raycl starts the process that stores a program afterwards. This
-/// process must get the original value: with another value, this process would list all devices again or miss
-/// some.
+/// the driver of this test does the same. After the drivers are loaded, raycl starts the process that stores
+/// a compiled program. This process must get the variable's original value: with another value, the process
+/// would list all devices again or miss some devices.
 #[test]
 fn a_variable_that_is_cut_while_drivers_load_is_whole_for_the_next_process() {
     let folder = one_point();
@@ -207,7 +208,8 @@ fn a_folder_of_results_leads_nowhere_else() {
         std::fs::remove_file(&at).expect("the link");
         std::fs::rename(&aside, &at).expect("its place");
     }
-    // When raycl writes a file again, it replaces the link, and not the file to which the link leads.
+    // In the results, the test replaces files by links. When raycl writes such a file again, it replaces the
+    // link, and not the file to which the link leads.
     for name in ["summary.md", "summary.csv", "report.html", "environment.json"] {
         std::fs::remove_file(folder.path("out").join(name)).expect("it was there");
         symlink(&victim, folder.path("out").join(name)).expect("a link");

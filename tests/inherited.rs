@@ -11,7 +11,8 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Returns a command that lets the command line `starter` start raycl with these arguments, in the folder.
+/// Returns a command that runs in `folder`: the words `starter`, which start a program, followed by raycl and
+/// its `arguments`.
 fn started_by(starter: &[&str], arguments: &[&str], folder: &WorkFolder) -> Command {
     let raycl = program();
     let mut command = Command::new(starter[0]);
@@ -33,7 +34,8 @@ fn a_caller_that_ignores_sigchld_gets_exit_code_0() {
     assert!(folder.path("a.png").exists());
 }
 
-/// A command that runs another command as the first process of a container. Only root may run it without [`AS_USER`].
+/// A command that runs another command as the first process of a container. Without [`AS_USER`], only root
+/// may run this `unshare`.
 const CONTAINER: [&str; 5] = ["unshare", "--pid", "--fork", "--kill-child", "--mount-proc"];
 /// Options with which users other than root can make containers, if the system lets them.
 const AS_USER: [&str; 2] = ["--user", "--map-root-user"];
@@ -97,8 +99,8 @@ fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets(
     }
 }
 
-/// The code of a driver that crashes the process that runs the command. When raycl then tries the driver alone, the
-/// driver does not answer.
+/// The code of a driver. The driver crashes the process that runs the user's command. After the crash, raycl
+/// tries this driver alone, but the driver does not answer.
 const HANGS_ALONE: &str =
     "if (getenv(\"RAYCL_GUARDED\")) abort(); if (symlink(\"/\", \"tried\")) abort(); for (;;) pause()";
 
@@ -112,8 +114,8 @@ fn as_the_first_process_of_a_container_raycl_ends_with_a_signal_while_it_tries_d
     ends_with(Signal::TERM, 143, command, || until("the driver is tried", || folder.path("tried").exists()));
 }
 
-/// The driver of this test crashes the first process that runs the command, works alone, and does not answer in the
-/// second process that runs the command.
+/// The driver of this test crashes the first process that runs the user's command. When raycl tries the
+/// driver alone, it works. In the second process that runs the command, the driver does not answer.
 #[test]
 fn as_the_first_process_of_a_container_raycl_ends_its_second_attempt_when_it_gets_a_signal() {
     let Some(container) = container() else { return };

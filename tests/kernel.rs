@@ -98,8 +98,8 @@ fn printed(strategy: &str, scene: &Path, local_size: [u32; 2]) -> String {
     ])
 }
 
-/// Returns the program `built` again, but made from the text that the binary prints. The new program has no defines as
-/// compiler options, since the text contains all defines.
+/// Returns a program like `built`, but with the source text that the command `raycl kernel` prints. The new
+/// program has no defines as compiler options, since the text contains all defines.
 fn reprinted(name: &str, scene: &Path, built: &Prepared) -> ProgramSpec {
     let options = built.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
     let options = options.collect::<Vec<_>>().join(" ");
@@ -132,8 +132,8 @@ fn check_printed(stand: &Stand, scene: &Path, (name, casts): (&str, bool)) {
 fn what_is_printed_casts_the_same_image() {
     let file = repository("scenes/still-life.toml");
     let stand = Stand::new(load_scene(&file).expect("a scene").scene, [30, 20]);
-    // Only two of these strategies cast frames: PoCL compiles a kernel when the kernel is started, which takes most of
-    // a minute for a kernel with tiles.
+    // Frames are cast with only two strategies of this list, to save time. PoCL compiles a kernel when the
+    // kernel is started, which takes most of a minute for a kernel with tiles.
     for strategy in [
         ("naive", true),
         ("deferred,width=4", true),

@@ -1,6 +1,7 @@
-//! Compares every preset at every local size, and a pairwise cover of all axes of strategies, with the
-//! reference on PoCL. `make test-long` tests all these points; `make test` tests each preset at 8 x 8 and at
-//! a sixth of the other local sizes, and a third of the cover.
+//! Compares every preset at every local size, and a pairwise cover (strategies that together have every pair
+//! of two axes' values), with the reference on PoCL. `make test-long` tests all of these combinations.
+//! `make test` tests each preset at 8 x 8 and at a sixth of the other local sizes, and a third of the
+//! cover's strategies.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -79,10 +80,10 @@ fn presets_agree_at(numbers: Range<usize>) {
         chosen.map(move |(_, &local)| (strategy, local))
     });
     let is_cpu = stand.is_cpu();
-    // A scene of six triangles fits on any device. Three other needs of a point may exceed a device's limits.
-    // With 32 x 32 work-items, the working vectors may be too large for __local memory. If a work-group has
-    // more than 64 tiles, their rays (66 KiB per tile) may be too large for the stack of a CPU's thread. 1024
-    // work-items may need more registers than a GPU has.
+    // A scene of six triangles fits on any device. Besides the scene's memory, three needs of a point may
+    // exceed a device's limits. With 32 x 32 work-items, the working vectors may be too large for __local
+    // memory. If a work-group has more than 64 tiles, their rays (66 KiB per tile) may be too large for the
+    // stack of a CPU's thread. 1024 work-items may need more registers than a GPU has.
     let may_not_fit = |(strategy, [x, y]): &Point| match strategy.traversal {
         Traversal::Tile if is_cpu => x * y > 64,
         _ => x * y == 1024 && (strategy.vectors == Vectors::LOCAL || !is_cpu),
@@ -101,8 +102,8 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     let vectors = vectors.filter(|s| s.tests_every_triangle() && s.width != Width::W1);
     assert_eq!(vectors.clone().count(), 6);
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
-    // Tiles also convert masks to the bits of a word, for which other tests use an instruction of AVX-512 if the
-    // processor has it.
+    // Tiles also convert masks (a truth value per lane) to the bits of a word. Outside this test, an
+    // instruction of AVX-512 makes this conversion if the processor has the instruction.
     let tile = preset("tile").expect("a preset").strategy;
     all_agree(&mut stand, [(tile, [1, 1])], none);
 }
@@ -189,13 +190,14 @@ fn a_pairwise_cover_of_all_axes() {
     let mut stand = Stand::new(scene("still-life.toml"), SIZE);
     let locals = [[4, 4], [8, 2], [5, 3], [16, 1]];
     let points = cover.iter().enumerate().map(|(i, &strategy)| (strategy, locals[i % locals.len()]));
-    // tests/oclgrind.rs verifies the rest of the cover.
+    // tests/oclgrind.rs verifies the strategies of the pairwise cover that this test leaves out.
     let own = points.enumerate().filter(|(row, _)| is_long() || row % 3 == 0).map(|(_, point)| point);
     let points = own.filter(|(strategy, _)| compiles_soon(strategy));
     all_agree(&mut stand, points, none);
 }
 
-/// Where the two spheres of this scene cut each other, the rays of a vector hit materials that differ in every number.
+/// Where the two spheres of this scene cut each other, the rays of one vector hit both spheres. The materials
+/// of the two spheres differ in every number.
 #[test]
 fn each_ray_of_a_vector_has_the_material_of_its_own_hit() {
     apart!();
@@ -243,7 +245,8 @@ fn of_two_objects_in_the_same_place_every_preset_shows_the_first() {
     }
 }
 
-/// Tiles read the same normals in the same order of operations, wherever these normals lie.
+/// Whatever the layout of normals in memory, tiles read the same normals, and compute with them in the same
+/// order.
 #[test]
 fn the_layout_of_normals_changes_no_bit_of_a_picture_in_tiles() {
     apart!();

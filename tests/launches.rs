@@ -46,8 +46,8 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
 fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
     let folder = folder();
     let interrupted: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
-    // When the run is interrupted, both groups of points have had a launch (42 requests), and the first group
-    // has begun its second launch.
+    // The run is interrupted while the first group of points is in its second launch. By then, both groups of
+    // points have finished their first launch, which took 42 requests to the workers.
     let mut mock = Mock::new(|scene| {
         interrupted.store(scene.requests >= 52, Ordering::Relaxed);
         Act::Answer
@@ -103,9 +103,10 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     // no time.
     assert_eq!((known.points, known.known), (6, 6));
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
-    // The run may add at most as many launches as the config asks for. The added launches have no first
-    // checks, so each of their checks takes a second. Each of the six launches may also take twice as many
-    // samples (30 s more), and wait for half the time of all its samples (30 s).
+    // The run may add at most as many launches as the config asks for. The added launches do not contain the
+    // first check of a point, which takes no time, so each of their checks takes a second. Each of the six
+    // launches may also take twice as many samples, which takes 30 s more. Each launch may also wait for half
+    // the time of all its samples, for another 30 s.
     assert!((468..=474).contains(&known.additional.as_secs()), "{:?}", known.additional);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.

@@ -48,8 +48,8 @@ fn one_exr_holds_all_layers_and_the_picture() {
     assert_eq!(floats("R"), reds);
 }
 
-/// The texels are alternately black and white, and much smaller than a pixel. A pixel's base colour is their mean in
-/// linear light, which is displayed as 188, times the material's colour.
+/// The texels are alternately black and white, and much smaller than a pixel. A pixel's base colour is the
+/// mean of black and white in linear light (displayed as 188), times the material's colour.
 #[test]
 fn the_base_colour_is_that_of_the_texture_under_the_whole_pixel() {
     let object = "\n[[object]]\nmesh = \"quad.obj\"\ntranslation = [0, 0, -1.5]\n";

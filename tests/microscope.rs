@@ -3,9 +3,10 @@
 //!
 //! The working vectors are the vectors of a ray, such as its origin and direction. In the source, three
 //! adjacent lines write a working vector, one line for each component, and a single line reads a working
-//! vector. These four lines show whether instructions are attributed to the right lines. The lines before and
-//! after the stores must have no stores. The line of the loads must have no stores, and the next line must
-//! have no loads.
+//! vector. With these four lines of source, the tests check whether the microscope attributes instructions to
+//! the right lines. The source lines before and after the three that write must have no store instructions.
+//! The source line that reads must have no store instructions, and the line after it must have no load
+//! instructions.
 
 use crate::binary::{WorkFolder, device, has, repository, run};
 use serde_json::Value;
@@ -57,8 +58,8 @@ fn listing_of(folder: &WorkFolder, kernel: &str, options: &[&str]) -> Value {
     listing
 }
 
-/// Returns the memory under which accesses are counted: the memory `named` if the device's instructions are PTX,
-/// otherwise `generic`.
+/// Returns the name of the memory under which the listing counts loads and stores: `named` if the device's
+/// instructions are PTX, otherwise `generic`.
 fn memory<'a>(listing: &Value, named: &'a str) -> &'a str {
     if listing["made_by"].as_str().is_some_and(|made_by| made_by.starts_with("PTX")) {
         named
@@ -82,7 +83,8 @@ fn line_of(listing: &Value, source: &str) -> u64 {
     lines[0]["line"].as_u64().expect("a number")
 }
 
-/// Checks that the working vectors' lines, and not their neighbours, access a memory.
+/// Checks that the source lines of working vectors access a memory, and that the source lines beside them do
+/// not.
 fn check_working_vectors(strategy: &str, named: &str) {
     let listing = listing(strategy);
     let [load, store] = ["load", "store"].map(|verb| format!("{verb} {}", memory(&listing, named)));
@@ -126,7 +128,7 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
     let all = listing["instructions"].as_u64().expect("a number");
     let with_line = listing["with_line"].as_u64().expect("a number");
     assert_eq!(sum(&|row| row["instructions"].as_u64().expect("a number")), with_line);
-    // With LLVM 18, 78% of the instructions have a line.
+    // With LLVM 18, 78% of the instructions have a line of the source.
     let percent = if compiles_with_a_later_llvm() { 75 } else { 80 };
     assert!(with_line * 100 > all * percent, "{with_line} of {all} instructions have a line");
 }

@@ -70,8 +70,9 @@ fn every_family_takes_the_reference_s_levels() {
 }
 
 /// The texture of this scene has eight mip levels below the full picture; no other texture of these tests has
-/// more than six. The level must not depend on the side from which rays meet the floor.
-/// tests/mutants/kernels.toml has changes to kernels that only these two properties of the scene reveal.
+/// more than six. The rays meet the scene's floor from behind. The mip level must not depend on the side from
+/// which rays meet the floor. tests/mutants/kernels.toml has changes to kernels that only the eight levels,
+/// or rays from behind, reveal.
 #[test]
 fn a_floor_that_rays_meet_from_behind_takes_the_last_levels_of_a_large_picture() {
     let folder = folder_of("stripes");
@@ -119,7 +120,8 @@ fn where_texels_are_larger_than_pixels_nothing_changes() {
     assert!(shades > 5 && with != without, "{shades}");
 }
 
-/// Leaves of one colour lie between transparent texels of another colour. The background has a third colour.
+/// In this texture, opaque squares ("leaves") of one colour lie between transparent texels of another colour.
+/// The background has a third colour.
 #[test]
 fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     let folder = floor();
@@ -165,7 +167,7 @@ fn a_broken_level_is_a_wrong_picture() {
     }
 }
 
-/// The last levels of these pictures, with few rows or columns, are one texel high or wide.
+/// If a picture has few rows or few columns, its last mip levels are one texel high or wide.
 #[test]
 fn levels_of_pictures_with_few_rows_or_columns_keep_one_of_them() {
     let folder = floor();

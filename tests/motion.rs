@@ -87,8 +87,8 @@ fn a_still_picture_with_the_name_of_a_frame_is_not_replaced() {
     assert_eq!(turn(&folder, &[&two[..], &["--force"]].concat())["frames"], 2);
 }
 
-/// Several nodes of a cluster may render parts of one turntable. All frames must then be cast with the same strategy,
-/// even if the nodes have devices of different kinds.
+/// Several nodes of a cluster may render parts of one turntable. All frames of this turntable must be cast
+/// with the same strategy, even if the nodes have devices of different kinds.
 #[test]
 fn a_frame_that_another_strategy_cast_is_refused_with_the_way_to_continue() {
     let folder = new_folder();
@@ -141,8 +141,8 @@ fn frames_of_other_kernels_are_other_frames_whatever_their_folder() {
     let two = ["scene.toml", "--turntable", "2"];
     turn(&folder, &two);
     let file = "common/store_radiance.cl";
-    // Another folder of kernels counts as a change, even if its kernels compute the same values. An edit in
-    // the same folder also counts as a change.
+    // Another folder of kernels counts as a change, even if its kernels compute the same values. An edit of a
+    // file in the same folder of kernels also counts as a change.
     let kernels = folder.kernels(file, "(varying)(1.0f)", "(varying)(1)");
     let with = [&two[..], &["--cl-dir", &kernels]].concat();
     let refused = || folder.mistake(&[&["render"], &with[..], &SIZE].concat(), 2);

@@ -1,5 +1,5 @@
-//! Broken kernels: verification must notice every change to a kernel file that tests/mutants/kernels.toml lists. `make
-//! test` tries some of these changes, `make test-long` all.
+//! Broken kernels: verification must notice every change to a kernel file that tests/mutants/kernels.toml
+//! lists. `make test` tries some of the listed changes; `make test-long` tries all.
 
 use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::apart::apart;
@@ -22,13 +22,13 @@ const SIZE: [u32; 2] = [61, 43];
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// Kernel files that no row of tests/mutants/kernels.toml changes, since other tests change them. A folder of
-/// kernels cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs,
-/// soft lights, area lights, pictures of skies and several samples need special scenes or options;
-/// tests/cutouts.rs, tests/soft.rs, tests/area_lights.rs, tests/environment.rs, tests/samples.rs and
-/// tests/shade_once.rs change the files that contain the code of these features. Soft light at half
-/// resolution is part of the default look of bare meshes; tests/half_light.rs changes the file of this light.
-/// The display transform computes no radiance; a test beside its code (src/launch/show.rs) changes the file
-/// of the display transform.
+/// kernels cannot replace the anchor (a kernel whose time shows the machine's speed), so a test in
+/// src/anchor.rs changes the anchor's kernel. Cut-outs, soft lights, area lights, pictures of skies and
+/// several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs, tests/area_lights.rs,
+/// tests/environment.rs, tests/samples.rs and tests/shade_once.rs change the files that contain the code of
+/// these features. Soft light at half resolution is part of the default look of bare meshes;
+/// tests/half_light.rs changes the file of this light. The display transform does not take part in the
+/// computation of radiance. A test in src/launch/show.rs changes the file of the display transform.
 const UNTOUCHED: [&str; 18] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -82,8 +82,9 @@ fn chosen() -> Option<usize> {
     std::env::var("RAYCL_TEST_MUTANT").ok()?.parse().ok()
 }
 
-/// Returns the rows of the table that are to be tried and have this `command`. Rows without a command (`None`) are
-/// tested by pictures. Fails if the table has fewer than `least` such rows.
+/// Returns the rows of the table that are to be tried and have this `command`. The changes of rows without a
+/// command (`None`) are tested by casting pictures. Fails if the table has fewer than `least` rows with this
+/// `command`.
 fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
     let is_own =
         |(_, mutant): &(usize, Mutant)| mutant.command.as_deref() == command && mutant.reason.is_none();
@@ -122,7 +123,8 @@ impl Mutant {
         files(strategy).contains(&self.file)
     }
 
-    /// Casts an image with the change, and fails if verification does not notice the change.
+    /// Casts an image with this row's change to a kernel, and fails if verification does not notice the
+    /// change.
     fn must_be_noticed_in(&self, name: &str, strategy: &Strategy) {
         let work_folder = WorkFolder::new();
         let [across, down] = local_size(strategy);
@@ -172,8 +174,8 @@ fn files(strategy: &Strategy) -> Vec<String> {
     ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program").files
 }
 
-/// `make test` tries only some rows of the table. This test checks all rows, and finds those whose text is no
-/// longer in the kernel file.
+/// `make test` tries only some rows of the table. This test checks all rows of tests/mutants/kernels.toml,
+/// and finds those whose text is no longer in the kernel file.
 #[test]
 fn each_row_changes_a_text_that_its_file_has_once() {
     for Mutant { file, from, to, .. } in mutants() {
@@ -208,8 +210,8 @@ fn a_broken_kernel_is_a_wrong_picture() {
     assert!(pictures > 100 || chosen().is_some(), "{pictures}");
 }
 
-/// Returns the pictures in which the rows of the table show their changes: for each scene and each width in pixels, the
-/// strategies that cast it.
+/// Returns the pictures that show the changes of the table's rows. For each scene and each width of its
+/// picture in pixels, these are the strategies that cast the picture.
 fn pictures() -> BTreeMap<(String, u32), Vec<Strategy>> {
     let mut pictures: BTreeMap<(String, u32), Vec<Strategy>> = BTreeMap::new();
     for mutant in mutants().iter().filter(|mutant| mutant.command.is_none() && mutant.reason.is_none()) {
@@ -253,7 +255,7 @@ fn without_a_change_each_picture_is_right() {
 }
 
 /// Changes to kernels that make rays slip between neighbouring triangles, or stop rays beside a triangle,
-/// because of rounding. Pictures do not show these faults.
+/// because of rounding. Pictures do not show such faults at edges.
 #[test]
 fn a_broken_edge_leaks() {
     apart!();
@@ -270,8 +272,8 @@ fn a_broken_edge_leaks() {
     }
 }
 
-/// The rows of the table with the command `probe` change code that is compiled only for devices with lane
-/// operations other than barriers.
+/// Some rows of the table have `command = "probe"`. These rows change code that is compiled only for devices
+/// with lane operations other than barriers.
 #[test]
 fn broken_lane_operations_are_the_users_mistake() {
     let lanes = common::device().info.builtins().lanes;
@@ -284,8 +286,8 @@ fn broken_lane_operations_are_the_users_mistake() {
     }
 }
 
-/// Testing a change takes seconds, since `raycl peak` measures before it reports a wrong result. `make test` therefore
-/// tests only one change.
+/// `raycl peak` measures rates before it reports a wrong result, so testing one changed kernel takes seconds.
+/// `make test` therefore tests only one of the changed kernels.
 #[test]
 fn a_broken_kernel_of_peak_is_no_figure() {
     for mutant in of_command(Some("peak"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {

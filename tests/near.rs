@@ -1,6 +1,7 @@
 //! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Each scene
-//! shows one of these cases, and its picture must be correct with every traversal and every ray-triangle
-//! test. tests/mutants/kernels.toml lists changes to the kernels that these tests notice.
+//! has one of these three kinds of ends, and its picture must be correct with every traversal and every
+//! ray-triangle test. The table tests/mutants/kernels.toml lists changes to the kernels that the tests of
+//! this file notice.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, one_preset_of_each_family, soon};
@@ -64,9 +65,9 @@ fn shadow_rays_end_at_lights_and_meet_all_before() {
     is_right_in_all("hovering.toml");
 }
 
-/// Rounding moves the ends of shadow rays from this light by more than the bias. The reference therefore does not know
-/// which of these rays reach the surface, and verification accepts dark pixels. All surfaces of this scene are lit. A
-/// black pixel shows a shadow, since the background is not black.
+/// Rounding moves the ends of shadow rays from this light by more than the bias. The reference therefore does
+/// not know which of the shadow rays reach the surface, and verification accepts dark pixels. All surfaces of
+/// this scene are lit. A black pixel shows a shadow, since the background is not black.
 #[test]
 fn surfaces_far_from_their_light_do_not_shadow_themselves() {
     apart!();
@@ -87,8 +88,9 @@ fn surfaces_far_from_their_light_do_not_shadow_themselves() {
 #[test]
 fn surfaces_whose_boxes_overlap_are_distinguished() {
     is_right_in_all("layers.toml");
-    // The ray that is the first of a packet to enter a box may be the packet's last ray. In this scene, a kernel that
-    // ignores this ray casts a wrong picture with packets of four rays.
+    // The rays of a packet are numbered. The ray that enters a box before all others may be the one with the
+    // last number. A kernel that ignores the ray with the last number casts a wrong picture of this scene
+    // with packets of four rays.
     let four = Strategy { width: Width::W4, ..preset("bvh").expect("a preset").strategy };
     let verdict = Stand::new(scene("layers.toml"), SIZE).check(&four, [4, 4]).expect("a strategy that fits");
     assert!(verdict.ok, "{four}: {verdict:?}");

@@ -197,9 +197,10 @@ fn needles(at_points: Vec3) -> Scene {
     scene
 }
 
-/// Returns true if narrow triangles whose tips have another normal are nowhere brighter than triangles whose
-/// corners all have the brightest corner's normal. Rounding gives narrow triangles arbitrary weights, but
-/// interpolated normals must stay between the corners' normals.
+/// Casts narrow triangles twice: once with a normal of their own at the tips, and once with the brightest
+/// corner's normal at all corners. Returns true if the first picture is nowhere brighter than the second
+/// picture. Rounding gives narrow triangles arbitrary weights, but interpolated normals must stay between the
+/// corners' normals.
 fn are_no_brighter_than_their_brightest_corner(sources: &Sources) -> bool {
     let deferred = preset("deferred").expect("a preset").strategy;
     let strategy = Strategy { intersector: Intersector::WATERTIGHT, ..deferred };
@@ -259,8 +260,8 @@ fn small_sphere_on_a_large_ground() -> Scene {
     scene
 }
 
-/// Bounds of rounding errors in tiles are relative to the longest direction of a tile. If directions had the lengths of
-/// shadow rays, triangles near the light would become too large.
+/// Bounds of rounding errors in tiles are relative to the longest direction of a tile. If directions were as
+/// long as the shadow rays, such bounds would enlarge triangles near the light too much.
 #[test]
 fn shadow_rays_of_very_different_lengths_are_right_in_one_tile() {
     apart!();
@@ -285,9 +286,9 @@ fn shadow_rays_of_very_different_lengths_are_right_in_one_tile() {
 }
 
 /// A shadow ray from a distant light ends before the hit, so it does not meet a surface that is nearer to the
-/// hit than this end. A shadow ray that starts at the hit meets this surface. The shadow near the point where
-/// the sphere touches the ground is therefore uncertain, and a picture is right with this shadow and without
-/// it.
+/// hit than this end. A shadow ray that starts at the hit, not at the light, meets a surface so near to the
+/// hit. The shadow near the point where the sphere touches the ground is therefore uncertain, and a picture
+/// is right with this shadow and without it.
 #[test]
 fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     apart!();
@@ -304,9 +305,9 @@ fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     }
 }
 
-/// Rounding changes the distance between a surface and a distant light by more than the shadow bias. If the bias alone
-/// decided where shadow rays end, many pixels would be dark (speckles). Such pixels are uncertain, so `verify` cannot
-/// notice speckles; this test counts dark pixels instead.
+/// Rounding changes the distance between a surface and a distant light by more than the shadow bias. If the
+/// bias alone decided where shadow rays end, many pixels would be dark (speckles). The pixels that speckles
+/// would make dark are uncertain, so `verify` cannot notice speckles. This test counts dark pixels instead.
 #[test]
 fn a_distant_light_makes_no_speckles() {
     apart!();
@@ -323,8 +324,8 @@ fn a_distant_light_makes_no_speckles() {
     let folder = work_folder.kernels("common/shadow_end.cl", "max(bias_per_distance, ", bias_only);
     let kernels = Sources::Folder(work_folder.path(&folder));
     let stand = Stand::of(&kernels, lit_from(1e5), SIZE, |builtins| builtins);
-    // In tiles, a surface blocks a shadow ray only before the ray's end, not at the end. Rounding therefore
-    // makes fewer pixels dark in tiles.
+    // In tiles, a surface blocks a shadow ray only before the ray's end, not at the end. With the bias alone,
+    // rounding therefore makes fewer pixels dark with `tile` than with other strategies.
     for (name, least) in [("tile", 0.01), ("wide-common-origin", 0.1)] {
         let dark = dark_share(&stand, &strategy(name), &expected);
         assert!(dark > least, "{name} with the bias alone: {dark}");

@@ -160,8 +160,8 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
     assert_eq!(all_clean_at(["9", "6"], TILES, &all, "4x4", RACES), all.len());
 }
 
-/// The work-groups of this picture have no work-item outside the picture. Each vector in the heap, even the last one,
-/// therefore belongs to a pixel.
+/// The work-groups of this picture have no work-item outside the picture. In the heap (the buffer from which
+/// work-items allocate working vectors), each vector therefore belongs to a pixel, even the last one.
 #[test]
 fn the_last_vector_in_the_heap_has_memory_of_its_own() {
     let naive = preset("naive").expect("a preset").strategy;
@@ -177,8 +177,8 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
 }
 
 /// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of
-/// the wall. The point that one pixel of this picture shows is nearer to the light than half the bias, so the
-/// reference is certain that this pixel is dark.
+/// the wall. One pixel of the picture shows a point that is nearer to the light than half the bias. The
+/// reference is therefore certain that this pixel is dark.
 #[test]
 fn tiles_that_work_items_share_leave_dark_what_is_nearer_to_a_light_than_the_bias() {
     let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
@@ -203,9 +203,9 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
     assert_eq!(all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES), 4);
 }
 
-/// Neighbouring triangles overlap by about a rounding error, so that no ray slips between them. This overlap
-/// must not lengthen a needle (a long, narrow triangle) beyond its short edge. In a picture of this width,
-/// the centre of a pixel is a third of a pixel beyond this edge.
+/// Neighbouring triangles overlap by about a rounding error, so that no ray slips between them. Such an
+/// overlap of triangles must not lengthen a needle (a long, narrow triangle) beyond its short edge. In the
+/// picture of this test, the centre of a pixel is a third of a pixel beyond the needle's short edge.
 #[test]
 fn tiles_that_work_items_share_make_a_needle_no_longer() {
     let usual = preset("tile-group").expect("a preset").strategy;
@@ -222,9 +222,9 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
 }
 
 /// The scenes of all other tests in this file need no code for soft light, several samples, pictures of skies
-/// or textures. Blocks of samples fit exactly into the first picture, and extend beyond the second one.
-/// (Oclgrind cannot run the kernels of soft light at half resolution: it lacks a function of LLVM that the
-/// compiler inserts.)
+/// or textures. Blocks of samples fit exactly into the first picture of this test, and extend beyond the
+/// second picture. Soft light at half resolution is left out. Oclgrind cannot run its kernels, since Oclgrind
+/// lacks a function of LLVM that the compiler inserts.
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
@@ -277,9 +277,9 @@ fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
     assert!(run * 10 > cover.len() * 8, "only {run} of {} fit", cover.len());
 }
 
-/// Returns true if this run tests a row of the pairwise cover. `make test-long` tests all rows. Other runs
-/// test the rows that tests/kernels.rs does not verify with PoCL, and every row in which work-items share
-/// tiles.
+/// Returns true if this run tests `row`, a strategy of the pairwise cover (strategies with every pair of two
+/// axes' values). `make test-long` tests all rows. `make test` tests every row in which work-items share
+/// tiles, and the rows that tests/kernels.rs does not verify with PoCL.
 fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 3 != 0 || strategy.shares_tiles()
 }
@@ -356,10 +356,10 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
 }
 
 /// Synchronisations of a tile's lanes that are needed, although Oclgrind does not show a race without them.
-/// Each is given by its file and the text that follows the call in the file. Oclgrind has no sub-groups. In
-/// Oclgrind, lane operations therefore use `__local` memory, and the barriers inside these operations order
-/// all other accesses, too. The operations of sub-groups exchange registers and order no accesses, so devices
-/// with sub-groups need these synchronisations.
+/// Each synchronisation is given by its file and the text that follows its call in the file. Oclgrind has no
+/// sub-groups. In Oclgrind, lane operations therefore use `__local` memory, and the barriers inside these
+/// operations order all other accesses, too. The lane operations of sub-groups exchange registers, and do not
+/// order accesses to memory. Devices with sub-groups therefore need the synchronisations of this list.
 const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
     // After each of the synchronisations in this list, another synchronisation follows before the same
     // `__local` memory is used again.

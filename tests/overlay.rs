@@ -188,8 +188,8 @@ fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
 #[test]
 fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() {
     let device = device();
-    // Some drivers, such as PoCL 6.0, report 0 bytes of __local memory for every kernel. With these drivers,
-    // raycl cannot notice the first mistake.
+    // Some drivers, such as PoCL 6.0, report 0 bytes of __local memory for every kernel. With such a driver,
+    // raycl cannot notice the first of the `mistakes` of this test.
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let compile = ["compile", "scene.toml", "--device", &device, "--strategy", "local-vectors", "--json"];
     let made: Value = serde_json::from_str(&folder.output(&compile)).expect("JSON");
@@ -275,9 +275,9 @@ fn each_axis_of_files_takes_a_new_one() {
 }
 
 /// A record is the list of numbers that a ray-triangle test needs of a triangle. A user's test may have
-/// records that are longer or shorter than those of the built-in tests. The pictures of such a test agree
-/// with the reference in three cases: records are read from a table in global memory, records are read from a
-/// tile of triangles in `__local` memory, and records are computed at each test.
+/// records that are longer or shorter than those of the built-in tests. The pictures that a user's test makes
+/// agree with the reference in three cases: records are read from a table in global memory, records are read
+/// from a tile of triangles in `__local` memory, and records are computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
     let folder = WorkFolder::new();
@@ -351,14 +351,14 @@ fn table<'a>(page: &'a str, heading: &str) -> Vec<Vec<&'a str>> {
     rows.map(|row| row.trim_matches('|').split('|').collect()).collect()
 }
 
-/// Returns the names that a cell of a table quotes, without parameters.
+/// Returns the names that stand between backticks in a table's cell, without the parameters in brackets.
 fn named(cell: &str) -> Vec<&str> {
     let quoted = cell.split('`').skip(1).step_by(2);
     quoted.map(|name| name.split('(').next().unwrap_or_default()).collect()
 }
 
-/// In docs/own-kernels.md, the table of helpers names a file for each helper. This test checks that the file
-/// contains the helper.
+/// In docs/own-kernels.md, the table of helpers names a file for each helper. This test checks that each of
+/// these files contains its helper.
 #[test]
 fn the_page_lists_helpers_with_their_files() {
     let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");
@@ -371,9 +371,9 @@ fn the_page_lists_helpers_with_their_files() {
     }
 }
 
-/// For each axis whose files have no example on the page, docs/own-kernels.md lists exactly the names that all files of
-/// the axis define and that files outside the axis use. As users of a name, the page lists only files that use this
-/// name.
+/// Some axes have no example file on the page docs/own-kernels.md. For each of these axes, the page lists
+/// exactly the names that meet two conditions: all files of the axis define the name, and files outside the
+/// axis use it. For each name, the page also lists files; each of these files must really use the name.
 #[test]
 fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
     let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");

@@ -182,8 +182,8 @@ impl Watching {
         Self(child, receiver)
     }
 
-    /// Waits for a round (one rendering) whose output, up to the line "waiting until a file changes", fulfils a
-    /// condition. One change of a file may cause two rounds.
+    /// Waits for a round (one rendering) whose output, up to the line "waiting until a file changes", fulfils
+    /// a condition. One change of a file may cause two rounds of rendering.
     fn until(&self, holds: impl Fn(&str) -> bool) {
         let mut said = String::new();
         loop {
@@ -304,7 +304,7 @@ fn runs_write_into_folders_of_results_only() {
     let run = [&run[..], &["--device", &device, "--quiet"]].concat();
     folder.output(&[&run[..], &["--force"]].concat());
     assert!(folder.text("thesis/summary.md") != MINE, "--force replaces it");
-    // Now the folder is a folder of results.
+    // After the run with `--force`, `thesis` is a folder of results.
     folder.output(&[&run[..], &["--resume"]].concat());
     has(&folder.mistake(&[&run[..], &["--force"]].concat(), 2), &["thesis already holds results"]);
 }

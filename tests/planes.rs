@@ -1,6 +1,6 @@
-//! Lights and cameras in the planes of triangles, on triangles and just above them. At such positions,
-//! rounding decides some pixels, which the reference must mark as uncertain. With every family of kernels,
-//! the certain pixels must agree with the reference.
+//! Lights and cameras in the planes of triangles, on triangles and just above them. If a light or a camera
+//! lies there, rounding decides some pixels. The reference must mark these pixels as uncertain. With every
+//! family of kernels, the certain pixels must agree with the reference.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene, soon};
 use glam::{Vec3, vec3};
@@ -79,8 +79,8 @@ fn lights_and_cameras_in_planes_are_verified_right() {
 }
 
 /// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner.
-/// The road's near part must be hit even if this corner is far away. (The far part is too narrow to be hit,
-/// because of another bound, `EDGE_ON_ROUNDING`.)
+/// The near part of the road (long, narrow triangles) must be hit even if the corner for the bound is far
+/// away. Because of another bound, `EDGE_ON_ROUNDING`, the far part of the road is too narrow to be hit.
 #[test]
 fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
     let stand = Stand::new(narrow_road(), [151, 107]);
@@ -95,7 +95,8 @@ fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
     }
 }
 
-/// Returns a road 35,000 times as long as wide. The far corners come first in its triangles.
+/// Returns a road 35,000 times as long as wide. In each of the road's triangles, the corners at the road's
+/// far end come first.
 fn narrow_road() -> Scene {
     let mut scene = scene("../tests/data/road.toml");
     let mesh = scene.mesh_mut();
@@ -178,8 +179,9 @@ fn seen_along(forward: Vec3) -> Scene {
 }
 
 /// The watertight ray-triangle test swaps coordinates so that it looks along the axis nearest to the ray.
-/// Swapping coordinates must not turn the front of a triangle into its back. The camera therefore looks along
-/// each axis in both directions, and culling must remove the triangles that the reference removes.
+/// Swapping coordinates must not turn the front of a triangle into its back. The camera of this test
+/// therefore looks along each axis in both directions. Each time, culling must remove the same triangles as
+/// in the reference.
 #[test]
 fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
     for forward in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
@@ -193,8 +195,9 @@ fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
     }
 }
 
-/// In this view, the rays of four by four neighbouring pixels run in both directions along every coordinate axis. For
-/// such rays, the watertight test of tiles on CPUs chooses an axis per ray instead of a common axis.
+/// In this view, the rays of four by four neighbouring pixels run in both directions along every coordinate
+/// axis. If the rays of a tile have no common axis, the watertight test of tiles on CPUs chooses an axis per
+/// ray.
 #[test]
 fn rays_without_a_common_axis_meet_the_nearest_surface() {
     let wrong = wrong_at([6, 5], "a very wide view", scene("../tests/data/wide-view.toml"));

@@ -55,8 +55,8 @@ fn every_toml_block_loads() {
         }
         for block in blocks.iter().filter(|block| name(block).ends_with(".toml")) {
             let path = folder.path().join(name(block));
-            // All blocks without a name share one file, which now contains the text of the last such block.
-            // Each block is therefore written again before it is loaded.
+            // All blocks without a name share one file, which now contains the text of the last block without
+            // a name. Before a block of TOML is loaded, its text is therefore written to its file again.
             fs::write(&path, block).expect("a file");
             if block.contains("question = ") {
                 let experiment = raycl::config::load(&path, &[]).unwrap_or_else(|e| panic!("{page}: {e}"));
@@ -123,8 +123,8 @@ fn the_experiments_page_sets_keys_that_its_configs_have() {
             experiment.map(|experiment| raycl::config::Experiment { overrides: Vec::new(), ..experiment })
         };
         let changed = load(&owned).unwrap_or_else(|error| panic!("{line}: {error}"));
-        // Each `--set` of the line has an effect: without it, raycl refuses the experiment, or the experiment differs
-        // from the one with every `--set`.
+        // Each `--set` in a command line has an effect. If one `--set` is left out, raycl refuses the
+        // experiment, or loads another experiment than with every `--set`.
         for index in 0..owned.len() {
             let mut fewer = owned.clone();
             let left_out = fewer.remove(index);

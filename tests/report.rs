@@ -110,7 +110,7 @@ fn two_thousand_points_make_a_page_of_a_few_megabytes() {
 #[test]
 fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     // The times of the points `bvh`, `tile` and `raster` do not change. The run has no baseline, so the
-    // changes of the other two points are compared with those of these three points.
+    // changes of the points `naive` and `wide` are compared with the changes of `bvh`, `tile` and `raster`.
     let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
     let of = |naive: f64, wide: f64| {
         let two = [record("teapot", "naive", 8, naive), record("teapot", "wide", 4, wide)];
@@ -123,8 +123,9 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(complaint.contains("naive 8x8 is 20.0% slower"), "{complaint}");
     outcome(&["compare", path(&before), path(&after), "--fail-on-regression", "25%", "--quiet"], 0);
     outcome(&["compare", path(&before), path(&before), "--fail-on-regression", "0", "--quiet"], 0);
-    // `raycl compare` does not test measured points that the second folder of results lacks. A note names
-    // these points only with a limit (`--fail-on-regression`).
+    // `raycl compare` does not test measured points that the second folder of results lacks. With a limit
+    // (`--fail-on-regression`), a note names the points that are not tested; without a limit, there is no
+    // note.
     let two = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
     let compare = ["compare", path(&before), path(&two), "--json"];
     for (limit, is_noted) in [(&["--fail-on-regression", "5"][..], true), (&[], false)] {

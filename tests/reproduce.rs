@@ -3,7 +3,8 @@
 
 use crate::binary::{WorkFolder, device, has};
 
-/// Overrides of config keys, with which each config has one point.
+/// Overrides of config keys. With them, each config measures only one point (one combination of strategy,
+/// scene and sizes).
 const SMALL: [&str; 8] = [
     "image_sizes=[[16, 10]]",
     concat!("scenes=['", env!("CARGO_MANIFEST_DIR"), "/scenes/triangle.toml']"),

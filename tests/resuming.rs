@@ -16,8 +16,9 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let records = loop {
         sessions += 1;
         interrupted.store(false, Ordering::Relaxed);
-        // Every session (one call of `execute` on this folder) gets a little further. A session repeats
-        // checks, and a launch that was not completed.
+        // Every session (one call of `execute` on this folder) gets a little further. Each session repeats
+        // the checks of pictures. It also repeats the launch (a measurement of points by new processes) that
+        // the last session did not complete.
         let mut mock = Mock::new(move |scene| {
             interrupted.store(scene.requests >= 9 * sessions, Ordering::Relaxed);
             Act::Answer

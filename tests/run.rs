@@ -85,9 +85,9 @@ fn every_point_is_recorded_with_every_field() {
         let [median_ms, q1_ms, q3_ms, tests] = ["median_ms", "q1_ms", "q3_ms", "tests_per_s"]
             .map(|name| record[name].as_f64().expect("a number"));
         assert!(q1_ms <= median_ms && median_ms <= q3_ms, "{record}");
-        // The scene has one triangle, so each ray is tested against one triangle. None of these strategies
-        // casts primary rays in a separate pass, so raycl computes the rate of tests from the time of the
-        // whole frame.
+        // The scene has one triangle, so each ray is tested against one triangle. None of the measured
+        // strategies casts primary rays in a separate pass, so raycl computes the rate of tests from the time
+        // of the whole frame.
         assert!((tests / (33.0 * 20.0 / median_ms * 1e3) - 1.0).abs() < 1e-9, "{record}");
     }
     let naive = records.iter().find(|record| record["name"] == "naive").expect("naive");
@@ -172,8 +172,8 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
 #[test]
 fn two_folders_of_kernels_may_differ_in_headers_and_both_must_have_the_experiments_values() {
     let (folder, device, old) = (new_folder(), device(), repository("cl"));
-    // In the folder, a ray-triangle test that reads nine floats of each triangle replaces a ray-triangle test
-    // that reads twelve.
+    // In the new folder of kernels, moller_trumbore.cl contains a ray-triangle test that reads nine floats of
+    // each triangle. The test that it replaces reads twelve.
     let (of, file) = ("tests/overlay/cast/intersect/nine_floats.cl", "cast/intersect/moller_trumbore.cl");
     let new = folder.kernels_of(of, file, "record_floats: 9", "record_floats: 9");
     let [old, new] = [old.to_str().expect("UTF-8"), &new];

@@ -31,9 +31,9 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     folder.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
-/// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of this
-/// picture, some of these pixels lie outside the picture. In this scene, no pixel inside the picture shows
-/// the background.
+/// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of a
+/// picture of an odd size, some pixels of a vector lie outside the picture. In this scene, no pixel inside
+/// the picture shows the background.
 #[test]
 fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
@@ -71,7 +71,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
             said["mean_samples"].as_f64().expect("a number")
         })
         .collect();
-    // All families give each pixel the same number of samples; the triangle has pixels at its edges and pixels inside.
+    // All kernel families give each pixel the same number of samples. The scene's triangle has pixels at its
+    // edges and pixels inside.
     assert!(means.iter().all(|mean| mean == &means[0]) && (3.0..12.0).contains(&means[0]), "{means:?}");
     let all = report(&folder, &["--samples", "16"]);
     assert_eq!((&all["samples"], &all["mean_samples"]), (&16.into(), &16.0.into()));
@@ -122,8 +123,8 @@ fn a_broken_mean_is_a_wrong_picture() {
 }
 
 /// Tiles that work-items share get their positions from a list of rough blocks, which are blocks of pixels
-/// that get more samples than others. Shading reads the hits of all rays, even of a tile that was not cast.
-/// The hits of a tile that was not cast are undefined, so the driver may crash.
+/// that get more samples than others. Shading reads the hits of all rays, including the rays of tiles that
+/// were not cast. The hits of a tile that was not cast are undefined, so the driver may crash.
 #[test]
 fn a_tile_at_another_position_of_its_rough_block_is_a_wrong_picture_or_none() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -150,8 +151,9 @@ fn is_wrong_or_none(
     std::fs::remove_dir_all(folder.path(&kernels)).expect("the folder of kernels");
 }
 
-/// In the words that hold a tile's or a rough block's column and row, each number has 16 bits. This picture has more
-/// than 256 columns of tiles and of blocks, so these numbers need more than eight bits.
+/// In the words that hold a tile's or a rough block's column and row, each number has 16 bits. The picture of
+/// this test has more than 256 columns of tiles and of blocks, so the column's number needs more than eight
+/// bits.
 #[test]
 fn tiles_and_rough_blocks_on_the_right_of_a_wide_picture_are_cast_there() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -204,8 +206,8 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
 }
 
 /// A work-item's word has too few bits for all lights, so lights are processed in rounds. The 17 samples of
-/// each pixel take two frames. In both frames, each round of lights adds the radiance due to its lights to
-/// the mean.
+/// each pixel take two frames. In each of these two frames, each round of lights adds the radiance due to its
+/// lights to the mean.
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();
@@ -238,8 +240,8 @@ translation = [0, 0, -3]
 shape = \"ground\"
 ";
 
-/// The samples of a pixel may lie farther apart vertically than horizontally. A small box may then be hit only by the
-/// ray of the lowest sample.
+/// The samples of a pixel may lie farther apart vertically than horizontally. A small box may therefore be
+/// hit only by the ray of a pixel's lowest sample.
 #[test]
 fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
     let folder = WorkFolder::with(&[("scene.toml", FINE)]);

@@ -76,9 +76,9 @@ fn the_single_triangle_is_the_papers_to_the_last_bit() {
     assert_eq!(material.to_floats(), [2.5, 2.0, 0.0, 0.2, 0.2, 0.2, 100.0, 1.0]);
 }
 
-/// Returns overrides that replace millions of triangles in a scene file by fewer, since generating millions takes half
-/// a minute if raycl is not optimised. `make test-long` replaces none. The replaced numbers must be ones that raycl
-/// accepts.
+/// Returns overrides that replace millions of triangles in a scene file by fewer, since generating millions
+/// takes half a minute if raycl is not optimised. `make test-long` replaces none. raycl must accept the scene
+/// file's own numbers of triangles, too.
 fn with_fewer_triangles(path: &Path) -> Vec<(String, Value)> {
     if is_long() {
         return Vec::new();

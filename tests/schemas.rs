@@ -29,8 +29,8 @@ pub fn read(text: &str) -> Value {
     serde_json::to_value(table).expect("JSON")
 }
 
-/// Returns the reasons why a value does not conform to a schema. Supports only the keywords that these
-/// schemas use.
+/// Returns the reasons why a value does not conform to a schema. Supports only those keywords of JSON schemas
+/// that raycl's own schemas use.
 pub fn mistakes(value: &Value, schema: &Value, path: &str) -> Vec<String> {
     // Any value conforms to the schema `true`.
     if *schema == Value::Bool(true) {

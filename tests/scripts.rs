@@ -1,6 +1,7 @@
-//! The scripts that install programs. In these tests, functions of bash take the place of programs that would change
-//! the machine or need the network: a function that is exported replaces the program of its name in each script that
-//! bash starts. The scripts for the notes of releases and for the book are tested in the same way.
+//! The scripts that install programs. In these tests, functions of bash take the place of programs that would
+//! change the machine or need the network: a function that is exported replaces the program of its name in
+//! each script that bash starts. With such functions, the tests also run the scripts that make the notes of
+//! releases and the book (raycl's documents as HTML pages).
 
 use crate::binary::{WorkFolder, has, repository, run};
 use std::process::{Command, Output};

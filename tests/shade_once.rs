@@ -54,8 +54,8 @@ translation = [0, 0, -3]
 material = { k_l = [0, 10, 0], k_g = [0.4, 0, 0], shininess = 30 }
 ";
 
-/// A plane seen from behind, with a light on its other side. The highlight ends in a line, where the half vector leaves
-/// the surface.
+/// A plane seen from behind, with a light on its other side. The highlight ends in a line. Beyond this line,
+/// the half vector (halfway between the directions to light and eye) points to the plane's other side.
 const BEHIND: &str = "[camera]
 position = [0, 1, 3]
 look_at = [0.8, -1, 1]
@@ -71,8 +71,8 @@ face_normals = [[0, 0, 0, 0]]
 material = { k_l = 0.001, k_g = 1, shininess = 2 }
 ";
 
-/// In these scenes, the highlight differs within a pixel much more than the bound for the radiance without
-/// the highlight says.
+/// raycl has a bound for the differences of radiance within a pixel, without the highlight. In the two scenes
+/// of this test, the highlight differs within a pixel much more than this bound says.
 #[test]
 fn pixels_with_the_end_of_a_highlight_or_nothing_but_a_highlight_agree_with_the_reference() {
     for scene in [COLOURED, BEHIND] {

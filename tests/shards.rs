@@ -471,7 +471,8 @@ fn a_device_of_one_compute_unit_and_the_same_of_two_are_two_kinds() {
     for (threads, shard) in [("1", "1/2"), ("2", "1/2"), ("2", "2/2")] {
         measure(threads, shard);
     }
-    // Without these environment variables, the printed command would measure on the other kind of device.
+    // The printed command sets two environment variables. Without them, the command would measure on a device
+    // with another number of compute units.
     let message = ground.folder.mistake(&["merge", "out", "--quiet"], 1);
     has(&message, &["POCL_CPU_MAX_CU_COUNT=1 POCL_MAX_PTHREAD_COUNT=1 raycl run", "--shard 2/2"]);
     measure("1", "2/2");

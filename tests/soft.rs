@@ -84,8 +84,8 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
 fn each_pixel_sees_another_point_of_a_light() {
     let folder = WorkFolder::with(&[("scene.toml", SQUARE)]);
     let soft = picture(&folder, &["--samples", "4"]);
-    // Counts grain: pixels that are brighter than both neighbours, or darker than both. A smooth edge or a step has
-    // no such pixels.
+    // Counts grain: pixels that are brighter than both neighbours, or darker than both. At a smooth edge or a
+    // step, no pixel is brighter or darker than both neighbours.
     let grains = |picture: &RgbImage| {
         let value = |x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
         let positions = (0..40).flat_map(|y| (1..59).map(move |x| (x, y)));
@@ -103,7 +103,8 @@ fn each_pixel_sees_another_point_of_a_light() {
 fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", SKY)]);
     for strategy in FAMILIES {
-        // The cases are several samples, one sample, and a sky that reaches less far than the shadow bias.
+        // The cases are several samples, one sample, and a sky whose `reach` (the distance within which
+        // surfaces block it) is less than the shadow bias.
         for more in [["--samples", "4"], ["--samples", "1"], ["--set", "sky.reach=1e-9"]] {
             picture(&folder, &[&["--verify=500", "--strategy", strategy][..], &more].concat());
         }
@@ -123,8 +124,8 @@ fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_referenc
     }
 }
 
-/// The numbers that choose the rays of a pixel depend on all bits of the pixel's column. The changed kernel uses the
-/// lowest eight of these bits.
+/// The numbers that choose the rays of a pixel depend on all bits of the pixel's column. In the changed
+/// kernel of this test, the numbers depend only on the lowest eight bits of the column.
 #[test]
 fn the_pixels_on_the_right_of_a_wide_picture_have_samples_of_their_own() {
     let folder = WorkFolder::with(&[("scene.toml", SKY)]);
@@ -139,7 +140,8 @@ fn the_pixels_on_the_right_of_a_wide_picture_have_samples_of_their_own() {
     has(&folder.mistake(&[&cast[..], &changed].concat(), 1), &["the picture is wrong: "]);
 }
 
-/// Leaves of up to 32 triangles are tested eight triangles at a time. The hills hang over the ground.
+/// Leaves of up to 32 triangles are tested eight triangles at a time. In this scene, hills float above the
+/// ground.
 #[test]
 fn rays_to_the_sky_meet_all_triangles_of_large_leaves() {
     let hills = "[[object]]\nshape = \"terrain\"\ntriangles = 300\ntranslation = [0, 1, -3]\n";
@@ -160,9 +162,9 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     assert_eq!(picture(&folder, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// At these coordinates, rounding moves hits off the square by a few thousandths, which is more than the
-/// shadow bias of a scene near the origin (a ten-thousandth of the diagonal). Shadow rays must start at a
-/// greater distance from the square than rounding moves hits.
+/// At coordinates as large as those of this scene, rounding moves hits off the square by a few thousandths.
+/// The shadow bias of a scene near the origin (a ten-thousandth of the diagonal) would be less than that.
+/// Shadow rays must start at a greater distance from the square than rounding moves hits.
 #[test]
 fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     let left = "[49998, 49999.7, 49998], [49998, 49999.7, 50002]";
@@ -177,7 +179,8 @@ fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
         let middle = (20..30).flat_map(|y| (22..38).map(move |x| (x, y)));
         let values: Vec<u32> = middle.map(|at| u32::from(shown[at].0[1])).collect();
         // The expected value is 255 x 2 (exposure) x 0.5 (the sky's radiance) x 0.8 (the square's
-        // reflectance). A pixel may lose the few of its 16 rays that graze the square.
+        // reflectance). Each pixel has 16 rays to the sky, and may lose the few of these rays that graze the
+        // square.
         let mean = f64::from(values.iter().sum::<u32>()) / values.len() as f64;
         assert!((mean / 204.0 - 1.0).abs() < 0.01, "{strategy}: {mean}");
         assert!(values.iter().all(|value| *value > 170), "{strategy}: {values:?}");
@@ -193,14 +196,14 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     let (device, cache) = (device(), folder.path("cache"));
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
     let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
-    // The second picture uses the first picture's program. Nothing occludes a sky that reaches less far than
-    // the shadow bias.
+    // The second picture uses the first picture's program. If the sky's `reach` (the distance within which
+    // surfaces block it) is less than the shadow bias, nothing occludes the sky.
     for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
         let mut command = folder.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
     }
     // The sky comes after the lights of the second round of lights (the lights that a frame processes
-    // together). Within a round of lights, a light's number is counted from the round's first light.
+    // together). In each round, the lights are numbered from the round's first light.
     let lights: String =
         (0..16).map(|x| format!("[[light]]\nposition = [{x}, 3, -2]\npower = 3\n")).collect();
     folder.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
@@ -215,9 +218,9 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     has(&message, &["the picture is wrong: "]);
 }
 
-/// Returns a folder with the scene of tests/data/lights.toml, in which the shadow bias is large, and a panel is just
-/// behind a light. Lights get a very small radius, and the scene gets a sky whose reach is about the distance between
-/// the last triangle and the panel.
+/// Returns a folder with the scene of tests/data/lights.toml, in which the shadow bias is large, and a panel
+/// is just behind a light. Lights get a very small radius. The scene gets a sky whose reach is about the
+/// distance between the scene's last triangle and the panel behind a light.
 fn where_shadow_rays_end() -> WorkFolder {
     let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
     let soft = lights.replace("power =", "radius = 0.02\npower =");
@@ -390,7 +393,8 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
     assert_eq!((&own["triangles"], &own["lights"], &own["samples"]), (&4.into(), &1.into(), &6.into()));
 }
 
-/// With a sky, the program has soft lights even with one sample per pixel. A light's radius then has no effect.
+/// With a sky, the program has soft lights even with one sample per pixel. With one sample under a sky,
+/// however, a light's radius has no effect.
 #[test]
 fn with_one_sample_under_a_sky_lights_are_points() {
     let sky = "[sky]\nzenith = 0.05\nhorizon = [0.02, 0.03, 0.04]\n";

@@ -13,7 +13,8 @@ fn render(folder: &WorkFolder, devices: Option<&str>, strategy: [&str; 2], pictu
     render_scene(folder, &scene, devices, strategy, picture)
 }
 
-/// Renders a scene of the repository. `scene` is its file, followed by the picture's size and more arguments.
+/// Renders a scene of the repository. `scene` has the scene's file, followed by the picture's size and more
+/// arguments.
 fn render_scene(
     folder: &WorkFolder,
     scene: &[&str],
@@ -98,8 +99,8 @@ fn two_devices_cast_the_samples_of_one() {
     assert!(!same_pixels(&folder, "one.exr", "single.exr"));
 }
 
-/// It depends on the machine whether two devices that share two cores are faster than one device. The message
-/// about a device that is left out must be true in either case.
+/// It depends on the machine whether two devices that share two cores are faster than one device. Whether
+/// they are faster or slower, the message about a device that is left out must be true.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();

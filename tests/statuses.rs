@@ -20,8 +20,8 @@ fn library(folder: &WorkFolder, functions: &str) -> PathBuf {
     library
 }
 
-/// Returns a command in a folder with the scene scene.toml and the config config.toml, in which these functions in C
-/// replace functions of OpenCL.
+/// Returns a command that runs in a folder with the scene scene.toml and the config config.toml. In the
+/// command's process, the C code `functions` replaces functions of OpenCL.
 fn with_faults(functions: &str, arguments: &[&str]) -> (WorkFolder, Command) {
     let folder = one_point();
     let library = library(&folder, functions);
@@ -30,7 +30,8 @@ fn with_faults(functions: &str, arguments: &[&str]) -> (WorkFolder, Command) {
     (folder, command)
 }
 
-/// Checks that `render` ends with exit code 1 if these functions replace functions of OpenCL, and returns the message.
+/// Checks that `render` ends with exit code 1 if the C code `functions` replaces functions of OpenCL. Returns
+/// the message of `render`.
 #[track_caller]
 fn refused(functions: &str) -> String {
     let device = device();
@@ -171,9 +172,10 @@ fn a_local_size_that_raycl_chose_becomes_smaller_if_the_kernel_supports_fewer_wo
 /// the file `crashed`, which shows that the function was called.
 const CRASHING: &str = "void *clCreateProgramWithBinary() { creat(\"crashed\", 0600); abort(); }";
 
-/// Runs a command with these arguments, after `raycl run` has stored the program that it needs. The driver
-/// crashes when it loads this program, and `faults` are further functions that replace functions of OpenCL.
-/// The command must end with this exit code. Returns the command's folder, and what it said.
+/// Runs a command with `arguments`, after `raycl run` has stored the program that the command needs. The
+/// driver crashes when it loads the stored program. The C code `faults` replaces further functions of OpenCL.
+/// The command must end with the exit code `code`. Returns the command's folder, and the text that the
+/// command printed.
 #[track_caller]
 fn with_a_bad_stored_program(faults: &str, code: i32, arguments: &[&str]) -> (WorkFolder, String) {
     let device = device();

@@ -117,8 +117,8 @@ fn workers_that_die_at_random_moments_cost_nothing() {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut struck = HashMap::new();
         let (records, _) = once(CONFIG, move |scene| {
-            // At most one worker dies per point of the experiment. After a second loss, the supervisor would
-            // count the point as failed.
+            // At most one worker dies per point of the experiment. If a second worker died at the same point,
+            // the supervisor would count the point as failed.
             let strikes: &mut usize = struck.entry(point_of(scene.request)).or_default();
             if *strikes == 0 && rng.random_bool(0.1) {
                 *strikes += 1;

@@ -100,8 +100,8 @@ fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
     has(&folder.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
     let (plain, _) = folder.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
     assert!(!differ(&plain, &folder.picture(&["--set", "textures=false"]).0));
-    // The floor's own colour is black. With a texture, raycl treats this colour as white, so the floor has a
-    // hue only if it has its texture.
+    // The floor's own colour is black. If the floor has a texture, raycl treats its black as white, so the
+    // floor has a hue only if it has its texture.
     let hue = |picture: &RgbImage| {
         let [least, most] = [picture[(36, 40)].0.into_iter().min(), picture[(36, 40)].0.into_iter().max()];
         most.unwrap_or_default() - least.unwrap_or_default()
@@ -194,8 +194,9 @@ fn a_broken_texture_is_a_wrong_picture() {
     }
 }
 
-/// In models whose texture is a palette, all corners of a face often have the same texture coordinates. Close to the
-/// edge of a dark colour, rounding then decides how much light of the neighbouring colour a pixel shows.
+/// In models whose texture is a palette (areas of one colour each), all corners of a face often have the same
+/// texture coordinates. If these coordinates are close to the edge of a dark area, rounding decides how much
+/// light of the neighbouring area a pixel shows.
 #[test]
 fn a_face_at_the_edge_of_a_colour_of_a_palette_is_right_unless_it_shows_another_place() {
     let cube = "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\

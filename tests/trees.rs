@@ -106,15 +106,15 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
     apart!();
     agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
-        // Each triangle occurs twelve times. No plane separates the copies, so some leaves have more
-        // triangles than usual.
+        // Each triangle occurs twelve times. No plane separates the copies of a triangle, so some leaves have
+        // more triangles than usual.
         let all = scene.mesh.triangles.clone();
         scene.mesh_mut().triangles =
             all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
     }));
     agrees(with_triangles(|scene| {
-        // Adds, for each triangle, a triangle that is a point and a triangle that is a line. After that, the
-        // test adds a thousand triangles that are points at the same position.
+        // Adds, for each triangle, a triangle that is a point and a triangle that is a line. In addition,
+        // adds a thousand triangles, each of which is a point at the same position.
         let all = scene.mesh.triangles.clone();
         let flat = |positions: [u32; 3], triangle: &Triangle| Triangle { positions, ..*triangle };
         for triangle in &all {

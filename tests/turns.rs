@@ -24,7 +24,7 @@ timing = { launches = 1, warmup = 0, min_samples = 20, max_samples = 20, time_li
 const GROUPS: usize = 3;
 const CASTS_OF_A_GROUP: usize = 2 * 20;
 
-/// The run that made each cast, in the order of the casts of both runs.
+/// A list of all casts of the two runs, in order. Each element is the number of the run that made the cast.
 type Log = Arc<Mutex<Vec<usize>>>;
 
 struct Noting {
@@ -49,8 +49,8 @@ impl Worker for Noting {
             }
             Request::Cast { .. } => {
                 self.log.lock().expect("no test panicked").push(self.run);
-                // Yields the processor: if nothing prevents the other run from casting now, the other run
-                // casts.
+                // Yields the processor to the other one of the two runs. If nothing prevents the other run
+                // from casting now, the other run casts.
                 std::thread::yield_now();
                 Reply::Sample(FrameTimes::whole(1.0, 1.0))
             }

@@ -131,8 +131,8 @@ fn the_picture_gets_the_size_of_the_window() {
         });
     };
     shows(SIZE);
-    // At these proportions of the window, the picture's horizontal field of view stays the same, as in the
-    // pictures that `render` writes.
+    // If the window has one of the following sizes, the picture's horizontal field of view stays the same, as
+    // in the pictures that `render` writes.
     for size in [[120, 80], [60, 40]] {
         server.user().resize(size);
         shows(size);
@@ -521,7 +521,8 @@ fn ctrl_c_ends_the_view_in_a_terminal_while_the_scene_is_loaded() {
     until("it makes the terrain", || resident_kb(&scene) > 100_000);
     tmux.run(&["send-keys", "C-c"]);
     until("it has ended", || tmux.text().is_empty());
-    // Ctrl-C also ends the shell, which would otherwise have written the code.
+    // Ctrl-C also ends the shell. If the shell had gone on, it would have written raycl's exit code to a
+    // file.
     assert!(!std::path::Path::new(&code).exists(), "{:?}", std::fs::read_to_string(&code));
 }
 
@@ -542,13 +543,13 @@ fn ctrl_c_ends_the_view_in_a_terminal() {
 #[test]
 fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
     use rustix::process::{Pid, Signal, kill_process};
-    // The test sends SIGABRT, as if a driver had crashed, to the child process that uses the driver. The test
-    // sends the other signals to the process that the user started.
+    // The test sends SIGABRT, as if a driver had crashed, to the child process that uses the driver. All
+    // signals except SIGABRT are sent to the process that the user started.
     let signals = [
         (Signal::TERM, "143", "SIGTERM"),
         (Signal::HUP, "129", "SIGHUP"),
         (Signal::QUIT, "131", "SIGQUIT"),
-        // raycl prints no message about SIGINT, so there is no name to wait for.
+        // raycl prints no message about SIGINT, so the test does not wait for the name of this signal.
         (Signal::INT, "130", ""),
         (Signal::ABORT, "1", "SIGABRT"),
     ];
@@ -586,7 +587,7 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
             assert!(modes.split_whitespace().any(|mode| mode == usual), "{signal:?}, not {usual}: {modes}");
         }
         until("the usual screen is shown", || state() == "0 0 1\n");
-        // The terminal may show what raycl has written a moment later.
+        // After raycl has written its message, it may take a moment until the terminal shows the message.
         until("raycl names the signal", || tmux.text().contains(name));
     }
 }

@@ -106,11 +106,12 @@ fn lit_and_hit(stand: &Stand, strategy: &Strategy) -> (usize, usize) {
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// The nets on the device. Several strategies use the same nets, since the nets' trees take long to build.
+/// Scenes with nets (grids of triangles whose vertices and edges rays meet), on the device. Several
+/// strategies cast the same nets, since the trees of the nets take long to build.
 struct Nets {
-    /// The crumpled net and the flat net in front of the eye.
+    /// Two nets in front of the eye: a crumpled net (with vertices at different depths) and a flat net.
     before_the_eye: [Stand; 2],
-    /// The net in front of the light.
+    /// The net between a light and a floor, which shadow rays meet.
     before_the_light: Stand,
 }
 
@@ -133,20 +134,21 @@ impl Nets {
     }
 }
 
-/// The number of rays that may hit a sliver beyond its end: in single precision, no test can tell for every
-/// sliver where along its plane a ray passes.
+/// The number of rays that are allowed to hit a sliver (a long, narrow triangle) beyond its end. In single
+/// precision, no ray-triangle test can tell for every sliver where along the sliver's plane a ray passes.
 const ALLOWED: usize = 8;
 
-/// Returns how many of 4,096 primary rays hit something in a scene that has a sliver beside each ray, which
-/// no ray hits.
+/// Returns how many of 4,096 primary rays hit something. The scene has a sliver (a long, narrow triangle)
+/// beside each ray, and no ray should hit a sliver.
 fn hits_beyond_slivers(kernels: &Sources, strategy: &Strategy) -> usize {
     let stand = Stand::of(kernels, slivers_beside_the_rays(64), [64; 2], |builtins| builtins);
     lit_and_hit(&stand, strategy).1
 }
 
-/// Counts the rays that a strategy with these kernels casts wrongly. Returns four numbers: of primary rays
-/// that pass through nets, of shadow rays that pass through a net, of rays that a triangle stops although
-/// they pass beside it, and of rays that hit a sliver beyond its end, without the few that are [`ALLOWED`].
+/// Counts the rays that a strategy with these kernels casts wrongly. Returns four counts of rays. The first
+/// two count primary rays and shadow rays that pass through a net (a grid of triangles). The third counts
+/// rays that a triangle stops although they pass beside it. The fourth counts rays that hit a sliver (a long,
+/// narrow triangle) beyond its end, minus the few hits that are [`ALLOWED`].
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 4] {
     let nets = Nets::new(kernels);
     [
@@ -157,11 +159,12 @@ pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 4] {
     ]
 }
 
-/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. The
-/// distance at which such a ray passes the edge is 7e-7 of the ray's length, which is a few rounding errors.
-/// For the Möller-Trumbore test, which allows each triangle its own rounding error, the distance is ten times
-/// larger. Tiles and the test `pixel-linear` cast only rays of a camera, not these rays. For strategies with
-/// tiles or with `pixel-linear`, this function returns 0.
+/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Each of
+/// these rays passes an edge of a triangle at a distance of 7e-7 of the ray's length, which is a few rounding
+/// errors. For the Möller-Trumbore test, which allows each triangle its own rounding error, the rays pass the
+/// edges at ten times this distance. Tiles and the test `pixel-linear` cast only rays of a camera, but the
+/// rays of this function do not come from a camera. For strategies with tiles or with `pixel-linear`, this
+/// function returns 0.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;
@@ -221,10 +224,11 @@ fn rays_beside_an_edge_miss() {
     }
 }
 
-/// The ray-triangle tests of this list enlarge triangles a little, so that no ray slips between neighbours.
-/// This enlargement must not lengthen slivers. (The ray-triangle tests have a rule for triangles that look
-/// narrower than the enlargement. Without this rule, 347 to 3,679 rays hit slivers beyond their ends.) The
-/// enlargement of `pixel-linear` is larger than the one in this rule, so a few rays hit.
+/// The ray-triangle tests that this function lists enlarge triangles a little, so that no ray slips between
+/// neighbours. Enlarging triangles must not lengthen slivers (long, narrow triangles). For this purpose, the
+/// ray-triangle tests have a rule for triangles that look narrower than the enlargement. Without the rule for
+/// such narrow triangles, 347 to 3,679 rays hit slivers beyond their ends. The test `pixel-linear` enlarges
+/// triangles more than its rule for narrow triangles assumes, so a few rays hit slivers.
 #[test]
 fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     apart!();
@@ -242,10 +246,10 @@ fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     }
 }
 
-/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. With the other tests,
-/// however, neighbouring triangles overlap by a rounding error, or share the planes of their edges and
-/// overlap by less. With PoCL, these overlaps were wide enough: no ray leaked. On a device that rounds
-/// differently, one ray in ten thousand may leak. The command
+/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. With all other
+/// ray-triangle tests, neighbouring triangles overlap by a rounding error, or share the planes of their edges
+/// and overlap by less. With PoCL, the overlaps of neighbouring triangles were wide enough: no ray leaked. On
+/// a device that rounds differently, one ray in ten thousand may leak. The command
 /// `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture`
 /// prints the numbers of the table in docs/reliability.md.
 #[test]
@@ -287,8 +291,8 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     let shadow = lit_and_hit(&before_the_light, &wide).0;
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
-    // The expected numbers of leaks are those of docs/reliability.md. Devices that round differently may find
-    // between half and twice as many.
+    // The expected numbers of leaks are those of docs/reliability.md. On devices that round differently,
+    // between half and twice as many rays may leak.
     let is_near = |leaks: usize, stated: usize| leaks > stated / 2 && leaks < 2 * stated;
     let near = is_near(rays, 4_241) && is_near(primary, 15_442) && is_near(shadow, 10_730);
     assert!(near, "{rays} rays, {primary} primary, {shadow} shadow");

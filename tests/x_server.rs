@@ -163,7 +163,7 @@ impl User {
     }
 
     /// Waits until the server has processed all requests, since it discards the requests of a user that has
-    /// disconnected. By then, the window may no longer exist.
+    /// disconnected. When all requests have been processed, the window may no longer exist.
     fn until_done(&mut self) {
         self.send(&[43, 0, 1, 0]);
         while read(&mut self.stream, 32)[0] != 1 {}

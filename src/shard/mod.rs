@@ -3,11 +3,12 @@
 //! the results.
 //!
 //! `number` and `launcher` find out which shard a process measures. `plan` reads and writes the file that all
-//! shards share. `kind` reads and writes the points of each kind of device. `attempt` makes the folder of one
-//! process. With `pulse`, other processes can see that an attempt's process is alive. `watch` checks that the
-//! launcher of an attempt's process is alive. `merge` merges attempts into one folder of results. `missing`
-//! finds the points that still have to be measured, and makes the commands that measure these points.
-//! `status` finds the state of each attempt. `sbatch` makes scripts for Slurm.
+//! shards share. For each kind of device, `kind` reads and writes the list of points that are measured on it.
+//! `attempt` makes the folder of one process. With `pulse`, other processes can see that an attempt's process
+//! is alive. `watch` checks that the launcher (the program, such as `mpirun`, that started an attempt's
+//! process) is alive. `merge` merges attempts into one folder of results. `missing` finds the points that
+//! still have to be measured, and makes the commands that measure these points. `status` finds the state of
+//! each attempt. `sbatch` makes scripts for Slurm.
 
 mod attempt;
 mod kind;

@@ -1,5 +1,5 @@
 //! `shards.json`: the data that all shards of an experiment share. The shard that starts first, whatever its
-//! number, writes the file. Shards that start later read the file.
+//! number, writes the file. Shards that start later read `shards.json`.
 
 use crate::error::{Error, Result};
 use crate::existing;

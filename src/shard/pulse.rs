@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// The name of the file that contains the counter.
 const FILE: &str = "pulse";
-/// The time between two counts of the attempt's process.
+/// The time after which an attempt's process increases its counter again.
 const BEAT: Duration = Duration::from_secs(1);
 /// The time between two checks whether the attempt has ended.
 const LOOK_UP: Duration = Duration::from_millis(50);
@@ -22,10 +22,12 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// The contents of the counter's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// How often the attempt's process has counted so far. The attempt's process counts once per second.
+    /// How often the attempt's process has increased its counter so far. The process increases the counter
+    /// once per second.
     pub beats: u64,
-    /// The number of counts since the last step, or since the attempt last waited for another process (a
-    /// process that uses the device, or that measures the device's peak rates for the attempt).
+    /// How often the counter has increased since the attempt's last step. The number also starts again at 0
+    /// when the attempt has waited for another process (a process that uses the device, or that measures the
+    /// device's peak rates for the attempt).
     pub quiet: u64,
     /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
     /// points that have finished.
@@ -40,8 +42,8 @@ impl Beat {
         Some(Self { beats: numbers.next()??, quiet: numbers.next()??, steps: numbers.next()?? })
     }
 
-    /// Returns the counter's contents after one more count. `waits` is true if the attempt has waited for
-    /// another process since the last count.
+    /// Returns the contents of the counter's file after the counter has increased once more. `waits` is true
+    /// if the attempt has waited for another process since the counter last increased.
     fn after(self, steps: u64, waits: bool) -> Self {
         let quiet = if steps == self.steps && !waits { self.quiet + 1 } else { 0 };
         Self { beats: self.beats + 1, quiet, steps }
@@ -64,7 +66,7 @@ pub struct Steps<'a> {
 /// A thread that counts until this value is dropped.
 pub struct Pulse {
     steps: Arc<AtomicU64>,
-    /// True if the attempt has waited for another process since the last count.
+    /// True if the attempt has waited for another process since the attempt's counter last increased.
     waits: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -107,7 +109,7 @@ impl Pulse {
 }
 
 /// Returns true if the attempt has waited for another process since the last call of this function. The next
-/// call returns false, unless the attempt waits again.
+/// call of this function returns false, unless the attempt waits again before the call.
 fn taken(waits: &AtomicBool) -> bool {
     waits.swap(false, Ordering::Relaxed)
 }

@@ -26,8 +26,9 @@ pub struct Wishes {
 
 /// If the longest shard takes at least the time `WORTH_AN_ELEMENT`, or if its time is a guess, the shards
 /// become elements of a job array. Slurm starts the elements of an array one after another, and takes a few
-/// seconds for each element. Slurm can requeue a single element. Shorter shards become tasks of one job step,
-/// which all start at the same time.
+/// seconds for each element. Slurm can requeue a single element. If the longest shard is known to take less
+/// time than `WORTH_AN_ELEMENT`, the shards become tasks of one job step. All tasks of the step start at the
+/// same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
 /// Returns a shell script that submits the scripts of the shards and of the merge. The command `sbatch` reads

@@ -11,11 +11,12 @@ use std::time::Duration;
 /// The state of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// The attempt has made its folder, but its counter has not started yet.
+    /// The attempt (a process that measures a shard) has made its folder, but has not written the counter
+    /// that shows that the attempt is alive.
     Begun,
-    /// The attempt's counter increases, and the attempt is not hung: within the time limit of a step, it has
-    /// made progress or has waited for another process (a process that uses the device, or that measures the
-    /// device's peak rates for the attempt).
+    /// The attempt's counter (its sign of life) increases, and the attempt is not hung. Within the time limit
+    /// of a step, the attempt has made progress or has waited for another process (a process that uses the
+    /// device, or that measures the device's peak rates for the attempt).
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit
     /// of a step. `Hung` contains the number of seconds without progress.
@@ -34,8 +35,8 @@ pub struct Status {
     pub name: String,
     /// The attempt's state.
     pub state: State,
-    /// The attempt's counter at the second reading. All numbers of the counter are 0 if the attempt has not
-    /// counted yet.
+    /// The contents of the attempt's counter, as the second of two readings found them. All three numbers in
+    /// the counter are 0 if the attempt has not written a counter yet.
     pub beat: Beat,
 }
 
@@ -45,7 +46,8 @@ pub fn status(out: &Path, between: Duration) -> Result<Vec<Status>> {
     read_twice(out, || std::thread::sleep(between))
 }
 
-/// Reads all attempts twice. Calls `wait` between the two readings, unless all attempts have ended.
+/// Reads all attempts twice. Calls `wait` between the first and the second reading of the attempts, unless
+/// all attempts have ended.
 fn read_twice(out: &Path, wait: impl FnOnce()) -> Result<Vec<Status>> {
     let attempts = Attempt::all(out)?;
     let read = |attempt: &Attempt| Beat::read(&attempt.folder);

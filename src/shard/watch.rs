@@ -1,6 +1,7 @@
 //! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not
-//! look for the step's processes again. Without this check, a process of a lost step would go on measuring
-//! the same points as the process that replaces it, although a merge uses only one record of each point.
+//! look for the step's processes again. If processes did not check their launcher, a process of a lost job
+//! step would go on measuring the same points as the process that replaces it. A merge uses only one record
+//! of each point.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};
@@ -26,17 +27,17 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
-/// Shells. If a shell ends, the launcher need not be lost: a user may have closed an interactive shell, and a script
-/// may end before the processes that it started.
+/// Shells. The end of a shell does not mean that the launcher has ended: a user may have closed an
+/// interactive shell, and a script may end before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
 /// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is
 /// lost, the thread records the loss in the attempt's folder and ends the process with exit code 1. The
 /// workers end with the process, and the points that are being measured get no record. No launcher is checked
-/// if no process in the chain of parents is a known launcher, the parent is a shell, and the user gave the
-/// shard's number. No launcher is checked either if the parent is process 1, the first process of a container
-/// or of the system: all other processes end with process 1. On systems other than Linux, no launcher is ever
-/// checked.
+/// in two cases. In the first case, no ancestor of this process is a known launcher, the parent is a shell,
+/// and the user gave the shard's number. In the second case, the parent is process 1, the first process of a
+/// container or of the system. No check is needed then, since all other processes end with process 1. On
+/// systems other than Linux, no launcher is ever checked.
 ///
 /// # Errors
 ///
@@ -84,8 +85,8 @@ impl Chain {
         Self::from(parent(), asked, &read)
     }
 
-    /// Returns the chain of processes that begins at process `id`. The chain is empty if no process should be
-    /// checked.
+    /// Returns the chain of processes that begins at process `id`. The returned chain is empty if neither a
+    /// launcher nor the parent should be checked.
     fn from(mut id: u32, asked: Asked, read: &dyn Fn(u32) -> Option<Process>) -> Self {
         let mut chain: Vec<Process> = Vec::new();
         while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
@@ -105,8 +106,8 @@ impl Chain {
         self.0.is_empty()
     }
 
-    /// Returns a text about the first process of the chain that has ended; `None` if all processes of the
-    /// chain are alive.
+    /// Returns a text about the first process that has ended, of the chain from the parent up to the
+    /// launcher; `None` if all processes of the chain are alive.
     fn lost(&self) -> Option<String> {
         self.lost_by(&read)
     }

@@ -41,8 +41,8 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
                 .with_help("save the file with the line ends of Linux or Windows"));
         }
         let spliced = text.ends_with('\\');
-        // A comment that is open at the line's end began on this line, unless it was already open at the line's start
-        // and the line has no `*/`.
+        // A block comment that is open at this line's end usually began on this line. The exception is a line
+        // without `*/` at whose start the comment was already open.
         if within != Within::BlockComment || text.contains("*/") {
             opened = number;
         }
@@ -97,8 +97,8 @@ fn other_form(name: &str, number: usize) -> Error {
 }
 
 impl Within {
-    /// Adds a line's code to `code`, with a blank for each block comment. Afterwards, `self` is the kind of text at the
-    /// line's end.
+    /// Adds a line's code to `code`, with a blank for each block comment. Sets `self` to the kind of text
+    /// (such as code or a comment) at the line's end.
     fn add_code(&mut self, line: &str, code: &mut String) {
         let mut rest = line;
         while !rest.is_empty() {

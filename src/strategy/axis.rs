@@ -1,20 +1,21 @@
-//! The axes of a strategy (the choices of which a way to cast rays consists), and their values. If a value is
-//! code, each kernel family that supports the value has a file for the value under `cl/`, and the file's
-//! header describes the value. All values that are not code are listed here, with their names and
-//! descriptions.
+//! The axes of a strategy (the choices of which a way to cast rays consists), and their values. Some values
+//! are kernel files: each kernel family that supports such a value has a file for it under `cl/`, and the
+//! file's header describes the value. All values without a kernel file of their own are listed here, with
+//! their names and descriptions.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
 use crate::error::{Error, Result, meant};
 
-/// An axis as data: its name, its meaning, and its values that are not files.
+/// The description of an axis (one choice within a strategy): its name, its meaning, and its values without a
+/// kernel file of their own.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisInfo {
     /// The axis's name in configs.
     pub name: &'static str,
     /// What the axis decides, in a few words.
     pub about: &'static str,
-    /// The name and the meaning of each value that is not a file.
+    /// The name and the meaning of each value that has no kernel file of its own.
     pub listed: &'static [(&'static str, &'static str)],
 }
 
@@ -99,7 +100,7 @@ macro_rules! file_axis {
         impl $type {
             $(#[doc = concat!("`", $name, "`")] pub const $value: Self = Self($name);)+
 
-            /// Returns the header of the kernel file of this value.
+            /// Returns the header of the kernel file that defines this value of the axis.
             pub(super) fn header(self) -> &'static Header {
                 header_of($axis, self.0)
             }
@@ -184,7 +185,7 @@ file_axis! {
 axis! {
     /// The time at which a triangle's data for the ray-triangle test is computed.
     Records "records" "when the data that a ray-triangle test reads of a triangle is computed" {
-        EachTest "each-test" "at each test, from the triangle's corners; with triangles = tiled, when a work-group copies the triangle to __local memory (tests with planes, and tiles of rays, prepare triangles at other times)",
+        EachTest "each-test" "at each test, from the triangle's corners; with triangles = tiled, whenever a work-group copies the triangle to __local memory; tests with planes, and tiles of rays, compute the data at other times",
         Once "once" "once per scene, by a kernel of its own, which writes a record per triangle to global memory",
     }
 }

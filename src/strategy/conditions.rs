@@ -16,8 +16,8 @@ impl Strategy {
     }
 
     /// Returns true if the kernel for primary rays also casts shadow rays and, unless work-items share tiles,
-    /// shades the hits. If work-items share tiles and the scene has neither lights nor a sky, there are no
-    /// shadow rays, and the passes are separate even with `passes = fused`.
+    /// shades the hits. A scene with neither lights nor a sky has no shadow rays. If work-items share tiles,
+    /// the passes for such a scene are separate, even if the strategy has `passes = fused`.
     pub fn fuses(&self, workload: &Workload) -> bool {
         let casts_shadows = workload.lights > 0 || workload.sky;
         self.passes == Passes::Fused && (casts_shadows || !self.shares_tiles())
@@ -30,9 +30,9 @@ impl Strategy {
         self.holds_of(fact, &Workload::CUBE)
     }
 
-    /// Returns true if the strategy with this workload has the property `fact`. The manifest (the table of
-    /// kernels) uses the properties as conditions for kernels, parameters and defines. A scene's textures,
-    /// cut-outs and soft light count only if the strategy's family supports them.
+    /// Returns true if the strategy with this workload has the property `fact`. In the manifest (the table of
+    /// kernels), such properties of strategies are conditions for kernels, parameters and defines. A scene's
+    /// textures, cut-outs and soft light count only if the strategy's family supports them.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         let supports = |property| self.family().takes(property);
         match fact {
@@ -59,11 +59,12 @@ impl Strategy {
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
             // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from
-            // the eye is cast per pixel at a time. In all other cases, a separate kernel casts the leftover
-            // shadow rays. Even with many samples, two kinds of pictures have one ray per pixel at a time:
+            // the eye is cast per pixel at a time. If the passes are separate, or several rays per pixel are
+            // cast at a time, a separate kernel casts the leftover shadow rays (the rays that tiles do not
+            // finish). Even with many samples, two kinds of pictures have one ray per pixel at a time:
             // pictures with soft light, and pictures of more than 2^23 pixels (see
-            // `Workload::shared_subpixel_bits`). For the large pictures, the program contains the separate
-            // kernel, but frames do not run it.
+            // `Workload::shared_subpixel_bits`). For pictures of more than 2^23 pixels, the program contains
+            // the separate kernel for leftover shadow rays, but frames do not run this kernel.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{Intersector, Layout, Shading, Triangles, Vectors};
 
-/// The memory of working vectors.
+/// The memory in which a ray's working vectors (origin, direction, normal and others) are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WorkingMemory {
     /// The private memory of a work-item.
@@ -36,7 +36,7 @@ impl Vectors {
 /// The data that a work-group copies to `__local` memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Copied {
-    /// Nothing: triangles are read from the memory in which the host put them.
+    /// The work-group copies nothing: triangles are read from the memory in which the host put them.
     Nothing,
     /// The whole scene: positions, normals and materials.
     Scene,
@@ -108,8 +108,9 @@ impl Intersector {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Returns true if the directions of primary rays are given in pixel coordinates. If they are, the planes
-    /// for primary rays are linear in the pixel coordinates, and the distance t along a ray is the depth.
+    /// Returns true if the directions of primary rays are given in pixel coordinates. If the directions are
+    /// given in pixel coordinates, the planes for primary rays are linear in these coordinates, and the
+    /// distance t along a ray is the depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }

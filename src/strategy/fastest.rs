@@ -39,8 +39,8 @@ impl Task {
     }
 
     /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one
-    /// sample, lights with a radius make the task soft. With one sample, lights with a radius count as
-    /// points.
+    /// sample, lights with a radius make the task's field `soft` true. With one sample, lights with a radius
+    /// count as points.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.has_soft_lights();
@@ -50,14 +50,15 @@ impl Task {
 
 #[cfg(test)]
 impl Task {
-    /// Returns the task of a picture that the scene, seen from outside, covers completely.
+    /// Returns the task of casting a picture in which triangles cover every pixel. The eye is outside the
+    /// scene.
     pub fn covering(triangles: usize, pixels: usize) -> Self {
         Self { triangles, pixels, covered_pixels: pixels, ..Self::default() }
     }
 }
 
-/// A way to cast a picture. raycl chooses the fastest of several candidates. The preset that a candidate
-/// stands for depends on the kind of device.
+/// A way to cast a picture. raycl chooses the fastest of several candidates. Each kind of device has its own
+/// presets (named strategies) for these candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Candidate {
     /// Every ray is tested against every triangle.
@@ -79,24 +80,26 @@ pub enum Candidate {
 pub enum Class {
     /// A CPU whose vectors hold at least 16 rays, the vector width of tiles.
     TilesInVectors,
-    /// A CPU with narrower vectors. The compiler for this CPU splits the vectors of tiles.
+    /// A CPU with narrower vectors. For such a CPU, the compiler splits the vectors of 16 rays that tiles
+    /// use.
     TilesInNarrowVectors,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
-    /// A GPU whose work-items cannot share tiles, or a CPU without vectors for kernels. Mesa's driver for CPUs reports
-    /// such a CPU: like a GPU, it executes several work-items in the lanes of a vector.
+    /// A GPU whose work-items cannot share tiles, or a CPU without vectors for kernels. Mesa's driver for
+    /// CPUs reports a CPU without vectors: like a GPU, the driver executes several work-items in the lanes of
+    /// a vector.
     SingleRays,
 }
 
 /// From this number of triangles on, devices that do not support tiles traverse a tree with single rays. With
-/// fewer triangles, testing all triangles is faster. `TREE_TRIANGLES` was measured on an H200 (`single` and
-/// `exhaustive` in docs/results/rule/h200.json).
+/// fewer triangles than `TREE_TRIANGLES`, testing all triangles is faster than a tree. `TREE_TRIANGLES` was
+/// measured on an H200 (`single` and `exhaustive` in docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
 /// The limits at which another candidate becomes the fastest one, for one class of devices that support
 /// tiles. Some limits are compared with the number of pixels multiplied or divided by a root of the number of
-/// triangles. Which root suits a limit was found from the times of 346 pictures on an H200
-/// (docs/results/rule/h200.json).
+/// triangles. For each of these limits, the root (square or fourth) was chosen by the times of 346 pictures
+/// on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
@@ -108,20 +111,21 @@ pub struct Constants {
     /// scenes with surfaces all around the eye, more triangles lie behind each other than in other scenes.
     pub single_triangles_a_pixel_inside: f64,
     /// A limit for the number of covered pixels per compute unit, divided by the square root of the number of
-    /// triangles. Below the limit, there are too few tiles to keep a unit busy until the slowest tile is
-    /// finished, and single rays are faster.
+    /// triangles. Below `single_pixels_a_unit`, there are too few tiles to keep a compute unit busy until the
+    /// slowest tile is finished, and single rays are faster.
     pub single_pixels_a_unit: f64,
     /// With fewer triangles than this limit, the rays of a tile have little work to share. With so few
     /// triangles, single rays are faster in small pictures (below `few_pixels_a_unit`).
     pub few_triangles: f64,
-    /// A limit for the number of pixels per compute unit, times the fourth root of the number of triangles.
-    /// Below the limit, a picture of few triangles is small.
+    /// A limit for a product: the number of pixels per compute unit, times the fourth root of the number of
+    /// triangles. Below `few_pixels_a_unit`, a picture with fewer than `few_triangles` triangles counts as
+    /// small.
     pub few_pixels_a_unit: f64,
-    /// A limit for the number of pixels per compute unit, divided by the fourth root of the number of
-    /// triangles, where the number of pixels is the geometric mean of the number of all pixels and the number
-    /// of covered pixels. Large tiles share more work, but the slowest tile takes longer, in particular if
-    /// there are many triangles. From the limit on, there are enough large tiles to keep a unit busy until
-    /// the slowest tile is finished, and large tiles are faster.
+    /// A limit for a quotient: the mean number of pixels per compute unit, divided by the fourth root of the
+    /// number of triangles. The mean is the geometric mean of the number of all pixels and the number of
+    /// covered pixels. Large tiles share more work, but the slowest tile takes longer, in particular if there
+    /// are many triangles. From `large_pixels_a_unit` on, there are enough large tiles to keep a compute unit
+    /// busy until the slowest tile is finished, and large tiles are faster.
     pub large_pixels_a_unit: f64,
     /// From this number of covered pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
@@ -220,10 +224,10 @@ impl Class {
 }
 
 impl Candidate {
-    /// The candidate with a CPU's tiles, or with the smallest tiles of a GPU.
+    /// The way to cast a picture with tiles on a CPU, or with the smallest tiles on a GPU.
     pub const TILES: Self = Self::Tiles { large: false, separate: false };
 
-    /// Returns the candidate's name in stored sweeps.
+    /// Returns the candidate's name in the files of stored sweeps (times of all candidates on a device).
     pub fn name(self) -> &'static str {
         match self {
             Self::Exhaustive => "exhaustive",
@@ -253,8 +257,8 @@ impl Candidate {
     pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
         let width = widest(limits.native_width);
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
-        // If work-items share a tile, the local size in this pair has no effect: `Strategy::local_size`
-        // returns another local size.
+        // If work-items share a tile, the value of `local_size` has no effect: `Strategy::local_size` returns
+        // another local size.
         let (mut strategy, local_size) = match (Class::of(limits).is_in_vectors(), self) {
             (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
             (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
@@ -297,8 +301,8 @@ pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2]
     Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }
 
-/// Returns the largest width whose rays fit into one vector of the hardware. `native` is the number of rays
-/// that such a vector holds.
+/// Returns the largest width (number of rays per work-item) that fits into one vector of the hardware.
+/// `native` is the number of rays that a vector of the hardware holds.
 fn widest(native: u32) -> Width {
     let holds = |width: &Width| width.rays() <= native.max(1) as usize;
     Width::all().into_iter().rfind(holds).unwrap_or(Width::W1)
@@ -314,7 +318,7 @@ mod tests {
     const PIXELS: usize = 1920 * 1080;
     const TILES: Candidate = Candidate::TILES;
 
-    /// Constants that do not come from sweeps, so that new sweeps do not break these tests.
+    /// Constants that do not come from sweeps (measured times), so that new sweeps do not break these tests.
     const EXAMPLE: Constants = Constants {
         tree_triangles: 50.0,
         few_triangles: 100.0,
@@ -384,9 +388,11 @@ mod tests {
             [10_000, 9_999].map(|covered| of(625, 40_000, covered, false)),
             [TILES, Candidate::Single]
         );
-        // The geometric means of the two numbers of pixels are 5,000,000 and 4,999,990.
+        // The geometric means of the number of all pixels and the number of covered pixels are 5,000,000 and
+        // 4,999,990.
         assert_eq!([1_250_000, 1_249_995].map(|covered| of(625, 20_000_000, covered, false)), [large, TILES]);
-        // A picture of few triangles is small if it has few pixels, covered or not.
+        // A picture of few triangles counts as small if it has few pixels, whether triangles cover them or
+        // not.
         assert_eq!([99_999, 100_000].map(|pixels| of(81, pixels, 5_000, false)), [Candidate::Single, TILES]);
         let separate =
             |covered| matches!(of(100, 1 << 30, covered, true), Candidate::Tiles { separate: true, .. });

@@ -1,5 +1,5 @@
-//! A kernel file that is a value of an axis begins with a comment, its header. The header tells the host the value's
-//! properties.
+//! A kernel file that is a value of an axis begins with a comment, its header. The header of a kernel file
+//! tells the host the properties of the value that the file defines.
 
 use super::keys::{KEYS, Key, Said};
 use crate::error::{Error, Result, meant};
@@ -7,32 +7,33 @@ use crate::error::{Error, Result, meant};
 /// The properties of a value of an axis, if the value is a kernel file.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Header {
-    /// The axis whose value the file is.
+    /// The axis to which the file's value belongs.
     pub axis: &'static str,
     /// The value's name: the file's name with `-` in place of `_`.
     pub name: String,
     /// The meaning of the value, in a line.
     pub meaning: String,
-    /// The folders that contain a file of this value. Each folder belongs to one or several kernel families.
+    /// The folders that contain a kernel file for this value of the axis. Each folder belongs to one or
+    /// several kernel families.
     pub folders: Vec<&'static str>,
     /// The values of other axes with which this value cannot be combined.
     pub contradicts: Vec<Contradiction>,
     facts: Vec<(&'static str, Said)>,
 }
 
-/// A value of another axis that cannot be combined with the header's value.
+/// A value of another axis that cannot be combined with the value that the header describes.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Contradiction {
-    /// The axis of the value that cannot be combined with the header's value.
+    /// The axis of the value that cannot be combined with the value that the header describes.
     pub axis: &'static str,
-    /// The name of the value that cannot be combined with the header's value.
+    /// The name of the value that cannot be combined with the value that the header describes.
     pub value: String,
     /// The reason for the contradiction, if the header states one.
     pub because: Option<String>,
 }
 
 impl Header {
-    /// The header of a value that has no file; it states no properties.
+    /// An empty header, for a value without a kernel file. The empty header states no properties.
     pub(super) const NONE: Self = Self {
         axis: "",
         name: String::new(),
@@ -110,8 +111,9 @@ impl Reader<'_> {
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: parsed.contradicts, facts })
     }
 
-    /// Checks another file of the same value. The comment at the file's start must contain no key of a
-    /// header, because raycl reads only the header of the value's first file.
+    /// Checks another kernel file that the value has for another kernel family. The comment at the file's
+    /// start must contain no key of a header, because raycl reads only the header in the first of a value's
+    /// files.
     pub fn refuse_another(&self, path: &str, text: &str) -> Result<()> {
         match entries(text).find(|(_, key, _)| self.key_names().any(|own| own == *key)) {
             Some((line, key, _)) => Err(Error::input(format!(
@@ -125,9 +127,9 @@ impl Reader<'_> {
         }
     }
 
-    /// Returns the error for a file whose header does not state the value's meaning. The meaning is usually
-    /// missing for one of two reasons: the header is not at the file's start, or the file is only meant to be
-    /// included by other files.
+    /// Returns the error for a kernel file whose header does not state what the file's value means. The key
+    /// `meaning` is usually missing from a header for one of two reasons: the header is not at the file's
+    /// start, or the file is only meant to be included by other files.
     fn no_meaning(&self, text: &str) -> Error {
         let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
         let further_down = text.lines().position(bare).map(|row| row + 1);
@@ -194,8 +196,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Parses `axis=value, axis=value because reason`. The reason applies to all pairs of an axis and a
-    /// value.
+    /// Parses `axis=value, axis=value because reason`. The reason after `because` applies to all pairs
+    /// `axis=value` before it.
     fn contradictions(&self, line: usize, text: &str) -> Result<Vec<Contradiction>> {
         let (pairs, because) = match text.split_once(" because ") {
             Some((pairs, because)) => (pairs, Some(because.trim().to_owned())),

@@ -10,15 +10,15 @@ use crate::scene::{Mapped, Material, Mesh};
 
 /// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1,
 /// casting a scene of one triangle took 258 to 305 MB (2026-11-27), in runs in which LLVM 15 compiled the
-/// kernels. The preset `tile-group` needed most. A process that lists all devices also starts the drivers of
-/// other devices. `PROGRAM_BYTES` leaves the drivers of other devices out: on a machine with an NVIDIA GPU,
-/// pictures that the CPU cast took up to 84 MB more.
+/// kernels. Of all presets, `tile-group` needed the most memory. A process that lists all devices also starts
+/// the drivers of other devices. `PROGRAM_BYTES` does not include the drivers of other devices. On a machine
+/// with an NVIDIA GPU, casting a picture with the CPU took up to 84 MB more.
 const PROGRAM_BYTES: u64 = 305_000_000;
-/// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
-/// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
+/// The host's bytes for the program, its libraries and a driver, if the driver's device has memory of its
+/// own. With NVIDIA's driver 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
 const PROGRAM_BYTES_BESIDE_GPU: u64 = 432_000_000;
-/// An upper bound of the bytes per triangle in the reference's tree. `REFERENCE_BYTES` assumes 80 bytes for
-/// the triangle, although a triangle takes only 44 bytes, and 72 bytes for two nodes.
+/// An upper bound of the bytes per triangle in the reference's tree. `REFERENCE_BYTES` assumes 80 bytes for a
+/// triangle, and 72 bytes for two nodes. In fact, a triangle takes only 44 bytes.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, the alpha, and whether the pixel
 /// is certain.
@@ -29,8 +29,9 @@ const PICTURE_BYTES: u64 = 12 + 3 + 3;
 /// Bytes of a material. A mesh with vertex colours may have millions of materials.
 const MATERIAL_BYTES: u64 = size_of::<Material>() as u64;
 
-/// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light and hits,
-/// two half pictures with their hits and ratios, and the picture that is expected from these parts.
+/// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light
+/// and hits, two half pictures (of half the width and height) with their hits and ratios, and the picture
+/// that is expected from all of these.
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
 /// Bytes per pixel while layers are computed: radiance and alpha of the picture, two counts, and the hit of the pixel's
@@ -49,12 +50,12 @@ pub struct Afterwards {
     pub layers: bool,
 }
 
-/// The bytes of the host's memory in use at several moments. The memory that casting needs is the largest of
-/// the moments' sums.
+/// The bytes of the host's memory in use at several moments of the work. Each moment has a sum of bytes.
+/// Casting needs as much memory as the largest of these sums.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
-    /// The bytes that the program, its libraries and the driver need. The sum of every moment includes
-    /// `program_bytes`.
+    /// The bytes that the program, its libraries and the driver need. At every moment of the work,
+    /// `program_bytes` is a part of the sum of bytes in use.
     program_bytes: u64,
     moments: Vec<(&'static str, Sum)>,
 }
@@ -70,9 +71,10 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = base.clone();
-            // The sum assumes that the binary tree has small leaves. With fewer than 32 children per node,
-            // `WideBvh::of_mesh` builds a binary tree with small leaves. With 32 children, the binary tree
-            // may have larger leaves, and then needs less memory than the sum assumes.
+            // The sum of bytes assumes that the binary tree has small leaves. With fewer than 32 children per
+            // node, `WideBvh::of_mesh` builds a binary tree with small leaves. With 32 children per node, the
+            // binary tree may have larger leaves. A binary tree with larger leaves needs less memory than
+            // this sum of bytes.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);
@@ -115,13 +117,14 @@ impl HostNeeds {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
 
-    /// Returns the same number of bytes as [`Self::bytes`], but without the program, its libraries and the driver.
+    /// Returns the number of bytes that [`Self::bytes`] returns, minus the bytes of the program, its
+    /// libraries and the driver.
     pub fn bytes_beside_program(&self) -> u64 {
         self.bytes().saturating_sub(self.program_bytes)
     }
 
-    /// Returns an error if the needs exceed the memory that is available to this process now. `other_bytes` are the bytes
-    /// that this process uses beside the needs.
+    /// Returns an error if the needs exceed the memory that is available to this process now. `other_bytes`
+    /// is the number of bytes that this process uses for data that `self` does not count.
     pub fn check_now(&self, other_bytes: u64) -> Result<(), Infeasible> {
         self.check(&Available::read(), own_bytes(resident_bytes(), other_bytes))
     }
@@ -137,8 +140,8 @@ impl HostNeeds {
     }
 }
 
-/// Returns how many of the bytes that this process uses are not `other_bytes`. `resident_bytes` is `None` if the system
-/// does not report the bytes that this process uses.
+/// Returns the number of bytes that this process uses, minus `other_bytes`. `resident_bytes` is `None` if the
+/// system does not report the bytes that this process uses.
 fn own_bytes(resident_bytes: Option<u64>, other_bytes: u64) -> u64 {
     resident_bytes.unwrap_or(0).saturating_sub(other_bytes)
 }
@@ -167,10 +170,10 @@ fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
 }
 
 /// Returns the memory in use while a picture's layers are computed, and while they are written. The buffers
-/// of the caster's frame are freed before the layers are computed, but a device that shares the host's memory
-/// still holds the scene. raycl also builds another tree, to find out how many tests each ray needs. The tree
-/// for counting tests is freed before the reference's tree is built, and is smaller than the reference's
-/// tree, so the sum leaves it out.
+/// of the caster's frame are freed before the layers (such as depth and normals) are computed. A device that
+/// shares the host's memory still holds the scene. To find out how many tests each ray needs, raycl also
+/// builds a second tree. The second tree is freed before the reference's tree is built, and is smaller than
+/// the reference's tree, so the returned sums do not count the second tree.
 fn with_layers(strategy: &Strategy, w: &Workload, shared: bool, base: &Sum) -> [(&'static str, Sum); 2] {
     let mut computing = base.clone();
     if shared {

@@ -6,25 +6,26 @@
 pub struct Infeasible {
     /// The reason as a text, for example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
     pub reason: String,
-    /// What must change so that the point can be cast.
+    /// What must change so that the device can cast this point (combination of strategy, scene and sizes).
     pub cause: Cause,
 }
 
-/// What must change so that a point can be cast.
+/// What must change so that a device can cast a point (a combination of strategy, scene and sizes).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// A size: the point exceeds a limit of a device or of the host.
+    /// A size must change, since the point exceeds a limit of a device or of the host.
     Size,
-    /// A size: the point exceeds a device's global memory. The point may fit when other points hold no global
-    /// memory.
+    /// A size must change, since the point exceeds a device's global memory. The point may fit when other
+    /// points hold no global memory.
     GlobalMemory,
-    /// The local size, since the device or the strategy does not support a work-group of this shape.
+    /// The local size must change, since the device or the strategy does not support a work-group of this
+    /// shape.
     WorkGroup,
-    /// The local size: a work-group of this size needs more memory than a limit allows, but a smaller
-    /// work-group fits.
+    /// The local size must change: a work-group of this size needs more memory than a limit allows, but a
+    /// smaller work-group fits.
     LargeGroup,
-    /// The strategy, which does not support something that the scene contains, whatever the device and the
-    /// sizes.
+    /// The strategy must change: it does not support something that the scene contains, whatever the device
+    /// and the sizes.
     Lacking,
 }
 
@@ -39,7 +40,8 @@ impl Infeasible {
     pub const CPU_STACK: &'static str = "a CPU thread's stack";
     /// The words by which a reason mentions memory that other points of the run hold on the device.
     pub const BESIDE_OTHERS: &'static str = "that other points hold";
-    /// The words with which a reason ends if the experiment's config sets the limit, not the device itself.
+    /// The last words of a reason, if the limit comes from the experiment's config and not from the device
+    /// itself.
     pub const EMULATED: &'static str = "the limit in [emulate]";
 
     /// Returns true if a reason holds only for a moment, because other programs use the host's memory, or
@@ -49,10 +51,11 @@ impl Infeasible {
     }
 
     /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads'
-    /// stacks, and the reason does not hold only for a moment. In another session, the limits of the same
-    /// device's global memory, buffers and stacks may be larger, for example if a variable of its driver or
-    /// `ulimit -s` changes. If any other limit of a device changes, the point's key changes too, since
-    /// everything that determines the other limits is part of the key.
+    /// stacks. Returns false if the reason is temporary, so that the point may fit at another moment of the
+    /// session. In another session, the limits of the same device's global memory, buffers and stacks may be
+    /// larger, for example if a variable of its driver or `ulimit -s` changes. If a limit of a device other
+    /// than these three changes, the point's key changes too, since everything that determines such a limit
+    /// is part of the key.
     pub fn is_of_the_session(reason: &str) -> bool {
         let limits = [Self::LARGEST_BUFFER, Self::GLOBAL_MEMORY, Self::CPU_STACK];
         !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))
@@ -73,8 +76,8 @@ impl Infeasible {
         }
     }
 
-    /// Returns this refusal. If `a_smaller_one_fits` is true (a smaller work-group fits), its cause becomes
-    /// the local size.
+    /// Returns this refusal. If `a_smaller_one_fits` is true (a smaller work-group fits), the returned
+    /// refusal has the local size as its cause.
     #[must_use]
     pub fn of_large_group_if(self, a_smaller_one_fits: bool) -> Self {
         if a_smaller_one_fits { Self { cause: Cause::LargeGroup, ..self } } else { self }

@@ -15,7 +15,7 @@ pub(super) enum Said {
 
 /// The allowed values of a key.
 pub(super) enum Takes {
-    /// The value must be one of these words.
+    /// The key's value must be one of the words in the list.
     Words(&'static [&'static str]),
     /// The value must be a number that lies in the range in the first field and is a multiple of the second
     /// field.
@@ -26,7 +26,7 @@ pub(super) enum Takes {
 pub(super) struct Key {
     pub axis: &'static str,
     pub name: &'static str,
-    /// What the key states about a value of the axis.
+    /// What this key of a header states about a value of `axis`.
     pub about: &'static str,
     pub takes: Takes,
     pub optional: bool,
@@ -36,7 +36,7 @@ const fn key(axis: &'static str, name: &'static str, about: &'static str, takes:
     Key { axis, name, about, takes, optional: false }
 }
 
-/// Every key except `meaning` and `contradicts`, which all axes have.
+/// Every key of a header, except `meaning` and `contradicts`: these two keys belong to all axes.
 pub(super) static KEYS: [Key; 10] = [
     key(
         "vectors",

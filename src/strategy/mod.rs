@@ -129,8 +129,8 @@ impl Strategy {
     }
 
     /// Returns true if the strategy's kernels read whole triangles in the strategy's layout. Kernels for
-    /// tiles read corners only from the tree. For kernels that cast tiles, the layout decides only where
-    /// normals are read.
+    /// tiles read corners only from the tree. For kernels that cast tiles, the strategy's layout of triangles
+    /// decides only where normals are read.
     pub fn reads_mesh(&self) -> bool {
         !self.traversal.casts_tiles()
     }

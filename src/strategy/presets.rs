@@ -21,8 +21,8 @@ pub struct Preset {
     pub meant_for: Option<DeviceKind>,
 }
 
-/// The strategy of the first kernel in the paper that raycl reproduces. The presets of the paper's other
-/// kernels differ from this strategy in a few axes.
+/// The strategy of the first kernel in the paper that raycl reproduces. The presets for all other kernels of
+/// the paper differ from `PAPER` in a few axes (choices).
 const PAPER: Strategy = Strategy {
     traversal: Traversal::Exhaustive,
     vectors: Vectors::HEAP,
@@ -251,7 +251,8 @@ pub const PRESETS: &[Preset] = &[
     },
 ];
 
-/// Returns the preset with this name. If there is none, returns an error that suggests the most similar name.
+/// Returns the preset with this name. If no preset has this name, returns an error that suggests the most
+/// similar name.
 pub fn preset(name: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
         let names = preset_names();

@@ -31,7 +31,8 @@ const POINT_BYTES: u64 = 3 * 4;
 /// that the ray hit, the arriving light and the sum of the light so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
-/// Returns the additional bytes of a material, and of a ray's surface, if surfaces emit light.
+/// If surfaces emit light, returns the additional bytes of a material, which are also the additional bytes of
+/// the surface that a ray hit. Otherwise, returns 0.
 fn emission_bytes(w: &Workload) -> u64 {
     if w.emissive { Material::EMISSION_FLOATS as u64 * 4 } else { 0 }
 }
@@ -42,12 +43,12 @@ const STACK_ENTRY_BYTES: u64 = 8;
 /// Bytes of an array in `__local` memory with two words per lane. Lanes exchange values through this array if the
 /// device has no faster way.
 const BOARD_BYTES: u64 = 2 * 4 * GROUP_LANES as u64;
-/// Bytes of a leaf's triangle against which the rays of a tile are to be tested, with the number of the lane
-/// that prepared the triangle.
+/// Bytes of a candidate: a leaf's triangle, against which the rays of a tile are to be tested, and the number
+/// of the lane that prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a ray from the eye, and the lights of its shadow rays.
 const QUEUE_ENTRY_BYTES: u64 = 8;
-/// Bytes of the word that stores, for a ray from the eye, which lights reach the ray's hit.
+/// Bytes of a word that belongs to a ray from the eye. The word's bits say which lights reach the ray's hit.
 const LIT_BYTES: u64 = 4;
 
 /// Returns the largest number of bytes that the private arrays of a work-group may take on a CPU whose
@@ -99,14 +100,15 @@ impl Requirements {
         scratch(strategy, workload).recorded()
     }
 
-    /// Returns the bytes of global memory for a scene and its tree. Several points of an experiment can share this
-    /// memory.
+    /// Returns the bytes of global memory for a scene and its tree. Several points of an experiment can share
+    /// the memory of a scene and its tree.
     pub fn scene_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         scene(strategy, workload).recorded()
     }
 
-    /// Returns the bytes of global memory for the strategy's tree alone, including the lists of the mesh that the
-    /// kernels read; 0 if the strategy uses no tree. Several points of an experiment can share this memory.
+    /// Returns the bytes of global memory for the strategy's tree alone, including the lists of the mesh that
+    /// the kernels read; 0 if the strategy uses no tree. Several points of an experiment can share the tree's
+    /// memory.
     pub fn tree_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         let mut sum = Sum::default();
         add_tree(&mut sum, strategy, workload);
@@ -173,9 +175,9 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     add_corners(sum, strategy, w, ["normals"; 2], w.normals);
 }
 
-/// Adds the points or the normals at the triangles' corners. If each triangle has corners of its own, adds
-/// one term with the name `own`. If the triangles share `count` points or normals, adds a term with the name
-/// `shared`, and a term for the indices.
+/// Adds the bytes of the points, or of the normals, at the triangles' corners to `sum`. If each triangle has
+/// corners of its own, adds one term to the sum, with the name `own`. If the triangles share `count` points
+/// or normals, adds two terms: one with the name `shared`, and one for the indices of the points or normals.
 fn add_corners(sum: &mut Sum, strategy: &Strategy, w: &Workload, [own, shared]: [&str; 2], count: usize) {
     if strategy.layout.index_bits().is_none() {
         sum.add(own, &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
@@ -266,8 +268,8 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal.casts_tiles() {
         let (across, down) = strategy.tile.pixels();
-        // Even without barriers, PoCL 3.1 was observed to store the values of all work-items at the
-        // same time.
+        // The sum counts every work-item of a work-group. PoCL 3.1 was observed to store the values of all
+        // work-items at the same time, even if the kernel has no barriers.
         let [x, y] = w.local_size.map(u64::from);
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add(
@@ -402,9 +404,9 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 }
 
 /// Returns the bytes of a tree node, and an estimate of the number of nodes. The number of nodes is first
-/// computed for full nodes, and for leaves that are half full but have at least four triangles. The resulting
-/// number of nodes is multiplied by three, because leaves are usually smaller: a leaf is split if a node
-/// would otherwise have unused slots.
+/// computed for full nodes, and for leaves that are half full but have at least four triangles. This number
+/// of nodes is then multiplied by three, because leaves usually have fewer triangles than assumed: a leaf is
+/// split if a node would otherwise have unused slots.
 fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

@@ -18,9 +18,10 @@ impl Strategy {
         Err(error.with_help(format!("{change}; `raycl strategies` lists the values of each axis")))
     }
 
-    /// If two values contradict each other, returns the axes that have exactly one value with which the
-    /// combination would be allowed, each with this value. If the contradiction is that the strategy's family
-    /// does not support a value, returns no axes, since the reason then names the supported values.
+    /// If two values contradict each other, finds the axes on which exactly one value would make the
+    /// combination allowed. Returns each of these axes with its value. If the strategy's kernel family does
+    /// not support one of the values, returns an empty list, since the message already names the supported
+    /// values.
     pub fn sole_remedies(&self) -> Vec<(&'static str, &'static str)> {
         let is_refused = self.family().rules.iter().any(|rule| self.refusal(rule).is_some());
         if is_refused || self.contradiction().is_none() {
@@ -94,7 +95,7 @@ impl Strategy {
             ),
             (
                 planes && !tables,
-                "intersector = {intersector} reads data of the triangles that is computed in every frame, for the eye and for each light, and stored in global memory; tests can read it only with triangles = global or tiled (tiled: from a copy in __local memory)",
+                "intersector = {intersector} reads data of the triangles that is computed in every frame, for the eye and for each light, and stored in global memory; ray-triangle tests can read this data only with triangles = global, or with triangles = tiled (from a copy in __local memory)",
             ),
             (
                 planes && records,
@@ -102,7 +103,7 @@ impl Strategy {
             ),
             (
                 records && !tables,
-                "records = once stores data of every triangle in global memory; tests can read it only with triangles = global or tiled (tiled: from a copy in __local memory)",
+                "records = once stores data of every triangle in global memory; ray-triangle tests can read this data only with triangles = global, or with triangles = tiled (from a copy in __local memory)",
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
@@ -114,7 +115,8 @@ impl Strategy {
         Some(self.axes().into_iter().fold(reason.to_owned(), own))
     }
 
-    /// Returns why the header of one of the strategy's values contradicts another value; `None` if no header does.
+    /// Returns why one of the strategy's values contradicts another one, according to the header of a kernel
+    /// file; `None` if no header states a contradiction.
     fn conflict_in_headers(&self) -> Option<String> {
         let axes = self.axes();
         let headers =
@@ -160,7 +162,8 @@ mod tests {
         let mut refused = 0;
         for family in FAMILIES {
             for info in AXES {
-                // A family does not restrict the axes that choose the family.
+                // The rules of a kernel family do not restrict the axes whose values decide which family is
+                // used.
                 let chooses =
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
                 for (value, _) in info.values().into_iter().filter(|_| !chooses) {
@@ -329,8 +332,8 @@ mod tests {
         assert!(math.starts_with("`math=strict` allows it; "), "{math}");
         let passes = help("private", &[("passes", "separate")]);
         assert_eq!(passes, format!("`shading=deferred` or `passes=fused` allows it; {lists}"));
-        // Tiles support two ray-triangle tests. The error's message already names both tests, so the help
-        // does not name them.
+        // Tiles support two ray-triangle tests. The error's message already names both of these ray-triangle
+        // tests, so the help does not name them.
         let tile = help("tile", &[("intersector", "moller-trumbore")]);
         assert_eq!(tile, format!("change one of these axes; {lists}"));
         // Kernels that walk a tree read triangles only from global memory. The message already names the

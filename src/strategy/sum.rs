@@ -6,7 +6,7 @@ use super::infeasible::Infeasible;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,
-    /// The terms of the sum: each term's bytes, and the term's arithmetic as text.
+    /// The terms of the sum of bytes: for each term, its number of bytes, and its arithmetic as text.
     terms: Vec<(u128, String)>,
 }
 
@@ -31,7 +31,7 @@ impl Sum {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }
 
-    /// Returns true if the sum is at most the limit.
+    /// Returns true if the sum of all bytes is at most `limit_bytes`.
     pub fn fits(&self, limit_bytes: u64) -> bool {
         self.bytes <= u128::from(limit_bytes)
     }
@@ -46,8 +46,8 @@ impl Sum {
         Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
-    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. Each term of the
-    /// sum stands for one buffer, which must not exceed the device's largest buffer.
+    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. Each term of a
+    /// sum of bytes stands for one buffer, which must not exceed the device's largest buffer.
     pub fn each_within(&self, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

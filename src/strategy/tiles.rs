@@ -33,9 +33,9 @@ impl Strategy {
     }
 
     /// Returns the number of lights in a round of lights (the lights to which work-items that share a tile
-    /// cast shadow rays at the same time). Each work-item stores, in a word of 32 bits, one bit for each pair
-    /// of a light of the round and a ray of the work-item, so the number of lights is limited. Bit 31 is
-    /// reserved to mark leftover shadow rays.
+    /// cast shadow rays at the same time). Each work-item stores one bit for each pair of a ray of its own
+    /// and a light of the round. These bits must fit into a word of 32 bits, so the number of lights in a
+    /// round is limited. Bit 31 is reserved to mark leftover shadow rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;

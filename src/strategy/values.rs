@@ -1,5 +1,5 @@
-//! The values of axes that are kernel files: built-in files, and those in the folder that the option `--cl-dir` names.
-//! A new file in a folder of values is a new value.
+//! The values of axes that are kernel files: built-in files, and those in the folder that the option
+//! `--cl-dir` names. A new file in one of the [`FOLDERS`] defines a new value of the folder's axis.
 
 #[cfg(test)]
 mod fixtures;
@@ -25,10 +25,10 @@ type Headers = &'static [Header];
 /// The headers of all values that are built-in kernel files.
 static BUILT_IN: LazyLock<Headers> = LazyLock::new(built_in);
 
-/// The headers of all values. The headers are constant for the process, which reads its `--cl-dir` before it
-/// parses any name of a value. If a run compares two folders of kernels, `KNOWN` has the headers of the
-/// second folder (see [`Values`]). The headers live as long as the process, so that a strategy can hold their
-/// names and be copied.
+/// The headers of all values that are kernel files. The headers do not change while the process works, since
+/// it reads its `--cl-dir` before it parses the first name of a value. If a run compares two folders of
+/// kernels, `KNOWN` has the headers of the second folder (see [`Values`]). The headers live as long as the
+/// process, so that a strategy can hold their names and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| RwLock::new(*BUILT_IN));
 
 thread_local! {
@@ -36,18 +36,21 @@ thread_local! {
     static INSTEAD: Cell<Option<Headers>> = const { Cell::new(None) };
 }
 
-/// Reads the headers of all built-in values. A test checks that they can be read.
+/// Reads the headers of all values that are built-in kernel files. A test checks that these headers can be
+/// read.
 fn built_in() -> Headers {
     headers(&Sources::Embedded).unwrap_or_default().leak()
 }
 
-/// Returns the headers of all values that are files, in the order of their axes and names.
+/// Returns the headers of all values of axes that are kernel files, in the order of the axes and of the
+/// values' names.
 fn known() -> Headers {
     INSTEAD.get().unwrap_or_else(|| *KNOWN.read().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// The values that are files in some sources, with their headers. A run that compares two folders of kernels
-/// needs the values of both folders, since the same value may have different properties in the two folders.
+/// The values of axes that the kernel files of certain sources define, with the files' headers. A run that
+/// compares two folders of kernels needs the values that each folder defines, since a value of the same name
+/// may have different properties in the two folders.
 #[derive(Clone, Copy, Debug)]
 pub struct Values(Headers);
 
@@ -78,15 +81,15 @@ pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
     known().iter().filter(move |header| header.axis == axis)
 }
 
-/// Returns the header of a value; an empty header if the value has no file. Names that were parsed always
-/// have a file.
+/// Returns the header of the kernel file that defines a value of an axis; an empty header if the value has no
+/// kernel file. A name that was parsed as a value of an axis of files always has a file.
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
 }
 
-/// Returns the name of the file with this header, relative to the folder of `--cl-dir`, if the file replaces a built-in
-/// file that has another header; otherwise `None`.
+/// If the kernel file with this header replaces a built-in file that has another header, returns the file's
+/// name, relative to the folder of `--cl-dir`. Otherwise, returns `None`.
 pub(super) fn replacing(header: &Header) -> Option<String> {
     let replaced = BUILT_IN.iter().find(|other| other.axis == header.axis && other.name == header.name)?;
     let folder = header.folders.first().filter(|_| replaced != header)?;
@@ -96,7 +99,7 @@ pub(super) fn replacing(header: &Header) -> Option<String> {
 impl Sources {
     /// Returns the kernel files for a command: the built-in files, and the files in `folder` (the option
     /// `--cl-dir`), which replace built-in files or are additional ones. After this call, `values_of` returns
-    /// the values that are files in the returned sources.
+    /// the headers of the kernel files in the returned sources.
     pub fn of(folder: Option<PathBuf>) -> Result<Self> {
         let sources = folder.map_or(Self::Embedded, Self::Folder);
         refuse_names(&sources)?;
@@ -107,7 +110,7 @@ impl Sources {
         Ok(sources)
     }
 
-    /// Returns the values that are files in these sources.
+    /// Returns the values of axes that the kernel files in these sources define.
     pub fn values(&self) -> Result<Values> {
         Ok(Values(stored(headers(self)?)))
     }
@@ -131,7 +134,8 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
         let file = files.next().unwrap_or_default();
         let path = sources.path_of(&file);
         let included_at = || {
-            // Kernel files of raycl may include the file of a built-in value, so such an `#include` shows no mistake.
+            // raycl's own kernel files may include the built-in file of a value, so an `#include` of such a
+            // file shows no mistake.
             if Sources::Embedded.read(&file).is_ok() {
                 return None;
             }
@@ -148,7 +152,8 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
             let checked = reader.refuse_another(&sources.path_of(&other), &sources.read(&other)?);
             checked.map_err(|error| match sources.own_path(&other) {
                 Some(_) => error,
-                // If the other file is built in, the user cannot edit it, so the error is about the user's own file.
+                // If the value's other file is built in, the user cannot edit the other file, so the error is
+                // about the user's own file.
                 None => taken(&path, &named.name, &other),
             })?;
         }

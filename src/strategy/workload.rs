@@ -69,8 +69,8 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// The workload of a cube and its tree. Programs are made for this workload if no scene is named. The image size
-    /// does not affect the compiled code.
+    /// The workload of a cube and its tree. If the user names no scene, raycl makes programs for the workload
+    /// `CUBE`. The image size does not affect the compiled code.
     pub const CUBE: Self = Self {
         triangles: 12,
         positions: 8,
@@ -159,7 +159,7 @@ impl Workload {
     }
 
     /// Returns the workload of a half picture: a picture of half the width and height, in which soft light is
-    /// cast. A half picture has no half pictures of its own.
+    /// cast. For soft light in a half picture, there is no still smaller picture, so `half_light` is false.
     #[must_use]
     pub fn halved(&self) -> Self {
         Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), half_light: false, ..*self }
@@ -202,11 +202,12 @@ impl Workload {
         }
     }
 
-    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are
-    /// each shared by 32 work-items. With several sub-pixels, several samples of each pixel are cast at the
-    /// same time. The number of sub-pixels is limited, since each of their rays needs its own entry in the
-    /// buffers that pass data between kernels. With soft light or a sky, the result is 0: soft light is cast
-    /// for one sample at a time, and the kernel that adds the picture of a sky supports only whole pixels.
+    /// Returns the number of sub-pixels across a pixel, as a base-2 logarithm. The number is for frames in
+    /// which 32 work-items share each tile. With several sub-pixels, several samples of each pixel are cast
+    /// at the same time. The number of sub-pixels is limited, since each of their rays needs its own entry in
+    /// the buffers that pass data between kernels. With soft light or a sky, the returned logarithm is 0:
+    /// soft light is cast for one sample at a time, and the kernel that adds the picture of a sky does not
+    /// support sub-pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;

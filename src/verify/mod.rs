@@ -1,18 +1,19 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! The [`Reference`] also casts each pixel with small changes. Some of these changes are nudges, which change
-//! the direction of the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges
-//! turn it by about as much as rounding. Small changes other than nudges concern, for example, the shadow
-//! bias. A pixel is certain if no small change alters its value noticeably. A certain pixel of the image must
-//! agree with the reference within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within one 8-bit
-//! step per channel as displayed. The value of any other pixel should lie within the pixel's range, which
-//! consists of its values under all small changes except wide nudges. If only wide nudges alter a pixel
-//! noticeably, no value in this range differs from the reference by more than the relative limit. A pixel
-//! that only wide nudges alter is therefore judged almost like a certain pixel. Pixels outside their range
-//! are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of pixels that hit
-//! something must also lie in the range that the reference allows, since the result `shadow_rays_per_s` is
-//! computed from this number. If the background is transparent, the alpha of certain pixels must agree with
-//! the reference too.
+//! The [`Reference`] also casts each pixel with small changes. Some of the small changes are nudges: they
+//! change the direction of the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow
+//! nudges turn it by about as much as rounding. Small changes other than nudges concern, for example, the
+//! shadow bias. A pixel is certain if no small change alters its value noticeably. A certain pixel of the
+//! image must agree with the reference within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within
+//! one 8-bit step per channel as displayed. Pixels that are not certain are uncertain. An uncertain pixel has
+//! a range: its values under all small changes except wide nudges. The value of an uncertain pixel should lie
+//! within the pixel's range. If only wide nudges (large turns of the ray) alter a pixel noticeably, no value
+//! in the pixel's range differs from the reference by more than the relative limit. A pixel that only wide
+//! nudges alter is therefore judged almost like a certain pixel. Uncertain pixels whose value lies outside
+//! their range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of
+//! pixels that hit something must also lie in the range that the reference allows, since the result
+//! `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of certain
+//! pixels must agree with the reference too.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -83,8 +84,8 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
 }
 
 /// Returns why the alpha of certain pixels is wrong; `None` if the alpha is right, or if the image or the
-/// reference has no alpha. The samples of a certain pixel certainly hit or miss, so the pixel's alpha does
-/// not depend on rounding.
+/// reference has no alpha. Whether the samples of a certain pixel hit or miss does not depend on rounding, so
+/// the pixel's alpha does not depend on rounding either.
 fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
     let alphas = image.coverage.iter().zip(&reference.radiance.coverage);
     let certain = alphas.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
@@ -100,7 +101,8 @@ fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
     ))
 }
 
-/// Returns the number of pixels that are not certain and lie outside their range.
+/// Returns the number of uncertain pixels whose value lies outside the range that the reference allows for
+/// the pixel.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let actual = image.pixels[doubt.pixel];
@@ -119,11 +121,12 @@ pub fn unexplained_limit(judged: usize) -> usize {
 
 /// Returns the reason why a right image is hardly verified: of the judged pixels (the pixels that the
 /// reference has cast) that hit something, fewer than one in ten are certain or nearly certain. Returns
-/// `None` if at least one in ten is certain or nearly certain. Judged pixels that hit nothing do not count,
-/// because even an image with wrong surfaces shows the background where the reference does. If no pixel hits
-/// anything, all judged pixels count. Each argument has a number of uncertain pixels and a number of pixels.
-/// The first argument counts all judged pixels, and the second argument counts the judged pixels that hit
-/// something.
+/// `None` if at least one in ten of these pixels is certain or nearly certain. Pixels that hit nothing do not
+/// count in this share, because even an image with wrong surfaces shows the background where the reference
+/// shows it. If no pixel hits anything, the share is computed from all judged pixels. Each of the two
+/// arguments of this function consists of a number of uncertain pixels and the number of all pixels. The
+/// first argument is about all judged pixels (pixels that the reference has cast); the second argument is
+/// about those judged pixels that hit something.
 pub fn hardly_verified(
     [uncertain_pixels, judged]: [usize; 2],
     [uncertain_hits, hits]: [usize; 2],
@@ -143,9 +146,9 @@ pub fn hardly_verified(
 }
 
 /// Returns why the number of pixels that hit something is wrong; `None` if the number is right, or if the
-/// reference has cast only some pixels. The number may lie outside the reference's range by as many pixels as
-/// [`unexplained_limit`] permits, since the same number of pixels may have values that no small change
-/// explains.
+/// reference has cast only some pixels. The reference allows a range of numbers. The number may lie outside
+/// this range by as many pixels as [`unexplained_limit`] permits, since so many pixels may have values that
+/// no small change explains.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;

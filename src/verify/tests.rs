@@ -104,7 +104,8 @@ fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
     assert!(hardly_verified([0, 100], [91, 100]).is_some());
 }
 
-/// The background says nothing about surfaces. But if the picture has no surfaces, only the background can be compared.
+/// If pixels of the background agree with the reference, this does not show that surfaces are right. But if
+/// the picture has no surfaces, only the background can be compared.
 #[test]
 fn certain_misses_do_not_make_up_for_uncertain_hits() {
     let note = hardly_verified([50, 100], [50, 50]).unwrap_or_default();
@@ -262,9 +263,9 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
     assert_eq!((off_by(0.0011).wrong_pixels, off_by(-0.0011).wrong_pixels), (1, 1));
 }
 
-/// The radiances 0 and 1e-6 differ by a thousandth of the reference's `floor`, which is within the relative
-/// limit. With a gamma of 4, these radiances are displayed with a difference of eight 8-bit steps, which
-/// makes the pixel wrong.
+/// The radiances 0 and 1e-6 differ by a thousandth of the reference's `floor`. A difference of a thousandth
+/// is within the limit for relative differences. With a gamma of 4, these radiances are displayed with a
+/// difference of eight 8-bit steps, which makes the pixel wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     let display = Display { exposure: 1.0, gamma: 4.0, ..Display::default() };
@@ -292,8 +293,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     reference.radiance.pixels[..2].fill([0.0; 3]);
     let mut image = reference.radiance.clone();
     // The first pixel has a relative difference of nearly a thousandth, but is displayed with the same value
-    // as in the reference. The second pixel has a smaller relative difference, but a different displayed
-    // value than in the reference. Only the second pixel is wrong.
+    // as in the reference. The image's second pixel has a smaller relative difference, but is displayed with
+    // another value than in the reference. Only the second pixel is wrong.
     reference.radiance.pixels[0] = [0.5; 3];
     image.pixels[0] = [0.5 * 1.0009; 3];
     image.pixels[1] = [5e-7; 3];
@@ -302,8 +303,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
-/// A dark uncertain pixel may lie outside its range by a thousandth of the reference's `floor`, since pixels darker
-/// than the floor are compared relative to the floor.
+/// Pixels darker than the reference's `floor` (a radiance) are compared relative to this floor. A dark
+/// uncertain pixel may therefore lie outside the range of its allowed values by a thousandth of the floor.
 #[test]
 fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
     let mut reference = judged();

@@ -52,7 +52,8 @@ impl Pose {
     }
 
     /// Moves the eye towards the pivot for positive `steps`, and away from the pivot for negative `steps`.
-    /// Ten steps halve the distance. The distance stays within `DISTANCES`.
+    /// Ten positive steps halve the distance between the eye and the pivot. The distance stays within
+    /// `DISTANCES`.
     pub fn zoom(&mut self, steps: f64) {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }

@@ -10,8 +10,8 @@ use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
 /// The sides, in pixels, of the blocks into which the map divides the picture. All pixels of a block show the
-/// same number of tests. The map begins with large blocks. While nothing moves, the map is computed again
-/// with smaller blocks.
+/// same number of tests. The first heat map has large blocks. While nothing in the picture moves, the heat
+/// map is computed again with smaller blocks.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
 /// The heat map of one scene, which becomes finer step by step.
@@ -52,8 +52,9 @@ impl Heat {
 
     /// Returns the next heat map of the scene, seen with `camera` and lit by `lights`. The map is finer than
     /// the map that the last call returned; returns `None` if the last call returned the finest map. If the
-    /// strategy casts exhaustively, the map counts the tests of an exhaustive search. For any other strategy,
-    /// the map counts the tests in a tree. Faces that the strategy culls count as not hit.
+    /// strategy casts exhaustively, the map counts the tests of an exhaustive search. If the strategy does
+    /// not cast exhaustively, the map counts the tests in a tree. Faces that the strategy culls count as not
+    /// hit.
     pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;

@@ -128,10 +128,10 @@ pub fn action(key: Key) -> Option<Action> {
 /// Returns the actions of keys that arrived together, for example because a program was being compiled when
 /// they were pressed. If one of the keys ends the view, no other key counts. Several steps from strategy to
 /// strategy become one action, so that the user does not wait while strategies are compiled that are only
-/// passed on the way. Several steps from local size to local size become one action too, and several changes
-/// of the device count as one change. Changes of one of the three (strategy, local size, device) stay
-/// separate if a change of another of the three lies between them: a new strategy also sets another local
-/// size, and a new device also sets another strategy.
+/// passed on the way. Several steps through the list of local sizes also become one action, and several
+/// changes of the device count as one change. A new strategy also sets another local size, and a new device
+/// also sets another strategy. Two changes of the same kind (strategy, local size or device) therefore stay
+/// separate if a change of another kind lies between them.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
     let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
     if all.contains(&Action::Quit) {
@@ -145,9 +145,9 @@ pub fn actions(keys: &[Key]) -> Vec<Action> {
     waiting
 }
 
-/// Adds the action `wanted` to the list `waiting`. If `wanted` changes the strategy, the local size or the
-/// device, and the last such change in the list changes the same of the three (for example, both change the
-/// strategy), the two become one action.
+/// Adds the action `wanted` to the list `waiting`. There are three kinds of changes: of the strategy, of the
+/// local size and of the device. If `wanted` and the last change in the list are changes of the same kind
+/// (for example, both change the strategy), the two become one action.
 fn add(waiting: &mut Vec<Action>, wanted: Action) {
     let changes =
         |action: &&mut Action| matches!(action, Action::Strategy(_) | Action::LocalSize(_) | Action::Device);
@@ -210,8 +210,8 @@ mod tests {
             of("s+dds"),
             [Action::Strategy(1), Action::Zoom(1.0), Action::Device, Action::Strategy(1)]
         );
-        // Keys that change neither the strategy, the local size nor the device count as often as they are
-        // pressed; the key `x` has no action.
+        // All keys but those for the strategy, the local size and the device have an effect each time they
+        // are pressed. The key `x` has no action.
         assert_eq!(of("++x  "), [Action::Zoom(1.0), Action::Zoom(1.0), Action::Spin, Action::Spin]);
         assert_eq!(of("sqw"), [Action::Quit]);
     }

@@ -91,7 +91,7 @@ impl Casting {
     }
 
     /// Changes to the strategy and the local size in `selection`, and to the picture's size in `subject`. If
-    /// the device cannot cast with these three, `self` stays unchanged.
+    /// the device cannot cast with this strategy, local size and picture size, `self` stays unchanged.
     fn change(&mut self, subject: &Subject, selection: Selection) -> std::result::Result<(), Refused> {
         (self.prepared, self.caster) = ready(subject, &mut self.session, &selection)?;
         (self.strategies, self.local_sizes) = selection;
@@ -226,14 +226,14 @@ impl Live {
 
     /// Changes to the strategy that is `steps` steps further in the list, or back if `steps` is negative. If
     /// the device cannot use this strategy, changes to the first usable strategy after it (before it, if
-    /// `steps` is negative). The local size becomes the local size that the user has named on the command
-    /// line. If the user has named no local size, or if the device cannot use the named local size with the
-    /// new strategy, the local size becomes the usual local size of the new strategy.
+    /// `steps` is negative). The view then uses the local size that the user has named on the command line.
+    /// If the user has named no local size, or if the device cannot use the named local size with the new
+    /// strategy, the view uses the usual local size of the new strategy.
     ///
     /// # Errors
     ///
-    /// Fails if the device can use no other strategy; the message states why it cannot use the last strategy that was
-    /// tried.
+    /// Fails if the device can use no other strategy of the list. The message states why the device cannot
+    /// use the last strategy that was tried.
     pub fn next_strategy(&mut self, steps: isize) -> Result<()> {
         let (first, first_local_size) = self.first()?;
         let selections = self.casting.strategies.others(steps).flat_map(|strategies| {
@@ -253,8 +253,8 @@ impl Live {
     ///
     /// # Errors
     ///
-    /// Fails if the device can use no other local size; the message states why it cannot use the last local size that
-    /// was tried.
+    /// Fails if the device can use no other local size of the list. The message states why the device cannot
+    /// use the last local size that was tried.
     pub fn next_local_size(&mut self, steps: isize) -> Result<()> {
         let Casting { strategies, local_sizes, .. } = &self.casting;
         let selections = local_sizes.others(steps).map(|sizes| (strategies.clone(), sizes));
@@ -354,9 +354,9 @@ fn only(device: &DeviceInfo) -> Error {
 }
 
 /// Opens a session: a scene on an open device, for which programs and buffers can be prepared. The new
-/// session is opened before the old session is closed. If the user changes from a device to its twin (a
-/// second device with the same properties), the sessions of both devices are therefore open for a moment, and
-/// each of the two devices needs a program of its own.
+/// session is opened before the old session is closed. Both sessions are therefore open for a moment. If the
+/// user changes from a device to its twin (a second device with the same properties), each of the two devices
+/// needs a program of its own.
 fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
     Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
         .among_twins(device.info.program_twin())
@@ -365,7 +365,8 @@ fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma
 /// and conversion to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses
-/// raycl's own program. If there is no such program, the host applies the transform.
+/// raycl's own program. If the device has no program for the display transform, the host applies the
+/// transform.
 ///
 /// # Errors
 ///
@@ -399,7 +400,7 @@ fn ready(
 /// Returns a camera for pictures of `size`, made from `camera`, which was placed for pictures of the size
 /// `framed`. If the new pictures are wider in proportion to their height, the vertical field of view stays
 /// the same. If the new pictures are narrower in proportion, the horizontal field of view stays the same.
-/// Everything that pictures of the size `framed` show therefore stays visible.
+/// Everything that is visible in pictures of the size `framed` therefore stays visible.
 fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
     if aspect == old_aspect {

@@ -41,8 +41,8 @@ const REST: Duration = Duration::from_millis(8);
 /// The number of frames and the time after which the view ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Until {
-    /// The number of frames; `None` if frames are not limited. With this limit, the view also ends if nothing is left
-    /// to cast.
+    /// The number of frames; `None` if frames are not limited. If the number of frames is limited, the view
+    /// also ends when nothing is left to cast.
     pub frames: Option<u32>,
     /// The time after which the view ends; `None` if the time is not limited.
     pub time: Option<Duration>,
@@ -196,9 +196,9 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the list of keys as lines of text over the picture. The function is called if the picture is too
-    /// small for the drawing of the list. If the screen writes no text over pictures, the line beside the
-    /// picture shows the keys, unless this line already tells the user something else.
+    /// Shows the list of keys as lines of text over the picture. raycl calls this function if the picture is
+    /// too small for a drawing of the list of keys. If the screen writes no text over pictures, the line
+    /// beside the picture shows the keys, unless this line already tells the user something else.
     fn list_keys(&mut self) -> Result<()> {
         let lines: Vec<String> = keys::lines().collect();
         if !self.screen.write_over(&lines)? && self.answer.is_none() {
@@ -317,11 +317,11 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Makes a change for which the program of a strategy is compiled. Until the compiler has finished, no picture is
-    /// shown and no key is obeyed, so the line beside the picture first names the strategy.
+    /// Makes a change for which the program of `strategy` must be compiled. Until the compiler has finished,
+    /// no picture is shown and no key is obeyed, so the line beside the picture first names the strategy.
     fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) {
-        // If the screen cannot show the line, it cannot show the next picture either. The error about the
-        // next picture then ends the view.
+        // If the screen cannot show the line, it cannot show the next picture either. The error about showing
+        // the next picture will end the view.
         let _ = self.screen.tell_at_once(&title::compiling(&strategy));
         self.tried(change);
     }

@@ -97,9 +97,9 @@ fn the_users_input_moves_the_eye() {
     let mut after = |input: Input| (viewer.obey(&input), viewer.pose);
     let (ends, pose) = after(Input { wheel: 10.0, ..Input::default() });
     assert_eq!((ends, pose), (false, Pose { distance: 0.5, ..Pose::START }));
-    // The field of view is 90 degrees across, and the picture is half as high as wide. At the pivot's
-    // distance from the eye, the visible part of the scene is therefore as high as this distance, and the
-    // scene moves as far as the pointer.
+    // The field of view is 90 degrees across, and the picture is half as high as wide. Where the pivot (the
+    // point around which the eye turns) lies, the visible part of the scene is therefore as high as the
+    // distance between eye and pivot. The scene moves as far as the pointer.
     let (_, pose) = after(Input { pan: [0.1, 0.2], ..Input::default() });
     let [right, up] = pose.aside;
     assert!((right + 0.1).abs() < 1e-6 && (up - 0.2).abs() < 1e-6, "{pose:?}");
@@ -265,8 +265,8 @@ fn pictures_have_the_screens_size_if_the_device_can_cast_them() {
     let viewer = Viewer::new(live(&[], 1), &mut screen, false);
     let (live, total) = viewer.run(Until::default(), || false).expect("it casts");
     let sizes: Vec<_> = screen.pictures.iter().map(RgbImage::dimensions).collect();
-    // The only sample is cast again after the size has changed, and also after raycl has tried in vain to change the
-    // size. At the end, the window has the picture's size again, and shows the last picture again.
+    // The picture's single sample is cast again after the size has changed, and also after a change of the
+    // size has failed. At the end, the window has the picture's size again, and shows the last picture again.
     assert_eq!(
         (sizes, live.size(), total.frames),
         (vec![(40, 20), (30, 36), (30, 36), (30, 36)], [30, 36], 3)
@@ -320,7 +320,7 @@ fn the_first_note_about_the_scene_is_shown_until_something_is_chosen_and_after_i
         viewer.note.as_ref().is_some_and(|note| note.contains(part))
     };
     assert!(tells(&viewer, "no.mtl"), "{:?}", viewer.note);
-    // The notes that are only counted include the note that the material `red` is in no material file.
+    // Some notes are not shown, but counted. One of them says that the material `red` is in no material file.
     let others = viewer.live.loaded().notes.len() - 1;
     assert!(others > 0 && tells(&viewer, &format!(" (and {others} more note")), "{:?}", viewer.note);
     assert!(!tells(&viewer, "usemtl"), "{:?}", viewer.note);
@@ -346,7 +346,7 @@ fn a_mistake_in_a_scene_that_changed_is_reported_with_its_file_and_line() {
     viewer.obey(&Input { keys: vec![Key::Left], ..Input::default() });
     let is_shown = viewer.mistake.as_ref().is_some_and(|mistake| mistake.starts_with(&begin));
     assert!(is_shown && viewer.answer.is_none(), "{:?} {:?}", viewer.mistake, viewer.answer);
-    // A new size of the window does not remove the message about the mistake either.
+    // The message about the mistake in the file also stays when the window gets a new size.
     viewer.fit(Some([48, 24]));
     assert!(viewer.mistake.is_some() && viewer.live.size() == [48, 24]);
     viewer.tell().expect("it tells");
@@ -367,7 +367,7 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
     viewer.act(Action::Tests);
     let maps = all(&mut viewer);
     // Each pixel's primary ray is tested against the triangle; if the primary ray hits, the shadow ray is
-    // tested too. A pixel therefore has at most two tests.
+    // tested too. The map therefore shows at most two ray-triangle tests for a pixel.
     assert_eq!((pictures.len(), maps.len(), viewer.most_tests), (2, 3, 2));
     assert!(maps.iter().all(|map| !pictures.contains(map)));
     viewer.tell().expect("it tells");

@@ -91,8 +91,8 @@ vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]
 faces = [[0, 1, 2]]
 "#;
 
-/// A config that measures these points on [`TRIANGLE`], which must be stored under the name scene.toml in the
-/// config's folder. One launch takes `samples` samples after `warmup` frames.
+/// A config that measures `points` (lines of TOML) on the scene [`TRIANGLE`]. The scene must be stored under
+/// the name scene.toml in the config's folder. One launch takes `samples` samples after `warmup` frames.
 pub fn config(points: &str, warmup: u32, samples: u32) -> String {
     format!(
         "question = \"?\"\nexpectation = \"!\"\nscenes = [\"scene.toml\"]\n{points}\n[timing]\nlaunches = 1\n\
@@ -123,8 +123,9 @@ pub const NO_SETTINGS: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-settings
 pub fn program() -> std::process::Command {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.env("XDG_CONFIG_HOME", NO_SETTINGS).env_remove("RAYCL_DEVICE").env_remove("RAYCL_RESULTS");
-    // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
-    // Tests keep these samples, so that the number of samples does not depend on the machine.
+    // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other
+    // cores. The runs of raycl's tests keep such samples, so that the number of samples does not depend on
+    // the machine.
     command.env("RAYCL_MOVED_SAMPLES", "keep");
     command
 }
@@ -173,8 +174,9 @@ impl WorkFolder {
         self.kernels_of(&format!("cl/{file}"), file, from, to)
     }
 
-    /// Like `kernels`, but replaces a part of `of`, which may be any file of the repository. In the folder for
-    /// `--cl-dir`, this file is named `file`.
+    /// Like `kernels`, makes a folder with one kernel file in which `to` replaces `from`. The file's text
+    /// comes from `of`, which may be any file of the repository. In the folder for `--cl-dir`, this file is
+    /// named `file`.
     pub fn kernels_of(&self, of: &str, file: &str, from: &str, to: &str) -> String {
         let text = std::fs::read_to_string(repository(of)).expect("a kernel file");
         assert!(text.contains(from), "{of} no longer says {from}");
@@ -204,8 +206,8 @@ impl WorkFolder {
         let usual = ["render", "scene.toml", "--width", width, "--height", height, "--device", &device];
         let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
-        // The folder of changed kernels is removed. If it stayed, this change would come in addition to the
-        // change of the next call, which may concern another file.
+        // The folder of changed kernels is removed. If the folder stayed, the kernels of the next call would
+        // contain the change of this call too, since the next call may change another file.
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
     }
 

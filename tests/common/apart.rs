@@ -24,8 +24,8 @@ macro_rules! apart {
 pub(crate) use apart;
 
 /// Starts this program again for the calling test alone, and returns true if the test passed there. In the
-/// process that it has started, this function returns false, so that the test runs there. `here` is the path
-/// of a function inside the test, such as `all::kernels::presets::here`.
+/// new process, this function returns false, so that the test runs there. `here` is the path of a function
+/// inside the test, such as `all::kernels::presets::here`.
 #[track_caller]
 pub fn has_run(here: &str) -> bool {
     if std::env::var_os(MARK).is_some() {

@@ -7,14 +7,16 @@ use std::collections::HashSet;
 /// A value of a strategy's axis: the names of the axis and of the value.
 type Value = (&'static str, &'static str);
 
-/// Returns every value of every axis of strategies. A value's number is its position in this list.
+/// Returns every value of every axis of strategies. The number of a value is its position in the returned
+/// list.
 fn values() -> Vec<Value> {
     let of_axis = AXES.iter().flat_map(|axis| axis.values().into_iter().map(|(value, _)| (axis.name, value)));
     of_axis.collect()
 }
 
-/// Returns all pairs of a strategy's values on two of its axes. Each pair is a number below the square of the
-/// number of `values`, so that the search for a cover compares numbers instead of names.
+/// Returns all pairs of a strategy's values on two of its axes. Each pair is encoded as one number, below the
+/// square of the number of `values`. The search for strategies with all pairs therefore compares numbers
+/// instead of names.
 fn pairs(strategy: &Strategy, values: &[Value]) -> Vec<usize> {
     let number = |own: Value| values.iter().position(|value| *value == own).expect("a value of an axis");
     let own: Vec<usize> = strategy.axes().into_iter().map(number).collect();
@@ -29,8 +31,8 @@ fn pairs(strategy: &Strategy, values: &[Value]) -> Vec<usize> {
 /// each other.
 fn candidates(values: &[Value]) -> Vec<Strategy> {
     let mut all: HashSet<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
-    // `tried` has the strategies that need no second look: two changes lead to the same strategy in either
-    // order, and it takes long to find out whether a strategy's values exclude each other.
+    // `tried` has the strategies that were already checked. Two changes lead to the same strategy in either
+    // order, and it takes long to check whether a strategy's values exclude each other.
     let mut tried = all.clone();
     for _ in 0..2 {
         for strategy in all.clone() {
@@ -48,13 +50,14 @@ fn candidates(values: &[Value]) -> Vec<Strategy> {
     sorted
 }
 
-/// Returns strategies that together have every pair of values that occurs in a candidate. Adds, again and again, the
-/// candidate with the most new pairs.
+/// Returns a set of strategies, the cover: every pair of two axes' values that occurs in any of the
+/// candidates also occurs in the cover. Each step adds the candidate with the most pairs that the cover does
+/// not have yet.
 pub fn pairwise_cover() -> Vec<Strategy> {
     let values = values();
     let candidates = candidates(&values).into_iter().map(|strategy| (strategy, pairs(&strategy, &values)));
     let candidates: Vec<(Strategy, Vec<usize>)> = candidates.collect();
-    // For each pair of values, true if a candidate has the pair, and no strategy of the cover has it yet.
+    // An element for each pair of values: true if the pair occurs in a candidate, but not yet in the cover.
     let mut open = vec![false; values.len() * values.len()];
     candidates.iter().flat_map(|(_, pairs)| pairs).for_each(|&pair| open[pair] = true);
     let mut cover = Vec::new();

@@ -113,7 +113,8 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     let along = if random(state).is_multiple_of(5) { 0.0 } else { fraction(state) };
     let offset = corners[edge].lerp(corners[(edge + 1) % 3], along) - origin;
     let direction = offset.normalize();
-    // At both ends of the edge, the ray must cross the surface from the same side, and not at a small angle.
+    // At both ends of the edge that the ray meets, the ray must come from the same side of the surface, and
+    // not at a small angle to the surface.
     let normals = mesh.corner_normals(triangle);
     let crossing = [edge, (edge + 1) % 3].map(|corner| normals[corner].dot(direction));
     let crosses = crossing[0].abs() > 0.25 && crossing[1].abs() > 0.25 && crossing[0] * crossing[1] > 0.0;
@@ -132,8 +133,8 @@ pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> 
 
 /// Returns a net (a grid of triangles) over an image of `side` x `side` pixels. The net has a vertex on the
 /// ray of every second pixel across and down, and a few vertices beyond the image. The rays of a quarter of
-/// the pixels meet vertices, and all others meet edges. For a position in the image, in pixels, `corner`
-/// returns the point on the ray through this position at which the vertex lies.
+/// the pixels meet vertices, and all others meet edges. `corner` takes a position in the image, in pixels,
+/// and returns the place of a vertex on the ray through this position.
 fn net(side: u32, corner: impl Fn(f64, f64) -> Vec3) -> Mesh {
     let across = side / 2 + 5;
     let coordinate = |i: u32| 2.0 * f64::from(i) - 3.5;
@@ -200,10 +201,11 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     scene
 }
 
-/// Returns a net in front of the camera of the student paper that raycl reproduces. The paper's camera is at
-/// the origin, so that the vertices are as exact as possible. The net is lit from behind, so that no shadow
-/// rays are cast. If `is_flat` is false, the net is crumpled, and the boxes of the tree have depths of all
-/// sizes. If `is_flat` is true, the boxes have no depth: a ray enters and leaves a box at the same point.
+/// Returns a scene with a net (a grid of triangles) in front of the camera of the student paper that raycl
+/// reproduces. The paper's camera is at the origin, so that the vertices are as exact as possible. The net is
+/// lit from behind, so that no shadow rays are cast. If `is_flat` is false, the net is crumpled (its vertices
+/// have different depths), so that the boxes of the tree have depths of all sizes. If `is_flat` is true, the
+/// boxes have no depth: a ray enters and leaves a box at the same point.
 pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let depth = |x, y| if is_flat { 1.3 } else { 1.0 + jitter(x, y) };
@@ -212,7 +214,8 @@ pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
 }
 
 /// Returns a scene of a floor seen from below, a light above it and, if `shaded`, a net between floor and
-/// light. The shadow rays from the points of the floor at pixels' centres meet the net's vertices and edges.
+/// light. The shadow rays start at the points of the floor that the pixels' centres show, and meet the
+/// vertices and edges of the net.
 pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     let (from, to) = (Vec3::new(0.3, 0.2, -3.0), Vec3::new(0.1, 0.0, 0.0));
     let camera = Camera::looking_at(from, to, Vec3::Y, 50.0, true).expect("a camera");
@@ -234,8 +237,8 @@ pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     before_black(mesh, camera, light.as_vec3())
 }
 
-/// Returns a triangle, and rays from one point that pass just outside the triangle's edges. The distance at
-/// which a ray passes an edge is `part` times the distance from the point to the edge.
+/// Returns a triangle, and rays from one point that pass just outside the triangle's edges. A ray passes an
+/// edge at `part` times the distance from the rays' common point to the edge.
 pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
     let corners = [Vec3::new(-1.0, -0.9, 0.0), Vec3::new(1.1, -0.8, 0.1), Vec3::new(0.2, 1.2, -0.2)];
     let origin = Vec3::new(0.1, 0.05, 3.0);

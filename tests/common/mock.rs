@@ -164,7 +164,7 @@ pub fn execute(
     with_run(text, folder, |run| execute_run(run, folder, spawner, interrupted))
 }
 
-/// Runs an experiment with simulated workers, like `execute`, but one that was read before.
+/// Runs an experiment with simulated workers, like `execute`. The experiment `run` was already read.
 pub fn execute_run(
     run: &Run<'_>,
     folder: &Path,
@@ -172,8 +172,9 @@ pub fn execute_run(
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
     let mut results = Results::resume(folder, &Environment::default())?;
-    // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
-    // Tests keep these samples, so that the number of samples does not depend on the machine.
+    // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other
+    // cores. The runs of raycl's tests keep such samples, so that the number of samples does not depend on
+    // the machine.
     Run { keeps_moved_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
 }
 

@@ -1,5 +1,5 @@
-//! Code that tests on a device share: the choice of the device, and pictures that are compared with the
-//! reference.
+//! The code that is common to all tests on a device: the choice of the device, and pictures that are compared
+//! with the reference.
 
 pub mod apart;
 pub mod cover;
@@ -54,9 +54,10 @@ pub fn soon<'a>(names: impl IntoIterator<Item = &'a str>) -> impl Iterator<Item 
 }
 
 /// Returns true if `make test` tests a strategy on PoCL, and false if only `make test-long` does. PoCL takes
-/// half a minute to compile a strategy in which work-items share tiles. `make test` tests presets with such
-/// tiles in a few tests of their own, in tests/all_features.rs, and under the simulator Oclgrind, which need
-/// not compile kernels to machine code.
+/// half a minute to compile a strategy in which work-items share tiles. `make test` compiles such strategies only
+/// in a few tests of their own and in tests/all_features.rs. It runs all of them that are in the pairwise cover (a
+/// set of strategies that has every pair of values) under the simulator Oclgrind, which need not compile kernels to
+/// machine code.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }
@@ -95,8 +96,8 @@ impl Stand {
         Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
     }
 
-    /// Returns a `Stand` with these kernel sources. `change` may change the set of built-in functions that
-    /// the device's compiler is said to have.
+    /// Returns a `Stand` (a device with one scene) whose kernels come from `sources`. `change` may change the
+    /// set of built-in functions that the device's compiler is said to have.
     pub fn of(
         sources: &Sources,
         scene: Scene,
@@ -156,7 +157,7 @@ impl Stand {
 }
 
 /// Returns the result of a step, or the reason why the device cannot hold the strategy. Panics if the
-/// strategy is refused for any other reason.
+/// strategy is refused for a reason other than the device's limits.
 fn fits<T>(strategy: &Strategy, step: Result<T, Refused>) -> Result<T, String> {
     step.map_err(|refused| match refused {
         Refused::Device(_) | Refused::Launch { error: LaunchError::WorkGroup { .. }, .. } => refused.reason(),

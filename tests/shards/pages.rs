@@ -18,7 +18,7 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
     let container = &spec["template"]["spec"]["containers"][0];
     let words = container["command"].as_vec().expect("words");
     let words: Vec<&str> = words.iter().filter_map(yaml_rust2::Yaml::as_str).collect();
-    // The image contains no config, so the config must be on the volume.
+    // The container's image contains no config, so the config must be on the mounted volume.
     let volume = container["volumeMounts"][0]["mountPath"].as_str().expect("a volume");
     assert!(words[2].starts_with(&format!("{volume}/configs/")), "{words:?} {volume}");
     assert_eq!((spec["completionMode"].as_str(), spec["completions"].as_i64()), (Some("Indexed"), Some(16)));
@@ -41,7 +41,7 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
         setup.iter().filter_map(yaml_rust2::Yaml::as_str).any(|line| line.contains(" make")),
         "{setup:?}"
     );
-    // The options in the YAML are options of this program.
+    // The options in the YAML of docs/clusters.md are options of `raycl run`.
     for option in ["--shard", "--out", "--device"] {
         has(&Ground::new().folder.output(&["run", "--help"]), &[option]);
     }

@@ -43,9 +43,10 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
         let w = Workload { half_light, image_size: [200, 101], local_size: [32, 1], ..workload(1, 1) };
         needs_of(&of("tile-group"), &w).global_bytes
     };
-    // Each half picture has the same data per pixel as the picture of full size: image, nearest triangle, one entry of
-    // the queue of leftover shadow rays, and a word whose bits say which lights reach the pixel's hit. Each half
-    // picture also has the triangle's planes for the eye and the light.
+    // Each half picture (of half the width and height) has the same data per pixel as the picture of full
+    // size. For each pixel, these are a value of the image, the nearest triangle, one entry of the queue of
+    // leftover shadow rays (rays that tiles do not finish), and a word whose bits say which lights reach the
+    // pixel's hit. Each half picture also has the triangle's planes for the eye and the light.
     assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51 + 2 * 2 * 48);
     let scratch = |half_light| {
         let w = Workload { half_light, image_size: [64, 64], local_size: [8, 8], ..workload(1, 1) };
@@ -96,8 +97,8 @@ fn what_a_shared_tile_hands_on_is_counted() {
         let w = Workload { image_size: [side, side], local_size: [32, 1], ..workload(1, 1) };
         needs_of(&of("tile-group"), &w).global_bytes
     };
-    // A pixel takes bytes of the image, of the nearest triangles, of one entry of the queue of leftover shadow rays,
-    // and of a word whose bits say which lights reach the pixel's hit.
+    // A pixel's bytes have four parts: a value of the image, the nearest triangle, one entry of the queue of
+    // leftover shadow rays, and a word whose bits say which lights reach the pixel's hit.
     assert_eq!(bytes(200) - bytes(100), (16 + 4 + 8 + 4) * 30_000);
 }
 

@@ -243,8 +243,9 @@ fn strategies() -> impl proptest::strategy::Strategy<Value = Strategy> {
     })
 }
 
-/// Generates numbers with at most `bits` bits. First, a number of bits from 0 to `bits` is drawn, then a number with at
-/// most so many bits. Small numbers are therefore as frequent as huge ones.
+/// Generates numbers with at most `bits` bits. First, a number of bits from 0 to `bits` is drawn, then a
+/// number with at most so many bits. Numbers with few bits are therefore drawn as often as numbers with many
+/// bits.
 fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
     (0..=bits, any::<u64>()).prop_map(|(bits, number)| number.checked_shr(64 - bits).unwrap_or(0))
 }
@@ -299,7 +300,7 @@ fn numbers(text: &str) -> Vec<u128> {
     text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }
 
-/// Returns true if a refusal's sum is correct and is above the refusal's limit.
+/// Returns true if the sum in a refusal's message is correct and exceeds the limit in the message.
 fn adds_up(reason: &str) -> bool {
     if reason.starts_with("traversal = raster does not support textures") {
         return true; // a reason without numbers

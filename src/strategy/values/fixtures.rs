@@ -18,15 +18,15 @@ fn folder_with(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
-/// Returns the headers of all values, if the folder of `--cl-dir` contains the kernel files `files`. Each
-/// element of `files` is a path in the folder and a text. Returns the error if the folder is refused.
+/// Returns the headers of all values that are kernel files, if the folder of `--cl-dir` contains `files`.
+/// Each element of `files` is a path in the folder and a text. Returns the error if the folder is refused.
 pub fn checked(files: &[(&str, &str)]) -> Result<Vec<Header>> {
     let folder = folder_with(files);
     let sources = Sources::Folder(folder.path().to_owned());
     refuse_unused(&sources).and_then(|()| headers(&sources))
 }
 
-/// Returns the error about a folder with these kernel files.
+/// Returns the error about a folder that contains the kernel files `files`.
 pub fn refused_of(files: &[(&str, &str)]) -> Error {
     checked(files).unwrap_err()
 }

@@ -1,13 +1,14 @@
-//! The folders of kernel files that are values of axes, and the values whose files lie in these folders.
+//! The folders in which each kernel file defines a value of an axis, and the values that the files in these
+//! folders define.
 
 use crate::entry::entry;
 use crate::error::{Error, Result};
 use crate::sources::Sources;
 use crate::strategy::AXES;
 
-/// The folders of values, each with the axis to which its files belong. A value may have files in several
-/// folders, for different kernel families. Of a value's files, the one in the first folder contains the
-/// header.
+/// The folders of values, each with the axis to which its files belong. A value of an axis may have kernel
+/// files in several folders, for different kernel families. If a value has several files, the file in the
+/// first of these folders contains the header.
 pub const FOLDERS: [(&str, &str); 8] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
@@ -19,7 +20,8 @@ pub const FOLDERS: [(&str, &str); 8] = [
     ("tile_gpu/intersect/", "intersector"),
 ];
 
-/// A value before its header is read: its axis, its name, and the folders that contain a file of it.
+/// A value of an axis, before its header is read: the axis, the value's name, and the folders that contain a
+/// kernel file of the value.
 pub struct Named {
     pub axis: &'static str,
     pub name: String,
@@ -27,7 +29,7 @@ pub struct Named {
 }
 
 impl Named {
-    /// Returns the value's files. The value's first file contains the header.
+    /// Returns the kernel files that define the value. The first of these files contains the header.
     pub fn files(&self) -> impl Iterator<Item = String> {
         self.folders.iter().map(move |folder| format!("{folder}{}.cl", self.name.replace('-', "_")))
     }
@@ -55,8 +57,8 @@ pub fn named(files: &[String]) -> Vec<Named> {
     all
 }
 
-/// Returns the names of an axis's values; an empty list if there is no such axis. `all` contains the values that are
-/// files.
+/// Returns the names of an axis's values; an empty list if there is no such axis. `all` contains the values
+/// (of any axis) that kernel files define.
 pub fn names_of(all: &[Named], axis: &str) -> Vec<String> {
     let listed = AXES.iter().filter(|info| info.name == axis).flat_map(|info| info.listed);
     let files = all.iter().filter(|named| named.axis == axis).map(|named| named.name.clone());

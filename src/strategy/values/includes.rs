@@ -52,9 +52,9 @@ fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
     Ok(lines.filter_map(include).collect())
 }
 
-/// Returns true if a kernel file includes the file `other`, directly or through other files. A path that
-/// contains an axis in braces may be the path of any file, so the function also returns true if it finds such
-/// a path.
+/// Returns true if a kernel file includes the file `other`, directly or through other files. An `#include`
+/// path with the name of an axis in braces may stand for any file, so the function also returns true if it
+/// finds a path with braces.
 pub fn includes_file(sources: &Sources, file: &str, other: &str) -> Result<bool> {
     let mut files = vec![(file.to_owned(), sources.read(file)?)];
     let mut done = 0;
@@ -84,8 +84,8 @@ pub fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Incl
     wrong.find(|include| stem(&include.path) == meant)
 }
 
-/// Returns true if the last part of an include's path is the name of this file. If the last part is only
-/// similar to the file's name, another file may be meant.
+/// Returns true if the last part of an include's path is the name of this file. If the path's last part is
+/// only similar to the file's name, the include may mean another file.
 pub fn has_name_of(include: &Include, file: &str) -> bool {
     stem(&include.path) == stem(file)
 }

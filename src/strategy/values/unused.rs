@@ -7,8 +7,9 @@ use crate::reader::folder_of;
 use crate::sources::{Sources, meant_file};
 use std::path::Path;
 
-/// Refuses a file that is neither a value nor included by a file with an effect. Without this refusal, the
-/// file would silently have no effect.
+/// Refuses a kernel file that has no effect: the file replaces no built-in file, defines no value of an axis,
+/// and is included by no file that has an effect. If raycl accepted such a file, the user would not notice
+/// that the file has no effect.
 pub fn refuse_unused(sources: &Sources) -> Result<()> {
     let Sources::Folder(folder) = sources else { return Ok(()) };
     let mut unknown = sources.own_files()?;
@@ -30,8 +31,9 @@ pub fn refuse_unused(sources: &Sources) -> Result<()> {
     }
 }
 
-/// Returns the files that have an effect: the built-in files, values, and all files that these files include,
-/// directly or through other files. `includes_file` returns true if an `#include` may include a file.
+/// Returns the files that have an effect: the built-in files, the files that define values of axes, and all
+/// files that one of these files includes, directly or through other files. `includes_file` returns true if
+/// an `#include` may include a file.
 fn files_with_effect<'a>(
     files: &'a [String],
     includes: &[Include],
@@ -51,13 +53,13 @@ fn files_with_effect<'a>(
     used
 }
 
-/// Returns true if a file is a value of an axis or has the path of a built-in file.
+/// Returns true if a kernel file defines a value of an axis or has the path of a built-in file.
 fn is_known(file: &str) -> bool {
     Sources::names().contains(&file) || FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some())
 }
 
-/// Returns the error about a file without effect. `is_included` means that another file includes this file;
-/// the including file has no effect either.
+/// Returns the error about a kernel file that has no effect. `is_included` means that another file includes
+/// this file, although the other file has no effect either.
 fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) -> Error {
     let (path, folder_name) = (folder.join(file), folder.display());
     let by = if is_included { "only files without effect include it" } else { "no file includes it" };
@@ -90,8 +92,8 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
 }
 
 /// Returns the folder that the user should have named with `--cl-dir` instead of `folder`. The folder that is
-/// returned contains `folder`. Relative to the returned folder, the file's path is the path of a value or of
-/// a built-in file. Returns `None` if there is no such folder.
+/// returned contains `folder`. Relative to the returned folder, the file's path is the path of a built-in
+/// file, or of a file that defines a value of an axis. Returns `None` if there is no such folder.
 fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     let (mut outer, mut inner) = (folder, file.to_owned());
     while !is_known(&inner) {
@@ -101,8 +103,8 @@ fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     Some(outer)
 }
 
-/// Returns the help for a file without effect: the path that is probably meant, if there is one, and the
-/// folders of values.
+/// Returns the help for a kernel file that has no effect: the path that the user probably meant, if there is
+/// one, and the folders in which files define values of axes.
 fn elsewhere(file: &str) -> String {
     let folders = FOLDERS.map(|(folder, _)| folder);
     let expected = format!("the file of an axis's value lies in one of the folders {}", folders.join(", "));

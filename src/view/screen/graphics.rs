@@ -23,9 +23,9 @@ pub enum Graphics {
     Sixel,
 }
 
-/// Two questions to the terminal. The first, in kitty's protocol, asks whether the terminal can show a picture of one
-/// pixel; the terminal does not store this picture. The second asks which kind of device the terminal is. Every
-/// terminal answers the second question.
+/// Two questions to the terminal. The first question, in kitty's protocol, asks whether the terminal can show
+/// a picture of one pixel; the terminal does not store this picture. The second question asks which kind of
+/// device the terminal is. Every terminal answers the question about its kind.
 /// <https://sw.kovidgoyal.net/kitty/graphics-protocol/#querying-support-and-available-transmission-mediums>
 const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
 /// Longest wait for the terminal's answer, in milliseconds. A terminal behind a slow line may need a few
@@ -46,9 +46,10 @@ impl Graphics {
         best.shown_by_tmux(std::env::var_os("TMUX").is_some())
     }
 
-    /// Returns half blocks instead of sixels if the answer came from tmux (a program that divides a terminal
-    /// into several). Since version 3.4, tmux says that it supports sixels even if the terminal around tmux
-    /// cannot draw sixels; tmux then shows nothing or a placeholder.
+    /// Returns half blocks instead of sixels if tmux (a program that divides a terminal into several)
+    /// answered the question which graphics the terminal can show. Since version 3.4, tmux says that it
+    /// supports sixels even if the terminal around tmux cannot draw sixels; tmux then shows nothing or a
+    /// placeholder.
     fn shown_by_tmux(self, is_tmux: bool) -> Self {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }
@@ -100,8 +101,8 @@ impl Graphics {
 
 /// Returns the commands of kitty's protocol that show `picture` in place of the last picture. The new picture
 /// replaces the last one because both have the number 1. The commands contain the picture's red, green and
-/// blue bytes, compressed by deflate and encoded in base64. The commands leave the cursor where it is, and
-/// ask the terminal for no answer.
+/// blue bytes, compressed by deflate and encoded in base64. The commands leave the cursor where it is, and do
+/// not ask the terminal for an answer.
 fn kitty(picture: &RgbImage) -> std::io::Result<String> {
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::fast());
     deflated.write_all(picture)?;

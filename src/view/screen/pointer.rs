@@ -36,15 +36,17 @@ pub struct Pointer {
 }
 
 impl Pointer {
-    /// Lays the invisible window over a window of the display that the environment names. Returns `None` if
-    /// the server does not answer, or refuses the invisible window.
+    /// Lays the invisible window over `window`. Both windows belong to the X display that the environment
+    /// variable `DISPLAY` names. Returns `None` if the server does not answer, or refuses the invisible
+    /// window.
     pub fn over(window: u32) -> Option<Self> {
         let (connection, _) = RustConnection::connect(None).ok()?;
         let cover = connection.generate_id().ok()?;
         let events = EventMask::BUTTON_PRESS | EventMask::BUTTON_RELEASE | EventMask::BUTTON_MOTION;
         let values = CreateWindowAux::new().event_mask(events);
-        // The invisible window has the largest possible size. Its part outside the visible window has no
-        // effect, so it need not follow the visible window's size.
+        // The invisible window has the largest possible size. The part of the invisible window that lies
+        // outside the visible window has no effect. The invisible window therefore need not follow the
+        // visible window's size.
         let (side, class) = (MOST_PIXELS as u16, WindowClass::INPUT_ONLY);
         connection
             .create_window(0, cover, window, 0, 0, side, side, 0, class, 0, &values)

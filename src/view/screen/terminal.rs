@@ -18,8 +18,8 @@ use std::time::Duration;
 const USUAL_CELLS: [u16; 2] = [80, 24];
 /// The size of a character in pixels that raycl assumes if the terminal does not report it.
 const USUAL_CELL_PIXELS: [u32; 2] = [8, 16];
-/// Longest wait for the rest of the terminal's answer, after the part that says which graphics it can show. The
-/// terminal sends both parts at once.
+/// Longest wait for the rest of the terminal's answer, after the part that says which graphics it can show.
+/// The terminal sends all parts of its answer at once.
 const REST_OF_ANSWER: Duration = Duration::from_millis(20);
 /// The escape codes that select the terminal's default colours and clear the screen.
 const CLEAR: &str = "\x1b[0m\x1b[2J";
@@ -52,8 +52,9 @@ impl Terminal {
     /// in pixels, if standard input is not a terminal, or if the output is a pipe or a file.
     ///
     /// The terminal changes to raw mode and to its alternate screen when raycl first shows a picture, writes
-    /// a line or looks for input. Before this change, for example while a large scene is loaded, Ctrl-C ends
-    /// raycl. When the returned value is dropped, the terminal returns to its usual mode and screen.
+    /// a line or looks for input. Before the terminal is in raw mode, for example while a large scene is
+    /// loaded, Ctrl-C ends raycl. When the returned value is dropped, the terminal returns to its usual mode
+    /// and screen.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
@@ -193,8 +194,8 @@ impl Screen for Terminal {
     }
 
     fn write_over(&mut self, lines: &[String]) -> Result<bool> {
-        // The next picture in half blocks, which are characters, replaces the text. The next picture in
-        // pixels may leave the text on the screen.
+        // The next picture in half blocks, which are characters, replaces the text. The next picture that is
+        // drawn with pixels, not characters, might not replace the text.
         if !self.is_interactive || self.graphics != Graphics::Blocks {
             return Ok(false);
         }
@@ -243,7 +244,8 @@ pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
 }
 
 /// Restores the terminal if it is in raw mode. raycl calls this function when the crate `ocl` has panicked,
-/// before the process ends. The message about the panic then appears on the terminal's usual screen.
+/// before the process ends. After this call, the message about the panic appears on the terminal's usual
+/// screen.
 fn restore(_reason: &str) {
     if terminal::is_raw_mode_enabled().unwrap_or(false) {
         // If this output fails, the failure is ignored, since a message in the same terminal would fail too.

@@ -1,4 +1,5 @@
-//! A window as a screen. The window's libraries are loaded when the window opens, so that no other command needs them.
+//! A window in which the view shows its pictures (a [`Screen`]). The window's libraries are loaded when the
+//! window opens, so that no other command needs them.
 
 #[cfg(unix)]
 use super::pointer::{Moves, Pointer};
@@ -95,8 +96,9 @@ impl Window {
         moved(std::mem::replace(&mut self.dragged, at), at, self.size)
     }
 
-    /// Returns the movements of the pointer that are known from events: the drags that orbit and pan, in
-    /// heights of the picture, and the steps of the wheel. minifb does not receive these events.
+    /// Returns the movements of the pointer that X11's events report: the drags that orbit, the drags that
+    /// pan (both in heights of the picture), and the steps of the wheel. minifb does not receive these
+    /// events.
     #[cfg(unix)]
     fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
         let Moves { orbit, pan, wheel } = self.events.as_mut().map(Pointer::moves).unwrap_or_default();
@@ -209,8 +211,8 @@ fn orbit_and_pan(by: [f64; 2], pans: bool) -> [[f64; 2]; 2] {
     if pans { [[0.0; 2], by] } else { [by, [0.0; 2]] }
 }
 
-/// Returns a connection to the X11 display. Returns `None` on macOS, whose windows need no X11 display, and
-/// if the display does not say how it stores pixels.
+/// Returns a connection to the X11 display. Returns `None` in two cases: on macOS, whose windows need no X11
+/// display, or if the display does not say how it stores pixels.
 ///
 /// # Errors
 ///
@@ -281,7 +283,7 @@ impl Typed {
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
             // `send` fails only if the receiver was dropped, together with its window. After the window has
-            // closed, a lost key does not matter.
+            // closed, a key has no effect, so it may be lost.
             let _ = self.sender.send(key);
         }
     }
