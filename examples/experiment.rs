@@ -5,8 +5,8 @@ use miette::{Result, bail};
 use raycl::{run_experiment, serve_if_worker};
 
 fn main() -> Result<()> {
-    // Separate processes, which also run this program, measure the points. In these processes, the next call does the
-    // work and does not return.
+    // Separate processes, which also run this program, measure the points. In such a process,
+    // `serve_if_worker` measures the points and does not return.
     serve_if_worker();
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [config, out, devices @ ..] = &words[..] else { bail!("usage: experiment CONFIG OUT [DEVICE]...") };

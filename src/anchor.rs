@@ -1,9 +1,9 @@
 //! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run
-//! with several launches times the anchor on each device. In each launch, the anchor runs after the device's
-//! first sample, and then after every six further samples. If a round, which takes one sample of each point,
-//! has fewer than six samples on the device, the anchor runs once per round instead of after every six
-//! samples. Two runs can be compared by the ratios of their times to the anchor's time, even if the machine's
-//! speed changed between the runs.
+//! with several launches times the anchor, this unchanging kernel, on each device. In each launch, raycl runs
+//! the anchor kernel after the device's first sample, and then after every six further samples. If a round
+//! (one sample of each point) has fewer than six samples on the device, raycl runs the anchor kernel once per
+//! round instead of after every six samples. Two runs can be compared by the ratios of their times to the
+//! anchor's time, even if the machine's speed changed between the runs.
 
 use crate::clock::ms_since;
 use crate::device::DeviceInfo;
@@ -33,8 +33,8 @@ const MOST_GRAZING: usize = CHECKED / 100;
 const MISS: f32 = 1e30;
 
 /// Returns the anchor's name in `anchors.jsonl`: a hash of the kernel's source, the compiler options, the
-/// number of rays, and the device with its settings. Two names are equal if the same device does the same
-/// work with the same settings.
+/// number of rays, and the device with its settings. Two anchors have equal names if the same device does the
+/// same work with the same settings.
 pub fn name(device: &DeviceInfo) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let rays = rays(device.limits.compute_units);
@@ -152,7 +152,7 @@ fn spheres() -> Vec<[f32; 4]> {
 }
 
 /// Compares the distances that the kernel found for the first rays with distances computed on the host.
-/// Returns an error if more than `MOST_GRAZING` of these distances differ.
+/// Returns an error if the distances of the kernel and of the host differ for more than `MOST_GRAZING` rays.
 fn check(distances: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let agrees = |(ray, distance): (usize, &f32)| {
         let expected = nearest(ray, spheres);

@@ -42,9 +42,9 @@ pub(super) struct Slicer<const N: usize> {
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
-    /// Cuts `region` into slices along each axis. The region should contain the doubled centres of all
-    /// primitives, as `Primitive::centre` returns them. A primitive outside the region belongs to the first
-    /// or last slice.
+    /// Cuts `region` into slices along each axis. The region should contain the doubled centre of each
+    /// primitive (the sum of the corners of its box, which `Primitive::centre` returns). A primitive outside
+    /// the region belongs to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis has only one slice if the region's extent along this axis is zero or overflows.
@@ -74,8 +74,8 @@ impl<const N: usize> Slicer<N> {
         (position + ROUND).to_bits() as usize & (N - 1)
     }
 
-    /// Returns the position of the plane at the lower end of a slice, in doubled coordinates, as
-    /// `Primitive::centre` returns them.
+    /// Returns the position of the plane at the lower end of a slice. The position is doubled, like the
+    /// centres that `Primitive::centre` returns.
     fn plane(&self, axis: usize, slice: usize) -> f32 {
         self.low[axis] + slice as f32 / self.scale[axis]
     }
@@ -93,8 +93,8 @@ pub(super) struct Cut {
     /// The bounding boxes of the two children into which the cut divides the node.
     pub bounds: [Bounds; 2],
     /// For each child, a box around the doubled centres of the child's primitives. A primitive's doubled
-    /// centre is the sum of the lowest and the highest corner of its box. Because of rounding, a doubled
-    /// centre may lie slightly outside this box.
+    /// centre is the sum of the lowest and the highest corner of its box. Because of rounding, a primitive's
+    /// doubled centre may lie slightly outside the region of its child.
     pub regions: [Bounds; 2],
 }
 
@@ -121,7 +121,8 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Adds the counts and the boxes of `other`, which are the bins of further primitives in the same slices.
+    /// Adds the counts and the boxes of `other`, the bins of other primitives, to these bins. The slices of
+    /// both must be the same.
     pub fn merge(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             for slice in 0..N {

@@ -2,8 +2,9 @@
 
 use glam::{Vec3, Vec4};
 
-/// An axis-aligned box. The vector of a corner has four lanes, so that it fills one register. A box uses only three of
-/// the lanes. In a [`Primitive`], the fourth lane of `low` holds the triangle's number.
+/// An axis-aligned box. The vector of a corner has four lanes, so that it fills one register. The coordinates
+/// of a corner take only three of its four lanes. In a [`Primitive`], the fourth lane of `low` holds the
+/// triangle's number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// The corner with the smallest coordinates.
@@ -46,7 +47,7 @@ impl Bounds {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Primitive(pub Bounds);
 
-/// The bits of 1.0. The sum of these bits and a triangle's number is a normal float.
+/// The bits of 1.0. The bits of 1.0 plus a triangle's number are the bits of a normal float.
 const NUMBER_BASE: u32 = 0x3f80_0000;
 
 impl Primitive {

@@ -6,7 +6,8 @@
 //! move the primitives, chunk by chunk. The two sides of a cut are built as independent tasks, except in
 //! small subtrees.
 //!
-//! The upper part of a large tree for one frame is built over cells of primitives: see `cells.rs`.
+//! If a large tree is for one frame only, its upper part is built over the cells of a grid, each with many
+//! primitives: see `cells.rs`.
 
 use super::bins::{Bins, Boxed, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -25,25 +26,27 @@ pub(super) const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
 /// If a subtree has at most this many triangles, and its parent has more, the builder joins the subtree's
-/// nodes into one allocation as soon as the subtree is finished. The allocator returns the memory of such a
-/// large allocation to the system when it is freed. The allocator would keep the memory of many small
-/// allocations, and large meshes would need a tenth more memory.
+/// nodes into one allocation as soon as the subtree is finished. When a large allocation is freed, the
+/// allocator returns its memory to the system. If the nodes stayed in many small allocations, the allocator
+/// would keep their memory, and large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
 /// To find a cut, nodes with more triangles than this number are divided into `FINE` slices along each axis.
-/// All other nodes are divided into `COARSE` slices. Lists of cells are always divided into `FINE` slices.
+/// Nodes with at most this many triangles are divided into `COARSE` slices. A list of grid cells, in the
+/// upper part of a large tree, is always divided into `FINE` slices.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
 /// From this depth on, a node is divided into two halves whose numbers of triangles differ by at most one.
 /// Halving limits the depth of the tree of any mesh.
 const HALVING_DEPTH: u32 = 64;
-/// From this depth on, a list of cells is divided into two halves. A mesh has at most 2^16 cells. After 48 cuts and 16
-/// halvings, each list has a single cell, so the subtree of every cell begins at depth 64 (`HALVING_DEPTH`) or less.
+/// From this depth on, a list of grid cells is divided into two halves. A mesh has at most 2^16 cells. After
+/// 48 cuts of the list of all cells and 16 halvings, each part of the list is a single cell. So the subtree
+/// over a cell's triangles begins at depth 64 (`HALVING_DEPTH`) or less.
 const CELLS_HALVING_DEPTH: u32 = 48;
 /// If a tree is for one frame, and the mesh has at least this many triangles, the upper part of the tree is
-/// built over cells. The cuts between cells do not have the least cost, so casting takes longer: by 3.5% for
-/// ten million triangles on an H200 (docs/log.md, 2026-11-28). For a mesh of 200,000 triangles, cells made
-/// building only 7 ms faster.
+/// built over the cells of a grid. The cuts between cells do not have the least cost, so casting takes
+/// longer: by 3.5% for ten million triangles on an H200 (docs/log.md, 2026-11-28). For a mesh of 200,000
+/// triangles, building a tree over cells was only 7 ms faster.
 const LARGE_MESH: usize = 1 << 19;
 
 /// A subtree that has not been built yet.
@@ -54,7 +57,7 @@ struct Work<'a> {
     order: &'a mut [u32],
     /// The box around all triangles of the subtree.
     bounds: Bounds,
-    /// A box that contains twice the centre of each primitive's box.
+    /// A box that contains the doubled centres of all primitives (see `Primitive::centre`).
     region: Bounds,
     /// Number of cuts between the root of the whole tree and this subtree.
     depth: u32,
@@ -106,7 +109,8 @@ fn grow_from_primitives(mesh: &Mesh, order: &mut [u32], leaf_size: usize) -> Sub
     grow(Work { primitives: &mut primitives, order, bounds, region, depth: 0 }, leaf_size)
 }
 
-/// Returns the box around all primitives, and the box around their doubled centres.
+/// Returns the box around all primitives, and the box around the primitives' doubled centres (see
+/// `Primitive::centre`).
 pub(super) fn boxes_of(primitives: &[Primitive]) -> (Bounds, Bounds) {
     primitives
         .par_chunks(CHUNK)
@@ -220,9 +224,9 @@ fn divide(work: Work) -> [Work; 2] {
 }
 
 /// Finds the best cut, moves the primitives to the two sides of the cut, and returns the cut; `None` if no
-/// cut has a finite cost. `region` comes from cutting the parent's region, so `region` may be larger than the
-/// bounds of the primitives' doubled centres. If no cut is found in `region`, the search is repeated with the
-/// exact bounds.
+/// cut has a finite cost. `region` contains the doubled centres of all primitives. As a part of the parent
+/// node's region, `region` may be larger than the smallest box around these centres. If no cut is found in
+/// `region`, the search is repeated with this smallest box.
 fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);

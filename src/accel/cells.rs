@@ -1,6 +1,7 @@
 //! Divides the triangles of a large mesh among the cells of a regular grid. If the mesh's tree is for one
-//! frame only, the upper levels of the tree are then built over the cells. Without cells, building each upper
-//! level would read and move the boxes of all triangles, which do not fit into the processor's caches.
+//! frame only, the upper levels of the tree are built over these grid cells, not over single triangles. With
+//! single triangles, building each upper level would read and move the boxes of all triangles, which do not
+//! fit into the processor's caches.
 
 use super::bins::Boxed;
 use super::bounds::{Bounds, Primitive};
@@ -27,7 +28,8 @@ pub(super) fn most_cells(triangles: usize) -> usize {
 /// A cell of the grid over the mesh, and the triangles in the cell (at least one).
 pub(super) struct Cell<'a> {
     pub primitives: &'a mut [Primitive],
-    /// The box around all boxes of `primitives`. The triangle number in this primitive has no meaning.
+    /// The box around all boxes of `primitives`, stored as a `Primitive` whose triangle number has no
+    /// meaning.
     bounds: Primitive,
     /// The box around the doubled centres of `primitives` (see `Primitive::centre`).
     pub region: Bounds,
@@ -106,8 +108,8 @@ fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
 }
 
 /// Divides `order`, in which triangles are ordered by cell, into shares, one for each thread. A share has the
-/// triangles of neighbouring cells: at most `most` triangles, or those of a single cell. Returns the range of
-/// cells of each share, and the share's slice of `order`.
+/// triangles of neighbouring cells: at most `most` triangles, or those of a single cell. Returns, for each
+/// thread's share, the range of its cells, and the part of `order` that has the triangles of these cells.
 fn shares_of<'a>(
     mut order: &'a mut [u32],
     counts: &[usize],
@@ -127,16 +129,17 @@ fn shares_of<'a>(
     shares
 }
 
-/// Writes the numbers of the triangles in a share's cells to `part`, ordered by cell. The share begins with the cell
-/// `first`; `counts` has the number of triangles in each cell of the share, and `cells` the cell of each triangle.
+/// Writes the numbers of all triangles in one thread's share of the cells to `part`, ordered by cell. The
+/// share begins with the cell `first`; `counts` has the number of triangles in each cell of the share, and
+/// `cells` the cell of each triangle.
 fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) {
-    // For each cell, the index in `part` at which the cell's next triangle is written. At first, this is the
-    // index at which the cell's triangles begin.
+    // For each cell, `next` has the index in `part` at which the cell's next triangle is written. At first,
+    // `next` has the index at which the cell's triangles begin.
     let begin = |next: &mut usize, count: &usize| Some(std::mem::replace(next, *next + count));
     let mut next: Vec<usize> = counts.iter().scan(0, begin).collect();
     for (triangle, cell) in (0..).zip(cells) {
-        // For a cell with a number below `first`, the difference wraps around to a large number, which lies
-        // outside `next`.
+        // If the cell's number is below `first`, `cell - first` wraps around to a large number, which is no
+        // index of `next`.
         if let Some(next) = next.get_mut(usize::from(*cell).wrapping_sub(first)) {
             part[*next] = triangle;
             *next += 1;
@@ -165,8 +168,8 @@ impl Grid {
             extent.to_array().map(steps)
         };
         let cells = |steps: [u32; 3]| steps.map(f64::from).iter().product::<f64>();
-        // The search for the length of a cell's side starts with a length that is too short, unless the box
-        // is a line: with this length, the grid would have too many cells.
+        // The search for the length of a cell's side starts with the shortest length that may be right. With
+        // this length, the grid has too many cells, unless the box is a line.
         let mut side = extent.max_element() / most as f64;
         while cells(steps_of(side)) > most as f64 {
             side *= 1.02;

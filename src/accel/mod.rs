@@ -24,10 +24,11 @@ pub use triangles::{NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, write_normal_ro
 pub use wide::WideBvh;
 
 /// A hash of the trees over a few fixed meshes. Each measured point (a strategy with a local size, an image
-/// size, a scene and a device) is stored under a key. If the point uses a tree, its key contains this hash.
-/// If the trees over the fixed meshes change, because the code that builds trees or the trees' layout has
-/// changed, a test fails until the hash is updated. With a new hash, points that use a tree are measured
-/// again. The hash covers trees for many frames ([`TreeUse::ManyFrames`]), with which points are measured.
+/// size, a scene and a device) is stored under a key. If a point uses a tree, the point's key contains this
+/// hash of trees. If the trees over the fixed meshes change, because the code that builds trees or the trees'
+/// layout has changed, a test fails until the hash is updated. With a new hash, points that use a tree are
+/// measured again. The hash covers trees for many frames ([`TreeUse::ManyFrames`]), with which points are
+/// measured.
 pub const FINGERPRINT: &str = "9bed1dff56cfc58f";
 
 /// Whether a tree is built for one frame or for many frames.
@@ -95,16 +96,17 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// A good leaf size for most purposes. The ray tracing library Embree uses the same leaf size at medium
-    /// build quality.
+    /// A good leaf size for most purposes. The ray tracing library Embree, too, puts at most 4 triangles into
+    /// a leaf at medium build quality.
     pub const LEAF_SIZE: usize = 4;
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
     ///
     /// `leaf_size` is the largest number of triangles in a leaf. Triangles that no plane separates, such as
-    /// coincident ones, are divided into two halves with equal numbers of triangles. All nodes from depth 64
-    /// on are divided in this way too. The depth is therefore at most 64 plus the binary logarithm of the
-    /// number of triangles, rounded up. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
+    /// coincident ones, are divided into two halves with equal numbers of triangles. From depth 64 on, the
+    /// triangles of every node are divided into two such halves. The depth is therefore at most 64 plus the
+    /// binary logarithm of the number of triangles, rounded up. Positions must be finite, as a
+    /// [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         Self::build_for(TreeUse::ManyFrames, mesh, leaf_size)
     }
@@ -116,12 +118,12 @@ impl Bvh {
     }
 
     /// Returns an estimate of the memory in bytes that the host needs to build a tree over `triangles`
-    /// triangles. The estimate is the sum of the leaf order, the nodes, and the larger of two buffers that
-    /// are not in use at the same time: the buffer of the triangles' boxes, and a second copy of the nodes,
-    /// which exists while the builder joins vectors of nodes. The estimate assumes that a leaf contains
+    /// triangles. The estimate is the sum of the leaf order, the nodes, and the larger of two buffers, which
+    /// are not in use at the same time. One buffer has the triangles' boxes. The other buffer has a second
+    /// copy of the nodes, while the builder joins vectors of nodes. The estimate assumes that a leaf contains
     /// (`leaf_size` + 1) / 2 triangles on average. If leaves contain more triangles, the tree has fewer
-    /// nodes, and takes less memory. The estimate holds for leaf sizes up to 31; with larger leaves, ordering
-    /// a large mesh's triangles by cells can take slightly more.
+    /// nodes, and takes less memory. The estimate of the memory holds for leaf sizes up to 31. With larger
+    /// leaves, ordering a large mesh's triangles by cells can take slightly more memory than this estimate.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = triangles * size_of::<bounds::Primitive>() as u64;

@@ -15,10 +15,11 @@ pub(super) fn partition<const N: usize>(items: &mut [impl Boxed], slicer: &Slice
     }
 }
 
-/// Moves the items of the left side to the front, and returns their number. The loop exchanges each item in
-/// turn with the first item of the right side. If the item itself belongs to the right side, the exchange
-/// only reorders the right side. The loop does not skip items of the right side, because the processor would
-/// often mispredict the branch that skips them.
+/// Moves the items on the left side of the cut to the front, and returns their number. The function exchanges
+/// each item in turn with the first of the previous items that lies on the right side of the cut. If the
+/// exchanged item itself lies on the right side, the exchange only reorders the items on this side. The
+/// function does not skip the items on the right side, because the processor would often mispredict a branch
+/// that skips items.
 ///
 /// ```text
 ///   0         left        at            the end
@@ -39,9 +40,9 @@ fn partition_on<const N: usize, const AXIS: usize>(
 }
 
 /// Moves the primitives left of the cut to the front, like [`partition`], but on all cores. First, each chunk
-/// of `chunk` primitives is partitioned by itself. `bins` has an element for each chunk, from which the
-/// number of the chunk's primitives on the left side follows. After all chunks are partitioned, primitives
-/// that lie on the wrong side of the whole node's cut exchange their positions.
+/// of `chunk` primitives is partitioned by itself. `bins` has the bins of each chunk, which say how many of
+/// the chunk's primitives lie left of the cut. After all chunks are partitioned, primitives that lie on the
+/// wrong side of the whole node's cut exchange their positions.
 ///
 /// ```text
 ///   chunk 0    chunk 1     chunk 2

@@ -143,9 +143,10 @@ fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     }
 }
 
-/// The triangles are far apart along each axis in turn, so each split by cost separates only few triangles
-/// from all others. With splits by cost alone, the tree would be far deeper than the bound. From a depth of
-/// 64 on, the builder therefore splits nodes into halves with equal numbers of triangles.
+/// The triangles are far apart along each axis in turn, so each cut of least cost separates only few
+/// triangles from all others. If all nodes were cut at the least cost, the tree would be far deeper than the
+/// test allows. To limit the depth, the builder divides nodes from depth 64 on into halves with equal numbers
+/// of triangles.
 #[test]
 fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
@@ -404,7 +405,7 @@ fn a_build_needs_the_order_the_nodes_and_the_boxes_or_the_nodes_again() {
     let boxes = 1000 * size_of::<super::bounds::Primitive>();
     let order = 1000 * size_of::<u32>();
     // The estimate assumes that leaves of at most four triangles contain two and a half triangles on average.
-    // A tree over 1000 triangles then has at most 401 leaves, and as many inner nodes.
+    // With such leaves, a tree over 1000 triangles has at most 401 leaves, and as many inner nodes.
     let nodes = 802 * size_of::<Node>();
     assert_eq!(Bvh::build_bytes(1000, 4), (boxes + order + nodes) as u64);
     // With one triangle per leaf, the nodes take more bytes than the boxes.

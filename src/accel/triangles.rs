@@ -10,7 +10,7 @@ pub const TRIANGLE_WORDS: usize = 12;
 pub const NORMAL_FLOATS: usize = 9;
 
 /// Number of rows of zeros after the last triangle. Kernels that load several triangles at once (TOGETHER in
-/// cl/tile_cpu/triangles_of_leaf.cl) may read these rows.
+/// cl/tile_cpu/triangles_of_leaf.cl) may read these rows of zeros.
 pub const PADDING_ROWS: usize = 8;
 
 /// Writes the triangles of `order` into `rows`, 12 words each. The corners are copied bit by bit, because

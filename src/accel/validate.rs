@@ -29,8 +29,8 @@ impl Bvh {
             waiting.push((0, 0, 0));
         }
         while let Some((number, first, level)) = waiting.pop() {
-            // A depth-first walk must reach the nodes in the order of their numbers. If the order is right,
-            // the walk reaches each node once, and the tree has no cycle.
+            // A depth-first walk must reach the nodes in the order of their numbers. If a depth-first walk
+            // reaches the nodes in this order, it reaches each node once, and the tree has no cycle.
             expect_equal("the next node in depth-first order", number, reached)?;
             reached += 1;
             depth = depth.max(level);

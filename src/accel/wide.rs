@@ -92,7 +92,8 @@ impl WideBvh {
     pub const WIDTHS: [usize; 5] = [2, 4, 8, 16, 32];
     /// The largest supported number of triangles in a leaf.
     pub const MAX_LEAF_SIZE: usize = 63;
-    /// The largest number of triangles, and of nodes, that a child word can index.
+    /// The largest number of triangles, and of nodes, that a child word (the 32 bits that refer to a child)
+    /// can index.
     pub const MAX_INDEX: usize = 1 << 25;
     /// The bit of a child word that marks a leaf.
     pub const LEAF: u32 = 1 << 31;
@@ -130,15 +131,15 @@ impl WideBvh {
         Self::new(Bvh::build_for(tree_use, mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's
-    /// children, the function starts with the node's binary subtree as the only child. The function then
-    /// repeatedly replaces a child by the two children of this child in the binary tree, until all slots are
-    /// used or only leaves of the binary tree are left. First, only children with more than `leaf_size`
-    /// triangles are replaced, the child with the largest surface area first. If slots are still unused,
-    /// children with fewer triangles are replaced in the same order, since testing an unused slot costs as
-    /// much as testing a used slot. The leaves of the wide tree therefore become as small as the slots allow,
-    /// but never smaller than the leaves of the binary tree. The binary tree should therefore have the leaf
-    /// size with which rays are cast fastest.
+    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find the children of a
+    /// wide node, the function starts with a list of one subtree of the binary tree: the subtree below this
+    /// node. The function then repeatedly replaces a subtree in the list by the two subtrees below its root,
+    /// until the list fills all slots of the node, or only leaves of the binary tree are left. At first, only
+    /// subtrees with more than `leaf_size` triangles are replaced, always the subtree with the largest
+    /// surface area first. If slots of the node are still unused, smaller subtrees are replaced too, again by
+    /// surface area, since testing an unused slot costs as much as testing a used slot. So the leaves of the
+    /// wide tree become as small as the slots for children allow, but never smaller than the leaves of the
+    /// binary tree. The binary tree should therefore have the leaf size with which rays are cast fastest.
     ///
     /// # Errors
     ///
@@ -204,10 +205,10 @@ impl WideBvh {
         children
     }
 
-    /// Appends the wide trees `parts`, which were made from the subtrees of the root's inner children, in the
-    /// order of these children. The root of each appended tree replaces the placeholder node of the child;
-    /// all other nodes are appended. All threads copy, since the system fills each new page of memory with
-    /// zeros, which takes longer than copying.
+    /// Appends the wide trees `parts`. Each part was made from the subtree below one inner child of the root;
+    /// the parts have the order of these children. The root of a part replaces the placeholder node that
+    /// stands for the child; the other nodes of the part are appended. All threads copy, since the system
+    /// fills each new page of memory with zeros, which takes longer than copying.
     fn append(&mut self, parts: Vec<Self>) {
         let (width, stride, own) = (self.width, self.stride, self.nodes.len());
         self.depth = parts.iter().map(|part| part.depth + 1).fold(self.depth, u32::max);
@@ -277,7 +278,7 @@ impl WideBvh {
     }
 
     /// Writes the boxes and child words of a node. The caller must append the nodes of the inner children
-    /// next, since the child words refer to the next node numbers.
+    /// next, since the child words (the references to the node's children) refer to the next node numbers.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
         for (slot, child) in children.iter().enumerate() {

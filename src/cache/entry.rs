@@ -1,8 +1,8 @@
 //! The bytes of a cache entry: a mark (the first bytes of every entry), a hash of all bytes after the hash,
 //! the length of the key, the key, and the content.
 
-/// The mark: the first bytes of every entry. The number at the end of the mark is the version of the layout
-/// of cache entries.
+/// The mark: the first bytes of every entry. The number at the end of `MARK` is the version of the layout of
+/// cache entries.
 const MARK: &[u8] = b"raycl's cache 1\n";
 const HASH_BYTES: usize = 32;
 const LENGTH_BYTES: usize = 4;

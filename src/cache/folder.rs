@@ -14,8 +14,8 @@ const DEFAULT_LIMIT_MIB: u64 = 512;
 const LONGEST_NAME_BYTES: usize = 255;
 
 /// Returns the limit of the cache's size in bytes, from the environment. If the value of `RAYCL_CACHE_MIB` is
-/// not a whole number of MiB, returns the default limit; raycl's commands have then already refused the value
-/// ([`check_limit`]).
+/// not a whole number of MiB, returns the default limit. raycl's commands refuse such a value
+/// ([`check_limit`]) before they call this function.
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
@@ -66,8 +66,9 @@ pub fn temporary() -> Option<PathBuf> {
 }
 
 /// Makes a private folder, if it does not exist. Accepts a parent folder into which everybody may write, such
-/// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. A further reason for
-/// `None` is that the nearest ancestor that exists belongs neither to this user nor to the superuser.
+/// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. Also returns `None`
+/// if the folder or, if it does not exist, its nearest ancestor that exists belongs neither to this user nor
+/// to the superuser.
 pub fn private_in_shared(folder: PathBuf) -> Option<PathBuf> {
     let around = existing_ancestor(&folder)?.metadata().ok()?;
     if is_own_or_roots(&around) { private(folder) } else { None }
@@ -121,9 +122,9 @@ pub fn files(folder: &Path) -> std::io::Result<Option<ReadDir>> {
 }
 
 /// Returns true if this process can write into a folder, or can create the folder if it does not exist. To
-/// find out, a temporary file is created in the folder or, if the folder does not exist, in its nearest
-/// ancestor that exists. A test of the permission bits is not sufficient: they permit the superuser to write
-/// even if the file system is read-only.
+/// test whether the process can write, a temporary file is created in the folder or, if the folder does not
+/// exist, in its nearest ancestor that exists. A test of the permission bits is not sufficient: they permit
+/// the superuser to write even if the file system is read-only.
 pub fn can_be_written(folder: &Path) -> bool {
     let existing = existing_ancestor(folder);
     existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())

@@ -82,7 +82,8 @@ impl Cache {
         self.folder.as_deref()
     }
 
-    /// Returns the limit of the total size of all entries, in bytes. A small entry counts as `BLOCK_BYTES`.
+    /// Returns the limit of the total size of all entries, in bytes. In this total, an entry smaller than
+    /// `BLOCK_BYTES` counts as `BLOCK_BYTES`.
     pub fn limit_bytes(&self) -> u64 {
         self.limit_bytes
     }
@@ -112,10 +113,10 @@ impl Cache {
 
     /// Stores an entry. Returns true if the cache contains the entry afterwards. Makes the folder if it is
     /// missing, except after [`only_while_it_exists`](Self::only_while_it_exists). Stores nothing if another
-    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Stores
-    /// nothing either if the folder cannot be listed, since raycl could not remove old entries from a folder
-    /// that it cannot list. If the entry cannot be stored, for example because the disk is full, no error is
-    /// reported: the next run only takes longer.
+    /// user owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also
+    /// stores nothing if the cache's folder cannot be listed, since raycl could not remove old entries from a
+    /// folder that it cannot list. If the entry cannot be stored, for example because the disk is full, no
+    /// error is reported: the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);

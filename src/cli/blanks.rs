@@ -1,6 +1,6 @@
 //! Recognises a strategy that the user wrote with blanks, such as `--strategy deferred, width=4`. A shell
-//! passes such a strategy as several words, and clap (the library that parses the arguments) does not expect
-//! the second word.
+//! passes a strategy with blanks as several words, and clap (the library that parses the arguments) does not
+//! expect the strategy's second word.
 
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};

@@ -1,7 +1,7 @@
 //! `--color`: when raycl prints in colour. The option takes precedence over the environment variable
-//! `NO_COLOR` (<https://no-color.org>), and `NO_COLOR` takes precedence over the user's settings. If none of
-//! the three decides, raycl prints in colour if the output is a terminal and the variable `TERM` is not
-//! `dumb`.
+//! `NO_COLOR` (<https://no-color.org>), and `NO_COLOR` takes precedence over the user's settings. If neither
+//! the option, nor `NO_COLOR`, nor the settings decide, raycl prints in colour if the output is a terminal
+//! and the variable `TERM` is not `dumb`.
 
 use clap::ColorChoice;
 use std::ffi::OsString;

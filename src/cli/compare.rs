@@ -28,9 +28,9 @@ pub struct Args {
     /// and a slowdown of PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = THRESHOLD_PERCENT, value_parser = percent)]
     threshold: f64,
-    /// Compare the times as they were measured. Without this option, raycl first divides each time by another time of
-    /// the same run, such as the time of the anchor (a kernel that never changes), to allow for changes of the
-    /// machine's speed
+    /// Compare the measured times themselves, not their ratios to another time. Without this option, raycl
+    /// first divides each time by another time of the same run, such as the time of the anchor (a kernel that
+    /// never changes), to allow for changes of the machine's speed
     #[arg(long)]
     times: bool,
     /// Exit with code 1 if a slowdown of more than PERCENT is statistically significant. raycl tests each
@@ -80,9 +80,9 @@ pub fn run(args: Args) -> Result<()> {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
             "raycl compares two points if their records have the same key (a hash that identifies what was measured). \
-             It compares all other points if they have the same scene, image size, device, strategy name and local \
-             size. Scenes are the same if their contents are equal; if each folder has only one device, the two \
-             devices count as the same",
+             It compares two points without equal keys if they have the same scene, image size, device, strategy \
+             name and local size. Scenes are the same if their contents are equal; if each folder has only one \
+             device, the two devices count as the same",
         ));
     }
     if let Some(out) = &mut out {

@@ -56,14 +56,14 @@ struct Report {
     different_pixels: usize,
     pixels: usize,
     /// The largest absolute difference between the two pictures in one channel of one pixel; alpha is a
-    /// channel too. The values of 8-bit pictures are first divided by 255 (white). Null if this difference is
-    /// not finite.
+    /// channel too. The values of 8-bit pictures are first divided by 255 (white). Null if the largest
+    /// difference is not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
     /// The largest relative difference of a channel of a pixel. A difference of a colour channel is divided
-    /// by the brightest colour channel of the expected pixel, but at least by 1/255. A difference of alpha is
-    /// not divided. Null if the result is not finite.
+    /// by the brightest colour channel of the expected pixel, but at least by 1/255. A difference of alpha
+    /// counts as it is, without a division. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
     /// Remarks for the user. The only possible remark is that one picture has displayed values and the other one
@@ -113,8 +113,8 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Returns the advice of the error about pictures of different sizes. The taller picture may have a colour
-/// scale at its bottom.
+/// Returns the advice of the error about pictures of different sizes. If one picture is taller than the
+/// other, the taller picture may have a colour scale at its bottom.
 fn help_on_sizes([found, expected]: [&Radiance; 2]) -> String {
     let rows = found.height.abs_diff(expected.height);
     let scale = (found.width == expected.width && rows == SCALE_HEIGHT).then(|| {
@@ -126,16 +126,16 @@ fn help_on_sizes([found, expected]: [&Radiance; 2]) -> String {
     format!("render both pictures with the same --width and --height{}", scale.unwrap_or_default())
 }
 
-/// Returns an error if `--output` names one of the compared pictures. The picture of their differences never
-/// replaces a compared picture, even with `--force`.
+/// Returns an error if `--output` names one of the compared pictures. The picture of the differences never
+/// replaces one of the two compared pictures, even with `--force`.
 fn refuse_compared(args: &Args, target: &Target) -> Result<()> {
     let compared = Inputs::new();
     [&args.found, &args.expected].into_iter().for_each(|path| compared.add(path));
     target.check_unread("one of the compared pictures", |path| compared.contains(path))
 }
 
-/// Returns a note if one picture has displayed values and the other one radiance. The two pictures then
-/// differ even if they show the same render.
+/// Returns a note if one picture has displayed values and the other one radiance. A picture of displayed
+/// values and a picture of radiance differ even if they show the same render.
 fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> {
     let values_of = |path: &PathBuf, values| {
         let what = match values {
@@ -206,7 +206,8 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
 }
 
 /// Returns the report as text. `values` says for each picture whether it has displayed values or radiance. If
-/// both have displayed values, the text also gives the largest error on a scale on which white is 255.
+/// both pictures have displayed values, the text also gives the largest error on a scale on which white is
+/// 255.
 fn text(report: &Report, values: [Values; 2]) -> String {
     let mut lines = Vec::new();
     match (report.psnr_db, report.largest_error_at) {

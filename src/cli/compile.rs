@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of an axis add values to this axis
+    /// folder of a strategy's axis add values to this axis
     #[arg(long, value_name = "DIR")]
     pub(super) cl_dir: Option<PathBuf>,
 }
@@ -84,7 +84,8 @@ struct Compilation {
 }
 
 /// The image size for which the kernels are prepared. The compiled code does not depend on the image size.
-/// With PoCL, raycl casts a frame, and a frame of one pixel takes little time even in a large scene.
+/// PoCL compiles a kernel for its local size only when a frame is cast, and a frame of one pixel takes little
+/// time even in a large scene.
 const IMAGE_SIZE: [u32; 2] = [1, 1];
 
 /// Builds the program of every strategy. Prints the numbers of registers and instructions, and writes the

@@ -52,9 +52,9 @@ fn shown(command: &Command) -> Command {
 }
 
 /// Returns the bash script `script`, changed so that it also completes the value in `--option=value`. Bash
-/// divides `--option=value` into three words: `--option`, `=` and `value`. The original script expects the
-/// option directly before the value. For options that require the `=`, the changed script completes no value
-/// after a space. `whole` is the command `raycl`.
+/// divides `--option=value` into three words: `--option`, `=` and `value`. The script that clap_complete
+/// generates expects the option directly before the value, without the word `=`. If an option requires the
+/// `=`, the changed script completes no value after the option and a space. `whole` is the command `raycl`.
 fn with_equals_signs(script: &str, whole: &Command) -> String {
     let options = whole.get_subcommands().flat_map(Command::get_arguments);
     let options = options.filter(|one| one.is_require_equals_set()).filter_map(Arg::get_long);

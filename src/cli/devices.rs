@@ -40,7 +40,7 @@ struct Listing<'a> {
     /// The platforms whose drivers failed to list their devices, each with the reason.
     failed_platforms: &'a [String],
     /// The slug (the name for use in file names) of the device on which commands cast if no option names a
-    /// device. Null if commands refuse to cast without such an option.
+    /// device. Null if commands refuse to cast unless an option names a device.
     default: Option<String>,
 }
 

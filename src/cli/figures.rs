@@ -12,13 +12,13 @@ pub struct Args {
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
     /// Change no file; list the numbers and the lines of tables in raycl's documents that differ from the
-    /// stored records. Exit with code 1 if there are any
+    /// stored records. Exit with code 1 if any number or line differs
     #[arg(long)]
     check: bool,
 }
 
-/// Updates or checks the numbers. A check fails if a document differs from the records. An update fails only if
-/// differences remain that rewriting cannot remove.
+/// Updates or checks the numbers in raycl's documents. A check fails if a document differs from the records.
+/// An update fails only if documents still differ from the records after raycl has rewritten the numbers.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {

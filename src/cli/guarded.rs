@@ -30,8 +30,8 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
 
-/// The number of the first process of a system or a container. Signals that end any other process by default
-/// do not end the process with this number.
+/// The number of the first process of a system or a container. A signal for which a process has no handler
+/// may end any other process, but not the process with this number.
 const FIRST_PROCESS: u32 = 1;
 
 /// Returns true if this process is the child process that [`run`] starts.
@@ -76,13 +76,14 @@ impl Guarded<'_> {
 }
 
 /// Runs this process's command line in a child process; `command` describes it. If the child's exit code is
-/// 0, returns. For any other exit code, ends this process with the child's exit code. If a driver ends the
-/// child process, raycl runs the command line again without the drivers that fail.
+/// 0, returns. If it is not 0, ends this process with the child's exit code. If a driver ends the child
+/// process, raycl runs the command line again without the drivers that fail.
 ///
 /// # Errors
 ///
 /// Fails if a driver ended the child process, and the command cannot run again without the failing drivers,
-/// for example because every driver fails. The function also fails if a driver ends the second child process.
+/// for example because every driver fails. Also fails if the command runs again in a second child process,
+/// and a driver ends this process too.
 pub fn run(command: &Guarded<'_>) -> Result<()> {
     let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
     let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
@@ -141,8 +142,8 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
 ///
 /// # Errors
 ///
-/// Fails with the probable cause if the command does not run again, or if a driver ends the second attempt
-/// too.
+/// Fails if this function does not run the command a second time, or if a driver ends the second attempt too.
+/// The error names the probable cause.
 fn with_all_drivers(
     status: ExitStatus,
     command: &Guarded<'_>,
@@ -226,8 +227,8 @@ impl Parent {
 /// a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
 /// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
-    // The child process has ended, and the shell sees only that this process exits. Therefore only this
-    // parent process can tell the user which signal ended the child process.
+    // The child process has ended, and the shell sees only that its parent process, this one, exits.
+    // Therefore only this parent process can tell the user which signal ended the child process.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }

@@ -47,12 +47,12 @@ pub struct Args {
     #[arg(long)]
     all: bool,
     /// Print only the text that affects compilation: comments are removed, macros are replaced by their
-    /// expansions, and white space is made uniform. Two sources that differ only in comments, in white space,
-    /// or in the macros that produce the same text give the same output. Not with --all
+    /// expansions, and white space is made uniform. Two sources give the same output if they differ only in
+    /// comments, in white space, or in macros that expand to the same text. Not with --all
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of an axis add values to this axis
+    /// folder of a strategy's axis add values to this axis
     #[arg(long, value_name = "DIR")]
     pub(super) cl_dir: Option<PathBuf>,
 }

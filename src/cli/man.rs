@@ -91,7 +91,8 @@ fn page(command: Command) -> Result<Page> {
     let mut text = Vec::new();
     let page = Man::new(command.after_help(None::<&'static str>));
     // Pages have no date. If the date were empty, man would show the version in its place, because
-    // `clap_mangen` does not quote an empty date. The date is therefore two quotes.
+    // `clap_mangen` does not quote an empty date. Therefore raycl passes a date that consists of two
+    // quotation marks.
     let page = page.title(name.to_uppercase()).date("\"\"").manual("raycl").source(env!("RAYCL_VERSION"));
     page.render(&mut text)
         .map_err(|error| Error::fault(format!("a man page could not be generated: {error}")))?;
@@ -101,8 +102,8 @@ fn page(command: Command) -> Result<Page> {
 }
 
 /// Converts `text`, the text after a command's help, to roff. Indented lines under a title (`Examples:`)
-/// become a section with this title and keep their line breaks. Other paragraphs that follow one another
-/// become a section with the title NOTES.
+/// become a section with this title and keep their line breaks. Consecutive paragraphs without a title become
+/// a section with the title NOTES.
 fn after_help(text: &str) -> Roff {
     let (mut roff, mut is_in_notes) = (Roff::new(), false);
     for paragraph in text.split("\n\n") {

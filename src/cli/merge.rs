@@ -50,9 +50,9 @@ pub struct Args {
 }
 
 /// Parses the number of seconds between two readings of the processes' counters. Each running process
-/// increases its counter once per second. On a busy machine an increase may be late, so the counter of a
-/// running process may stay the same for almost 2 s. A time of less than 2 s between the readings is
-/// therefore refused.
+/// increases its counter once per second. On a busy machine, a process may increase its counter late, so the
+/// counter of a running process may stay the same for almost 2 s. Therefore this function refuses a time of
+/// less than 2 s between two readings of the counters.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
     let wrong = || format!("'{text}' is not a number of seconds from 2 to 3600");
     text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)
@@ -96,8 +96,9 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// Returns a text with the numbers of attempts, points and samples. Only if groups of points were divided
-/// among shards, the text also has the number of further samples of control points.
+/// Returns a text with the numbers of attempts, points and samples. If groups of points were divided among
+/// shards, the text also has the number of additional samples of control points (points that several shards
+/// measured, so that their other points can be compared).
 fn counts(merged: &Merged) -> String {
     let [used, of_controls, others] = merged.samples;
     let of_controls = match of_controls {
@@ -114,7 +115,7 @@ fn counts(merged: &Merged) -> String {
 }
 
 /// Returns an error if points of the experiment are missing or failed. The error's help names the commands
-/// that measure these points.
+/// that measure the missing and the failed points.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")

@@ -1,5 +1,5 @@
 //! The command line. The file of each subcommand contains the subcommand's arguments (`Args`) and its
-//! function `run`. Other files contain code that several subcommands share.
+//! function `run`. Files that belong to no single subcommand contain code that several subcommands share.
 
 mod blanks;
 pub mod cache;
@@ -217,8 +217,8 @@ impl Command {
 }
 
 /// Installs a handler for SIGXFSZ, the signal that a process gets when a file would become larger than
-/// `ulimit -f` allows. With the handler, only the write fails. Without the handler, the signal ends the
-/// process: no message is printed, and temporary files stay.
+/// `ulimit -f` allows. With a handler for SIGXFSZ, the write to the file fails, but the process continues.
+/// Without the handler, the signal ends the process: no message is printed, and temporary files stay.
 #[cfg(unix)]
 fn outlive_large_files() {
     use std::sync::{Arc, atomic::AtomicBool};
@@ -453,8 +453,8 @@ mod tests {
         assert!(seen > 0, "no example writes into a folder");
     }
 
-    /// The test gives each option a value that is too large for every option. For an option with a range,
-    /// raycl's error message then states this range. The option's help must state the range too.
+    /// The test gives each option a value that is too large for every option. If the option has a range,
+    /// raycl's error message about the value states this range. The option's help must state the range too.
     #[test]
     fn the_help_of_an_option_states_its_range() {
         let mut seen = 0;
@@ -514,9 +514,10 @@ mod tests {
         assert!(!is_accepted("raycl render a.toml --watch --json"));
     }
 
-    /// If an option A requires an option B, clap (the library that parses the arguments) reports that B is
-    /// missing. clap does not report this if B conflicts with a given option C. If C is given and B is
-    /// missing, A would be accepted without any effect, so A must itself conflict with C.
+    /// Suppose that an option A requires an option B, and that B conflicts with an option C. If A is given
+    /// without B, clap (the library that parses the arguments) reports that B is missing, but it does not
+    /// report this if C is given too. clap would then accept A and C together, and A would have no effect. To
+    /// prevent this, A itself must conflict with C.
     #[test]
     fn an_option_conflicts_with_all_that_conflicts_with_the_option_that_it_requires() {
         let mut all = with_any_values(Cli::command());
@@ -526,8 +527,9 @@ mod tests {
     }
 
     /// Checks the options of `command` and of its subcommands: if an option A requires an option B, A must
-    /// conflict with every option that conflicts with B. Returns the number of conflicts checked. `all` is
-    /// the command `raycl`, and `words` are the words of a command line that select `command`.
+    /// conflict with every option that conflicts with B. Returns how many conflicts between options were
+    /// checked. `all` is the command `raycl`, and `words` are the words of a command line that select
+    /// `command`.
     fn inherited_conflicts(all: &clap::Command, command: &clap::Command, words: &[&str]) -> usize {
         let always_missing = missing_options(all, words);
         let mut seen = 0;
@@ -574,8 +576,8 @@ mod tests {
         declares(one, other) || declares(other, one)
     }
 
-    /// Returns `command`, changed so that every argument accepts any value. A test can then give the same
-    /// value to all options.
+    /// Returns `command`, changed so that every argument accepts any value. With the changed command, a test
+    /// can give the same value to all options.
     fn with_any_values(command: clap::Command) -> clap::Command {
         let any = |arg: clap::Arg| match arg.get_action().takes_values() {
             true => arg.value_parser(ValueParser::os_string()),

@@ -84,7 +84,8 @@ fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
 }
 
 /// If the user interrupted the measurement, returns `error` with the advice to repeat the measurement,
-/// because the temporary folder with the results is removed. Returns all other errors unchanged.
+/// because the temporary folder with the results is removed. Returns `error` unchanged if it says nothing
+/// about an interruption.
 fn to_be_repeated(error: Error) -> Error {
     match error {
         Error::Interrupted { .. } => error.with_help("run `raycl noise` again; no results were stored"),

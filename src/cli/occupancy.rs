@@ -33,18 +33,18 @@ pub struct Args {
     /// Local sizes (work-items per work-group, across and down), such as 8x8,64x1; 8 stands for 8x8
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values = LOCAL_SIZES, value_parser = parse_size)]
     local_sizes: Vec<[u32; 2]>,
-    /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its
-    /// record contains its kernel's number of registers and occupancy; with --compute-capability, the number
-    /// of registers is enough. Rasterisers are left out, since their main kernels have work-groups of a fixed
-    /// size. DIR is a folder of results, or the file records.jsonl in it. Of the other options, only
-    /// --compute-capability and --json can be given with --results
+    /// Print the predicted occupancy and the measured time of the points of a run. raycl prints a point if
+    /// the point's record contains its kernel's number of registers and occupancy; with --compute-capability,
+    /// the number of registers is enough. Rasterisers are left out, since their main kernels have work-groups
+    /// of a fixed size. DIR is a folder of results, or the file records.jsonl in it. With --results, no
+    /// options but --compute-capability and --json can be given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// For each local size, print three numbers of threads per multiprocessor. The first number is the
-    /// prediction of Figure 5 in the student paper that raycl repeats. The second number is what the paper's
-    /// 63 registers per work-item allow. For the third number, each work-item also needs the 108 B of __local
-    /// memory of the paper's optimisation 1. Of the other options, only --local-sizes and --json can be given
-    /// with --paper
+    /// For each local size, print three numbers of threads per multiprocessor. The first number of threads is
+    /// the prediction of Figure 5 in the student paper that raycl repeats. The second number of threads is
+    /// what the paper's 63 registers per work-item allow. For the third number of threads, each work-item
+    /// also needs the 108 B of __local memory of the paper's optimisation 1. With --paper, no options but
+    /// --local-sizes and --json can be given
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

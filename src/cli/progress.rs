@@ -82,9 +82,9 @@ impl Observer for Bar {
 }
 
 /// Prints a line to standard error for every finished point. All points of a group (points that are compared
-/// with each other) are finished at the same time, after the group's last launch. A long time can therefore
-/// pass before the next point is finished. After each minute without a line, a line about the current work is
-/// printed.
+/// with each other) are finished at the same time, after the group's last launch. While a group is measured,
+/// a long time can pass in which no point is finished. After each minute without a line, a line about the
+/// current work is printed.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
@@ -101,12 +101,12 @@ pub struct Lines {
     since: Option<(Instant, usize)>,
     /// Number of steps that this run has finished for points that were never timed.
     untimed: usize,
-    /// When the latest line was printed. Before the first line, the time when this run first reported its current work;
-    /// `None` before that time.
+    /// When the latest line of progress was printed. If no line was printed yet, this is the time when the
+    /// run first reported its current work; `None` if the run has not reported its work yet.
     printed_at: Option<Instant>,
 }
 
-/// If no line was printed for this time, a line about the current work is printed.
+/// If the run has printed no line of progress for this duration, it prints a line about its current work.
 const QUIET: Duration = Duration::from_secs(60);
 
 impl Lines {
@@ -189,7 +189,7 @@ pub struct Stages {
     inner: Box<dyn Observer>,
     /// Number of points in all runs.
     points: usize,
-    /// Number of steps in all runs.
+    /// Number of steps (measurements of one point in one launch) in all runs together.
     steps: usize,
     done: usize,
     taken: usize,
@@ -198,8 +198,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Returns an observer that passes its calls on to `inner`. `points` and `steps` are the sums over all
-    /// runs.
+    /// Returns an observer that passes its calls on to `inner`. `points` and `steps` are the numbers of
+    /// points and of steps in all runs together.
     pub fn of(points: usize, steps: usize, inner: Box<dyn Observer>) -> Self {
         Self { inner, points, steps, done: 0, taken: 0, stage: String::new(), begun: false }
     }
@@ -270,7 +270,7 @@ impl Observer for Notes {
 /// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows no
 /// progress. If `verbose` is true, the observer prints a line per point. The observer also prints a line per
 /// point if standard error cannot show a bar: if it is no terminal, or if the terminal cannot move its
-/// cursor. In all other cases, the observer shows a bar.
+/// cursor. If the observer prints no lines, and `quiet` is false, it shows a progress bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(Notes);
@@ -499,7 +499,7 @@ mod tests {
         // the time left.
         lines.finished(&Record { median_ms: Some(1.0), ..Record::default() });
         assert_eq!(lines.left(), ", about 3m left");
-        // A point that does not fit on the device finishes all its three steps at once.
+        // A point that does not fit on the device finishes the steps of its three launches at once.
         lines.finished(&Record::default());
         lines.advances(3);
         assert_eq!(lines.left(), ", about 3m left");

@@ -71,8 +71,8 @@ pub struct Args {
     #[arg(long)]
     force: bool,
     /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name,
-    /// platform or vendor; a kind (cpu, gpu, accelerator); or all. With --devices, a bare mesh is shown as
-    /// with --plain, unless --samples is given. Not with --device or --watch
+    /// platform or vendor; a kind (cpu, gpu, accelerator); or all. With --devices and without --samples, a
+    /// bare mesh (a mesh file) is shown as with --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them
@@ -218,10 +218,10 @@ fn render(args: &Args) -> Result<()> {
     tell(args, &report.with_times(timeline), &device.info, wrong)
 }
 
-/// Tests the device's lane operations, by which work-items exchange values. The lane operations are not
-/// tested if `hurry` may choose the strategy: the picture is then cast with the preset [`hurry::QUICK`],
-/// which uses no lane operations, or with a program that an earlier start of raycl compiled after it had
-/// tested the lane operations.
+/// Tests the device's lane operations, by which work-items exchange values. Does not test them if the module
+/// `hurry` may choose the strategy ([`hurry::may_cast`]). In this case, raycl casts the picture with the
+/// preset [`hurry::QUICK`], which uses no lane operations, or with a stored program. An earlier start of
+/// raycl had tested the lane operations before it compiled the stored program.
 fn test_lanes(
     args: &Args,
     device: &mut Device,
@@ -261,7 +261,8 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
 }
 
 /// Returns true if the command needs only the picture's 8-bit colours for the screen, which a device can
-/// compute. Verification, layers and some file formats need radiance instead.
+/// compute. Verification, layers and some file formats need the picture's radiance, not only its 8-bit
+/// colours.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
@@ -482,8 +483,8 @@ mod tests {
         assert_eq!(files(&["a.toml", "--layers", "b.exr"]), ["b.exr", "a.png"].map(PathBuf::from));
     }
 
-    /// The files of an animation's later frames are read before the first frame is rendered only if a file may be
-    /// replaced, since reading these files may take long.
+    /// Before raycl renders the first frame of an animation, it looks for the files that only later frames
+    /// need (such as textures) only if `may_replace` returns true, since reading these files may take long.
     #[test]
     fn a_file_may_be_replaced_only_if_it_exists_and_a_numbered_picture_only_with_force() {
         let folder = tempfile::tempdir().expect("a folder");

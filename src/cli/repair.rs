@@ -60,8 +60,9 @@ struct Findings {
 impl Findings {
     /// Repairs the journals of a folder: files to which a run appends lines, such as records.jsonl. If the
     /// folder is that of an experiment in shards, also repairs the journals of all attempts that have ended
-    /// or were lost. To find these attempts, reads the attempts' counters twice; `between` is the time from
-    /// the first reading to the second.
+    /// or were lost. To find the attempts that have ended or were lost, reads the counters of all attempts
+    /// twice (a running attempt increases its counter once per second). `between` is the time from the first
+    /// reading to the second.
     fn of(folder: &Path, between: Duration) -> Result<Self> {
         let has_shards = ShardPlan::read(folder)?.is_some();
         if !has_shards && !existing::is_file(&folder.join(RECORDS))? {
@@ -136,8 +137,8 @@ impl Findings {
 
 /// Returns an error for each file of a folder, other than a journal, that cannot be read. The checked files
 /// are the plan, the peak rates and, for an experiment in shards, one file per kind of device. If several of
-/// the files per kind cannot be read, only the first is reported. Other commands refuse a folder with a file
-/// that cannot be read.
+/// the files for kinds of devices cannot be read, only the first of them is reported. Other commands refuse a
+/// folder with a file that cannot be read.
 fn unreadable(folder: &Path) -> Vec<Error> {
     let errors = [CurrentPlan::read(folder).err(), Peak::stored_in(folder).err(), Kind::all(folder).err()];
     errors.into_iter().flatten().collect()

@@ -32,13 +32,13 @@ pub struct Args {
     /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder in which to write a folder of results for each experiment, and the page that judges the student
-    /// paper's claims
+    /// The folder to write to: raycl makes a folder of results in it for each experiment, and writes the page
+    /// that judges the student paper's claims
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into the folder of --out even if it contains files that raycl did not write. If such a file has the name
-    /// of a file that raycl writes there (a page, a plot, or a copy of a config or scene), it is replaced. Existing
-    /// measurements are never replaced
+    /// Write into the folder of --out even if it contains files that raycl did not write. raycl replaces a
+    /// file that it did not write if the file has the name of a file that raycl writes into this folder (a
+    /// page, a plot, or a copy of a config or scene). Existing measurements are never replaced
     #[arg(long)]
     force: bool,
     /// Change a value in the configs of all experiments. Paths of scenes are relative to the current folder
@@ -66,8 +66,8 @@ pub struct Args {
     verbose: bool,
 }
 
-/// Measures the paper's configs and writes the page. Points that could not be measured are listed on the page
-/// and do not stop the command.
+/// Measures the experiments of the student paper (the built-in configs), and writes the page that judges the
+/// paper's claims. Points that could not be measured are listed on the page and do not stop the command.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = OutFolder::open(&args.out, choice)?;

@@ -1,5 +1,6 @@
-//! `raycl rule`, for contributors. `render` chooses a strategy by a rule. `raycl rule` checks the rule's
-//! choices against measurements, and computes the rule's constants from measurements.
+//! `raycl rule`, for contributors. `render` chooses a strategy by a rule. `raycl rule` compares the
+//! strategies that this rule chooses with the strategies that were measured to be fastest, and computes the
+//! rule's constants from measured times.
 
 use super::choice::{one_device, whole};
 use super::measured::{store, until_error};
@@ -84,7 +85,8 @@ pub fn run(args: Args) -> Result<()> {
     if sweep.cases.is_empty() {
         return end;
     }
-    // The sweep is stored first: if the table cannot be printed, the measurements are not lost.
+    // The sweep (the measured times) is stored before the table is printed: if the table cannot be printed,
+    // the measurements are not lost.
     target.iter().try_for_each(|target| store(&sweep, &end, target))?;
     if !target.is_some_and(|target| target.is_standard_output()) {
         super::print(text(&sweep)?)?;
@@ -95,7 +97,7 @@ pub fn run(args: Args) -> Result<()> {
 fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
     let read = |path: &PathBuf| {
         let wrong = |why: &dyn std::fmt::Display| {
-            Error::input(format!("cannot read the sweep '{}': {why}", path.display()))
+            Error::input(format!("cannot read the sweep (measured times) '{}': {why}", path.display()))
                 .with_help("`raycl rule CASES -o FILE` measures a sweep and writes it to a file")
         };
         let text = reader::text(path, reader::Kind::Results).map_err(|error| wrong(&error))?;
@@ -157,7 +159,7 @@ fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>>
         "the `kinds` of the case '{}' do not match its scene and size: the scene has {} triangles, the eye {place}, and the picture has {} pixels",
         case.name, task.triangles, task.pixels
     );
-    Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"))
+    Err(Error::input(message).with_help("in the case's `kinds`, list each of few, inside and dense that is true of its scene and size; docs/rule.toml explains the kinds"))
 }
 
 fn measured(

@@ -65,9 +65,9 @@ Exit code: 0 if no point failed (points that do not fit on their device, or are 
 pub struct Args {
     /// The config: a TOML file that describes the experiment
     config: PathBuf,
-    /// The folder of results [default: results/NAME, where NAME is the name of the config's file without .toml, or
-    /// results/NAME-N with the next number N if a folder results/NAME or results/NAME-N exists; with --resume, the
-    /// latest of these folders. Your settings may name another folder than results]
+    /// The folder of results [default: results/NAME, where NAME is the name of the config's file without
+    /// .toml; if this folder exists, results/NAME-N with the next number N; with --resume, the latest of
+    /// these folders; your settings may name another folder than results]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
@@ -94,7 +94,7 @@ pub struct Args {
     #[arg(long)]
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
-    /// `raycl peak --out`. Without FILE, raycl first measures them
+    /// `raycl peak --out`. Without FILE, raycl first measures the peak rates
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     pub(super) peak: Option<Option<PathBuf>>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
@@ -117,8 +117,8 @@ pub struct Args {
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of an axis add values to this axis. If the option is given twice, raycl measures the kernels of both
-    /// folders in the same rounds and compares them
+    /// folder of a strategy's axis add values to this axis. If the option is given twice, raycl measures the
+    /// kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
     /// With --cl-dir given twice: exit with code 1 if it is statistically significant that the second folder's kernels
@@ -239,7 +239,8 @@ fn listed(args: &Args) -> Result<Vec<Listed>> {
 }
 
 /// Returns an error if the folder `out` belongs to an experiment that is divided into shards. `raycl merge`
-/// writes the results into such a folder, so a run without shards must not write results there.
+/// writes its results into the folder of an experiment in shards, so a run without shards must not write
+/// results there.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
@@ -281,8 +282,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     }
     // raycl's signal handlers are installed before any driver starts, since PoCL's compiler installs signal handlers
     // too. The handlers of PoCL's compiler pass a signal on to the handlers that were installed earlier, so raycl's
-    // handlers receive it. In the other order, raycl's handlers (crate signal-hook) would pass the signal on to those
-    // of PoCL's compiler.
+    // handlers receive it. If PoCL's compiler installed its handlers first, raycl's handlers (crate
+    // signal-hook) would pass the signal on to the handlers of PoCL's compiler.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -367,10 +368,11 @@ fn keep_peak(
 }
 
 /// Returns a note that names the devices without peak rates in `peaks`. The note also names the file in which
-/// the rates of these devices are missing: the file of `--peak=FILE` or, if `left_out` is not empty, the
-/// folder's file. Returns `None` if there is neither file, or if every device has rates. `left_out` contains
-/// outdated rates: rates that were measured on one of `devices`, but with another driver or in another state.
-/// If a device that the note names has outdated rates, the note states the device's present driver and state.
+/// the rates of the named devices are missing. This is the file of `--peak=FILE` or, without this option, the
+/// folder's file of peak rates. Returns `None` if every device has rates, or if `--peak=FILE` is not given
+/// and `left_out` is empty. `left_out` contains outdated rates: rates that were measured on one of `devices`,
+/// but with another driver or in another state. If a device that the note names has outdated rates, the note
+/// states the device's present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;
@@ -418,8 +420,8 @@ fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Re
 }
 
 /// Returns an error about a word that selects devices, with the origin of this word before the message. The
-/// origin is the option `--device`, a location in the config, an environment variable or the settings file.
-/// For the default word `all`, the message is unchanged.
+/// origin of the word is the option `--device`, a location in the config, an environment variable or the
+/// settings file. For the default word `all`, the message is unchanged.
 fn blamed(error: Error, word: &str, args: &Args, experiment: &Experiment) -> Error {
     let of_config = experiment.devices.iter().find(|device| device.text == word);
     match of_config.map(|device| device.location.as_str()) {
@@ -435,8 +437,8 @@ fn names_devices(args: &Args, experiment: &Experiment) -> bool {
 }
 
 /// Returns the words that select devices: the words of `--device` or, without this option, the words in the
-/// config. If the config names no device either, returns the word in the user's settings. If the settings
-/// name no device, returns `all`.
+/// config. If neither `--device` nor the config names a device, returns the word that selects devices in the
+/// user's settings. If the settings name no device, returns `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
@@ -637,8 +639,8 @@ mod tests {
         );
         std::fs::write(&config, text).unwrap();
         let devices = [1.0, 2.0].map(|ms| Listed::from(asleep::device(ms)));
-        // Each picture has one point of the baseline and, on each device, two points with different local
-        // sizes.
+        // For each image size, there are one point of the baseline and, on each device, two points with
+        // different local sizes.
         let config = config.to_str().unwrap();
         assert_eq!(
             count(&fixtures::args(&[config]), &devices).unwrap(),

@@ -22,9 +22,9 @@ pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
-    /// A folder of kernel files, laid out like the folder cl/ of raycl's repository. Its files replace the
-    /// built-in files of the same names. Files with new names in the folder of an axis add values to this
-    /// axis
+    /// A folder of kernel files, laid out like the folder cl/ of raycl's repository. The files in this folder
+    /// replace the built-in kernel files of the same names. Files with new names in the folder of a
+    /// strategy's axis add values to this axis
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

@@ -50,7 +50,7 @@ pub struct Subject {
     #[command(flatten)]
     pub look: Look,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of an axis add values to this axis
+    /// folder of a strategy's axis add values to this axis
     #[arg(long, value_name = "DIR")]
     pub cl_dir: Option<PathBuf>,
 }
@@ -86,9 +86,9 @@ impl Subject {
         Ok(loaded)
     }
 
-    /// Returns the requested strategy. Without `--strategy`, returns `tile` with the requested values of axes. `tile`
-    /// then stands for the strategy that raycl chooses later, when it knows the device and the scene: like `tile`, the
-    /// strategies that raycl chooses for scenes with many triangles need a tree.
+    /// Returns the requested strategy. Without `--strategy`, raycl chooses the strategy later, when it knows
+    /// the device and the scene. In this case, returns `tile` with the requested values of axes as a
+    /// stand-in: like `tile`, the strategies that raycl chooses for scenes with many triangles need a tree.
     ///
     /// # Errors
     ///

@@ -174,7 +174,7 @@ fn kernel_remark(report: &Report) -> String {
 }
 
 /// Returns a text with the frames per second and the rays per second. Leaves out a rate that the report does
-/// not have. Returns `None` if the report has neither rate.
+/// not have. Returns `None` if the report has neither frames per second nor rays per second.
 fn speed(report: &Report) -> Option<String> {
     let frames = report.frames_per_s.map(|rate| format!("{rate:.1} frames/s"));
     let rays = report.rays_per_s.map(|rate| crate::words::rate(rate, "rays"));

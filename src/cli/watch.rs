@@ -13,8 +13,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are
-/// not listed: a picture counts only if raycl has read it, for example as a texture. Pictures that other
-/// commands write therefore cause no new rendering.
+/// not listed: a picture counts only if raycl has read it, for example as a texture. So raycl does not render
+/// again when another command writes a picture.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// A changed file counts as complete if this much time has passed since its last change, since editors write
 /// a file in several steps.
@@ -35,8 +35,8 @@ pub struct Watched {
     /// The number of folders that were given to [`Watched::new`]. The given folders come first in `folders`;
     /// the folders of files that raycl has read follow.
     given: usize,
-    /// The folders of files that raycl has read. Each folder in `of_inputs` is watched by itself, or is
-    /// covered by the watch on a given folder.
+    /// The folders of files that raycl has read. Each of these folders is watched by itself, or is covered by
+    /// the watch on a folder that was given to [`Watched::new`].
     of_inputs: BTreeSet<PathBuf>,
     inputs: &'static Inputs,
 }
@@ -159,8 +159,8 @@ impl Folder {
 }
 
 /// The properties that distinguish a folder from another folder that later gets the same path: the number of
-/// the disk, the number of the folder on the disk, and the time of the folder's creation. The time is needed
-/// because a disk may give the number of a removed folder to a new folder.
+/// the disk, the number of the folder on the disk, and the time of the folder's creation. The time of
+/// creation is needed because a file system may give a new folder the number (inode) of a removed folder.
 type Identity = ([u64; 2], Option<SystemTime>);
 
 /// Returns the identity of the folder that now has the path `folder`; `None` if there is no such folder.
@@ -231,16 +231,16 @@ fn is_source(path: &Path) -> bool {
 }
 
 /// Returns true if a file has changed, and no file has changed for the time `QUIET` before `now`.
-/// `changed_at` is the time of the latest change that earlier calls have found. The function updates
-/// `changed_at`, and sets it to `None` if the function returns true.
+/// `changed_at` is the time of the latest change that earlier calls have found. This function stores the time
+/// of a later change in `changed_at`. If this function returns true, it sets `changed_at` to `None`.
 fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, now: Instant) -> bool {
     *changed_at = changes.try_iter().last().or(*changed_at);
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
 }
 
 /// Returns an error if the system has refused the thread of the watcher that sends `changes`. If the thread
-/// is refused, the crate notify reports no error, but panics when the watcher is used. This function
-/// recognises a watcher without its thread by the dropped sender of `changes`.
+/// is refused, the crate notify reports no error, but panics when the watcher is used. If the thread does not
+/// exist, the sender of `changes` has been dropped, which this function detects.
 fn check_thread(changes: &Receiver<Instant>) -> Result<()> {
     match changes.try_recv() {
         Err(TryRecvError::Disconnected) => {
@@ -270,8 +270,8 @@ mod tests {
     /// The longest wait for a change. A test reaches this limit only if it hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Watches a folder in a thread. The returned receiver gets a message from each action after the first
-    /// action.
+    /// Watches a folder in a thread. The function `watch` calls an action at the start and after each change
+    /// of a file. The returned receiver gets a message for each call of the action except the first.
     fn watching(folder: PathBuf) -> Receiver<()> {
         static INPUTS: Inputs = Inputs::new();
         let (sender, seen) = channel();
@@ -411,8 +411,8 @@ mod tests {
             );
             assert!(error.remedy().starts_with("check the path of the scene"), "{}", error.remedy());
         }
-        // The error's remedy suggests the folder `misssing`. It does not suggest `missin`: this name is
-        // equally similar, but `missin` is a file.
+        // The error's remedy suggests the folder `misssing`. The remedy does not suggest `missin`, whose name
+        // is equally similar to `missing`, because `missin` is a file.
         std::fs::write(folder.path().join("missin"), "").expect("a file");
         let meant = folder.path().join("misssing");
         std::fs::create_dir(&meant).expect("a folder");

@@ -31,7 +31,8 @@ const LISTS: [(&str, &str); 8] = [
 ];
 
 /// The text of a config file, and the overrides (`--set` options of the command line). A span is a range of bytes.
-/// Spans up to the file's length lie in the file. Each override has its own range of bytes after the file's end.
+/// A span that begins within the file's length lies in the file's text. The text of each override has a range
+/// of bytes of its own after the end of the file.
 pub struct Document {
     name: String,
     text: String,
@@ -41,7 +42,8 @@ pub struct Document {
 /// One `--set` option, as a line of TOML.
 struct Override {
     line: String,
-    /// Where the line's range of bytes begins, after the ranges of the file and of earlier overrides.
+    /// The byte at which the range of bytes of this override's line begins, after the ranges of the file and
+    /// of earlier overrides.
     start: usize,
 }
 
@@ -114,7 +116,8 @@ impl Document {
         self.overrides.iter().any(|over| over.start <= span.start)
     }
 
-    /// Returns the file or the override that contains `span`: its name, its text and the start of its spans.
+    /// Returns the file or the override that contains `span`: its name, its text, and the byte at which its
+    /// range of bytes begins.
     fn part(&self, span: &Range<usize>) -> (&str, &str, usize) {
         match self.overrides.iter().rev().find(|over| over.start <= span.start) {
             Some(over) => ("--set", &over.line, over.start),
@@ -127,8 +130,8 @@ impl Document {
         error.placed(|message| self.error(span, message, label))
     }
 
-    /// Returns the error for text that is not TOML. The text that is not TOML is the file, or the override
-    /// whose spans begin at `start`.
+    /// Returns the error for text that is not TOML. If `start` is 0, the text that is not TOML is the file;
+    /// otherwise, it is the override whose range of bytes begins at `start`.
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let Range { start: from, end: to } = error.span().unwrap_or(0..0);
         let message = format!("this is not TOML: {}", error.message().trim());
@@ -214,7 +217,8 @@ pub fn with_absolute_paths(overrides: &[(String, String)]) -> Vec<(String, Strin
     overrides.iter().map(|given| absolute(&given.0, &given.1).unwrap_or_else(|| given.clone())).collect()
 }
 
-/// Returns an override with absolute paths; `None` if it has no relative path of a scene.
+/// Returns an override (a `--set` option) with absolute paths of scenes; `None` if the override has no
+/// relative path of a scene.
 fn absolute(key: &str, value: &str) -> Option<(String, String)> {
     let table: toml::Table = toml::from_str(&toml_line(key, value).ok()?).ok()?;
     let (top, given) = table.into_iter().next()?;
@@ -225,8 +229,8 @@ fn absolute(key: &str, value: &str) -> Option<(String, String)> {
     (changed != given).then(|| (top, changed.to_string()))
 }
 
-/// Makes paths absolute: every text in `scenes`, and every `file` of `scene`. `key` is the key of `value`, or `scenes`
-/// for all values in `scenes`.
+/// Makes paths absolute: every text in `scenes`, and every `file` of `scene`. `key` is the key to which
+/// `value` belongs; for every value inside `scenes`, at any depth, `key` is `scenes`.
 fn resolve(value: &mut Value, key: &str) {
     match value {
         Value::String(path) if ["scenes", "file"].contains(&key) => {
@@ -264,7 +268,7 @@ fn moved_value(value: Spanned<DeValue<'_>>, distance: usize) -> Spanned<DeValue<
     Spanned::new(span, inner)
 }
 
-/// Adds `distance` to the span of a value, without the spans inside the value.
+/// Adds `distance` to the span of a value, but not to the spans of the values that it contains.
 fn moved<T>(value: Spanned<T>, distance: usize) -> Spanned<T> {
     let Range { start, end } = value.span();
     Spanned::new(start + distance..end + distance, value.into_inner())
@@ -331,8 +335,8 @@ fn example_of(path: &str) -> Option<&'static str> {
     LISTS.iter().find(|(list, _)| *list == key).map(|(_, whole)| *whole)
 }
 
-/// Returns the list of one size that is meant by a text such as "400x250", in TOML with its quotes; `None` for any
-/// other text.
+/// If the TOML text `value` is one size, such as "400x250" (with its quotes), returns the list of this size
+/// that a config needs, such as `[[400, 250]]`. Returns `None` for any other text.
 fn size_in(value: &str) -> Option<String> {
     let (across, down) = value.trim_matches(['"', '\'']).split_once('x')?;
     let [across, down] = [across, down].map(|side| side.trim().parse::<u32>().ok());

@@ -8,8 +8,8 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns `value` if it is in `range`. If it is not, returns an error at `span`, in which `what` names the
-/// value.
+/// Returns `value` if it is in `range`. If `value` is outside `range`, returns an error at `span`, in which
+/// `what` names the value.
 pub fn whole(
     document: &Document,
     value: i64,

@@ -106,7 +106,8 @@ struct Change<'a> {
 
 /// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as
 /// `display.exposure = 3` means the table `display = { exposure = 3 }`, so a table changes only the keys that
-/// it contains. A table in a list of values, however, replaces the whole old value, with all its keys.
+/// it contains. But if the config gives a list of values, a table in this list replaces the whole old value,
+/// with all its keys.
 fn changes<'a>(key: &Spanned<String>, values: &'a SceneValues) -> Vec<Change<'a>> {
     let path = key.get_ref().clone();
     let changed = match values {

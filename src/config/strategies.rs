@@ -82,7 +82,8 @@ fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> 
 }
 
 /// Returns the remedy for a name of a preset that is a strategy in the form of `--strategy`, such as
-/// `deferred,width=4`: the keys of a `[[strategy]]` entry. Returns `None` for any other name.
+/// `deferred,width=4`: the keys of a `[[strategy]]` entry. Returns `None` if the name is not a strategy in
+/// this form.
 fn entry_instead(text: &str) -> Option<String> {
     let parts: Vec<&str> = text.split(',').map(str::trim).filter(|part| !part.is_empty()).collect();
     let (base, axes) = match parts.split_first()? {
@@ -198,8 +199,8 @@ fn vary(
     Ok(varied)
 }
 
-/// Returns the strategy that a draft describes, with its name. Fails if the combination of the draft's values
-/// is not allowed.
+/// Returns the strategy that a draft (a strategy that is being made) describes, with its name. Fails if the
+/// strategy's combination of values is not allowed.
 fn named(
     document: &Document,
     entry: &StrategyEntry,
@@ -232,8 +233,8 @@ fn named(
 }
 
 /// Returns the name that the `[[strategy]]` entry sets, followed by the axes for which the entry lists
-/// several values. If the entry sets no name, returns the preset's name, followed by the axes with several
-/// values and by every axis that differs from the preset.
+/// several values. If the `[[strategy]]` entry sets no name, returns the preset's name, followed by the axes
+/// with several values and by every axis that differs from the preset.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.named_axes.as_slice()].concat().join("+");

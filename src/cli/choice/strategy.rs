@@ -58,7 +58,7 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 /// the text except this preset. The advice depends on `part`. If `part` is a second preset, the advice says
 /// that a strategy has only one preset. If `part` is a preset but the text begins with none, the advice is to
 /// write `part` at the beginning. If `part` is the name of an axis, the advice lists the values of this axis.
-/// If `part` is none of these, the advice shows the form of a strategy's text.
+/// If `part` is neither a preset nor an axis, the advice shows the form of a strategy's text.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -66,8 +66,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // The suggested option `--strategy` leaves out all other parts without `=`, because parts without
-            // `=` are further presets or mistakes.
+            // Of the other parts, the suggested option `--strategy` has only those with `=`, because a part
+            // without `=` is a further preset or a mistake.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }

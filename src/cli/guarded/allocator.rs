@@ -1,8 +1,9 @@
 //! The settings of glibc's memory allocator for a child process that shows pictures.
 
 /// The environment variable for settings of glibc's memory allocator. glibc reads the variable only when a process
-/// starts, so raycl sets it for the child process of `render` or `view`. If the user has set the variable, raycl leaves
-/// it unchanged. glibc 2.35 and later obey these settings; older versions and other C libraries ignore them.
+/// starts, so raycl sets it for the child process of `render` or `view`. If the user has set
+/// `GLIBC_TUNABLES`, raycl leaves the variable unchanged. glibc 2.35 and later obey the settings in this
+/// variable; older versions and other C libraries ignore the settings.
 pub const ALLOCATOR: &str = "GLIBC_TUNABLES";
 
 /// Returns the value of [`ALLOCATOR`] for a machine with this number of processors.
@@ -11,10 +12,11 @@ pub const ALLOCATOR: &str = "GLIBC_TUNABLES";
 /// causes a page fault, and the faults of small pages took a fifth of the time of a short command. `top_pad`
 /// lets the allocator extend its heaps by 2 MiB at a time. With `mmap_threshold`, the memory of an allocation
 /// of at least 4 MiB is not part of a heap, and goes back to the system when the allocation is freed. Without
-/// this setting, glibc raises the threshold to as much as 32 MiB, and a picture of ten million triangles took
-/// 125 MiB more memory. `arena_max` limits the number of heaps to the number of processors; without this
-/// setting, glibc makes up to eight times as many heaps. With two heaps instead of five, and a `top_pad` of 2
-/// MiB instead of 16 MiB, the picture of ten million triangles took 50 MiB less memory and the same time.
+/// `mmap_threshold`, glibc raises the least size of such allocations to as much as 32 MiB, and a picture of
+/// ten million triangles took 125 MiB more memory. `arena_max` limits the number of heaps to the number of
+/// processors; without `arena_max`, glibc makes up to eight times as many heaps. With two heaps instead of
+/// five, and a `top_pad` of 2 MiB instead of 16 MiB, the picture of ten million triangles took 50 MiB less
+/// memory and the same time.
 pub fn allocator_settings(processors: usize) -> String {
     let malloc = ["hugetlb=1", "top_pad=2097152", "mmap_threshold=4194304"].map(str::to_owned);
     let settings = malloc.into_iter().chain([format!("arena_max={processors}")]);

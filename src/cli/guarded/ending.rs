@@ -16,9 +16,9 @@ pub fn drivers_doing(status: ExitStatus) -> Option<String> {
 }
 
 /// Returns true if raycl itself can end a process with this exit code: 0, 1 and 2, 101 after a panic, and 128
-/// or more after a signal. The caller handles the exit code [`HUNG`] itself. With any other code, a library
-/// has ended the process. For example, Mesa's compiler of SPIR-V ends the process with 8 if the compiler does
-/// not know an instruction.
+/// or more after a signal. The caller handles the exit code [`HUNG`] itself. If a process ends with a code
+/// that is neither raycl's own nor [`HUNG`], a library has ended the process. For example, Mesa's compiler of
+/// SPIR-V ends the process with 8 if the compiler does not know an instruction.
 fn is_own(code: i32) -> bool {
     matches!(code, 0..=2 | 101 | 128..)
 }

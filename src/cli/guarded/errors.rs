@@ -48,7 +48,7 @@ pub fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bo
 pub fn not_together(cause: &str, drivers: &[Driver]) -> Error {
     let names: Vec<_> = drivers.iter().map(ToString::to_string).collect();
     Error::run(format!("{cause}: the drivers {} cannot be loaded together", names.join(", "))).with_help(
-        "each driver alone lists its devices: set the environment variable OCL_ICD_VENDORS to a folder that contains the .icd file of one driver",
+        "each driver lists its devices if it is loaded alone: set the environment variable OCL_ICD_VENDORS to a folder that contains the .icd file of one driver",
     )
 }
 

@@ -31,9 +31,10 @@ pub struct Parent {
 
 impl Parent {
     /// Prepares this process for child processes that show pictures on this screen. This process gets
-    /// handlers of the signals in [`ENDING`] in two cases. In the first case, it lends its terminal to the
-    /// child processes, and must restore the terminal before it ends. In the second case, it is the first
-    /// process of a container, to which the system delivers only signals that have a handler.
+    /// handlers of the signals in [`ENDING`] in two cases. If this process lends its terminal to the child
+    /// processes, the handlers are needed because the terminal must be restored before this process ends. If
+    /// this process is the first process of a container, they are needed because the system delivers to this
+    /// process only signals that have a handler.
     pub fn new(screen: Screen) -> Result<Self> {
         let terminal = if screen == Screen::Terminal { LentTerminal::new() } else { None };
         let has_handlers = terminal.is_some() || std::process::id() == FIRST_PROCESS;
@@ -48,20 +49,20 @@ impl Parent {
 
     /// Runs a child process to its end, then restores the terminal. If this process has handlers of the
     /// signals in [`ENDING`], and gets one of these signals while the child process runs, this process ends
-    /// the child process and continues. The returned status then says that this signal ended the child
-    /// process.
+    /// the child process and continues. In the returned status, the signal that this process got counts as
+    /// the signal that ended the child process.
     ///
     /// # Errors
     ///
     /// Fails if the system refuses to install the signal handlers, to start the child process, or to start
-    /// the thread that waits for signals. After such a failure, no child process is left.
+    /// the thread that waits for signals. If one of these three steps fails, no child process is left.
     pub fn run(&self, command: &mut Command) -> Result<ExitStatus> {
         let Some(is_alone) = &self.is_alone else {
             let mut child = command.spawn().map_err(|error| not_started(&error))?;
             return child.wait().map_err(not_awaited);
         };
-        // The handlers are installed before `is_alone` becomes false. If `is_alone` became false first, a
-        // signal between the two statements would be lost.
+        // The handlers are installed before `is_alone` becomes false. If `is_alone` became false before the
+        // handlers were installed, a signal that arrives in between would be lost.
         let signals = Signals::new(ENDING).map_err(not_handled)?;
         is_alone.store(false, Ordering::SeqCst);
         let is_over = || {
@@ -96,11 +97,11 @@ fn handled() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Waits until a child process has ended, then calls `is_over`. Meanwhile, the thread that `listener` starts
-/// waits for `signals`, and ends the child process whenever a signal arrives. Returns the child's exit status
-/// or, if signals arrived, a status that says that the first signal ended the child process. If the thread
-/// cannot be started, kills the child process and returns an error. The child process's number stays in use
-/// until the thread has ended, so the thread never ends another process.
+/// Waits until a child process has ended, then calls `is_over`. While this function waits, a thread that
+/// `listener` starts waits for `signals`; if a signal arrives, the thread ends the child process. Returns the
+/// child's exit status or, if signals arrived, a status that says that the first signal ended the child
+/// process. If the thread cannot be started, kills the child process and returns an error. The child
+/// process's number stays in use until the thread has ended, so the thread never ends another process.
 fn wait_with(
     mut signals: Signals,
     child: &mut Child,

@@ -76,8 +76,8 @@ impl Title<'_> {
 }
 
 /// Returns the comment at the end of the printed program. The comment names the files that contain only
-/// macros, and states the number of lines that were left out (`left_out`). Returns an empty text if there are
-/// no such files and no lines were left out.
+/// macros, and states the number of lines that were left out (`left_out`). Returns an empty text if no file
+/// contains only macros and no lines were left out.
 pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     let has_code = |file: &&String| program.lines.iter().any(|line| line.is_code && *line.file == ***file);
     let without: Vec<&str> =

@@ -1,6 +1,7 @@
 //! Prints Figure 5 of the student paper that raycl reproduces as a table, computed from the only two limits
 //! that the paper uses: the largest numbers of work-groups and of threads that a multiprocessor holds at the
-//! same time. Beside these predictions, the table shows the occupancy that compute capability 2.0 allows.
+//! same time. Beside the paper's predictions, the table shows the occupancy that compute capability 2.0
+//! allows.
 
 use serde_json::{Value, json};
 
@@ -9,7 +10,8 @@ use crate::device::occupancy::{Limiter, Occupancy, PAPER_CAPABILITY, PAPER_REGIS
 use crate::error::Result;
 
 /// The largest number of work-groups that a multiprocessor holds at the same time. [`THREADS`] is the largest
-/// number of threads that it holds. The paper's Figure 5 uses only these two limits.
+/// number of threads that it holds. The paper's Figure 5 uses only these two limits: of work-groups and of
+/// threads.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
 /// The size in bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
@@ -160,7 +162,8 @@ mod tests {
         assert!(with_vectors < bare, "{row}");
     }
 
-    /// With the local size 16x16, the table's three numbers of threads differ from each other.
+    /// In the row of the local size 16x16, the three numbers of threads in the printed table differ from each
+    /// other.
     #[test]
     fn each_number_of_threads_is_in_its_own_column_and_under_its_own_key() {
         let all = rows(&[[16, 16]]).unwrap();

@@ -42,8 +42,9 @@ pub struct Cast {
     pub sampling: Sampling,
     /// How many samples the pixels of each block got; `None` if sampling was not adaptive.
     pub counts: Option<SampleCounts>,
-    /// The pictures from which the filter of soft light makes the final picture. These pictures are read from
-    /// the device only if the final picture is verified and its soft light is cast at half resolution.
+    /// The pictures from which the filter of soft light makes the final picture. raycl reads these input
+    /// pictures of the filter from the device only if two conditions hold: soft light is cast at half
+    /// resolution, and the final picture is verified.
     pub parts: Option<LightParts>,
 }
 
@@ -110,8 +111,8 @@ pub fn cast(
         cast.map_err(Refused::at("the launch")).map_err(refused)
     };
     let first = frame()?;
-    // Some drivers compile a kernel when it first starts. The time that the first frame takes on the host, beyond its
-    // device time, therefore counts as build time.
+    // Some drivers compile a kernel when it first starts. Therefore the first frame's time on the host counts
+    // as build time, as far as it exceeds the frame's device time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
     let mut frames: Vec<_> = Some(first).filter(|first| counts(first, args.repeat)).into_iter().collect();
@@ -139,8 +140,8 @@ pub fn cast(
 }
 
 /// Reads the last frame's image, and counts the pixels whose rays hit a triangle. The image has 8 bits per
-/// channel if `shows` is given and all pixels are finite. Without `shows`, or if a pixel is not finite, the
-/// image is radiance.
+/// channel if `shows` is given and all pixels are finite. If `shows` (which describes the conversion to 8
+/// bits) is `None`, or if a pixel is not finite, the image contains radiance.
 fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Picture, usize), LaunchError> {
     if let Some(shows) = shows
         && let Some(shown) = read_shown(caster, shows)?
@@ -166,8 +167,8 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// Reads the frame that was cast last, in 8 bits. The device converts it with `show`; without `show`, the host does.
-/// Returns `None` if a pixel is not finite.
+/// Reads the frame that was cast last, in 8 bits. The device converts the frame to 8 bits with the program
+/// `show`; if `show` is `None`, the host converts the frame. Returns `None` if a pixel is not finite.
 pub fn read_8_bits(
     caster: &Caster,
     display: Display,

@@ -52,9 +52,9 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 }
 
 /// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so
-/// the function guesses the scene's properties on which the program depends. Returns `None` if no guess is
-/// possible. raycl compiles the program of [`hurry::QUICK`] early, instead of the [`likely`] program, if the
-/// [`likely`] program is not compiled yet and [`hurry::may`] returns true.
+/// the function guesses the scene's properties on which the program depends. Returns `None` if the function
+/// cannot guess these properties. If [`hurry::may`] returns true and the program of [`likely`] is not
+/// compiled yet, raycl compiles the program of [`hurry::QUICK`] early, instead of the program of [`likely`].
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;
@@ -77,7 +77,7 @@ fn spec(
     let image_size = args.subject.size();
     let workload = Workload { image_size, ..known };
     // If the device cannot cast this workload, for example because the strategy does not allow the work-group, the
-    // program might not compile. The compiler would then print an error before raycl's own message.
+    // program might not compile, and the compiler would print an error before raycl's own message.
     Requirements::check(strategy, &workload, &device.limits).ok()?;
     ProgramSpec::new(sources, strategy, &workload, device.builtins()).ok()
 }
@@ -106,7 +106,7 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
 }
 
 /// Returns the strategy and the workload for an OBJ file. The number of triangles is estimated from the file's size.
-/// Returns `None` for other files.
+/// Returns `None` if the file is not an OBJ file.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.subject.scene.extension()? != "obj" {
         return None;
@@ -221,7 +221,7 @@ mod tests {
             assert_eq!(likely(more, &device), None, "{more:?}");
         }
         assert_eq!(likely(&[], &other), None);
-        // `quick` guesses a program for the same scene. The program of `quick` differs from the program
+        // The function `quick` guesses another program for this scene. Its program differs from the program
         // `known` in its strategy, local size and stack size.
         let quick = quick(&cache, &args(&scene, &[]), &Sources::Embedded, &device).unwrap();
         let (strategy, local_size) = hurry::quick(&device).unwrap();

@@ -40,8 +40,8 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
 /// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy. Three conditions
 /// must hold: the user has chosen no strategy, no axis and no local size; the command casts a single frame
 /// once; and the picture is small enough. Returns false with `--cl-dir` and `--watch`: the user is probably
-/// editing kernels, perhaps the kernels of the fastest strategy. Also returns false for a CPU, where the
-/// usual strategy, `tile`, compiles in a short time.
+/// editing kernels, perhaps the kernels of the fastest strategy. Returns false for a CPU, because the usual
+/// strategy on CPUs, `tile`, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
@@ -62,10 +62,11 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
     scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
-/// Returns the strategy and the local size with which to cast a picture. If [`may_cast`] returns true and the
-/// fastest strategy's program is not compiled yet, returns the strategy and the local size of [`QUICK`] and,
-/// as the second value, the fastest strategy's program. If [`may_cast`] returns false, or if the fastest
-/// strategy's program is compiled already, returns `fastest` and `None`.
+/// Returns the strategy and the local size with which to cast a picture. As the second value, returns the
+/// program to compile for later pictures, if there is one. If [`may_cast`] returns true and the fastest
+/// strategy's program is not compiled yet, returns [`QUICK`]'s strategy and local size, and the fastest
+/// strategy's program as the second value. If [`may_cast`] returns false, or if the fastest strategy's
+/// program is compiled already, returns `fastest` and `None`.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,
@@ -175,8 +176,8 @@ mod tests {
         assert!(prepared.map_err(|refused| refused.reason()).unwrap().program.store());
         let (chosen, later) = choose(&mut session());
         assert!(chosen == fastest && later.is_none());
-        // If the fastest strategy is QUICK's strategy itself, this strategy is chosen, and no other program is compiled
-        // later.
+        // If the strategy of the preset `QUICK` is itself the fastest strategy, this strategy is chosen, and
+        // no other program is compiled later.
         let quick = (preset(QUICK).unwrap().strategy, [4, 4]);
         let mut session = session();
         let (chosen, later) = super::choose(&args(&[]), &device.info, &scene, &mut session, quick);

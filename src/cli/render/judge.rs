@@ -66,9 +66,9 @@ pub(super) fn verified(
 
 /// Compares a picture, or only `some` of its pixels, with the reference. The check includes the number of
 /// pixels whose rays hit a triangle. If the picture's soft light was cast in half pictures (of half the width
-/// and height), `parts` contains the pictures from which the filter made the final picture. The pictures in
-/// `parts` are then compared with the reference, and the final picture is compared with the result of the
-/// same filter on the host.
+/// and height), `parts` contains the pictures from which the filter made the final picture. In this case, the
+/// pictures in `parts` are compared with the reference. The final picture is compared with the picture that
+/// the host makes of `parts` by the same filter as the device.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),

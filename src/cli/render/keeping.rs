@@ -56,9 +56,10 @@ struct Source {
     options: String,
 }
 
-/// Prepares the next start: lets background processes store the program that cast the picture, or compile the
-/// fastest strategy's program (`later`) and the program for the display transform (`show_later`). Also stores
-/// in the cache which program the scene needs. Returns notes for the user about the background processes.
+/// Prepares the next start of raycl. Background processes may store the program that cast the picture. They
+/// may also compile the fastest strategy's program (`later`) and the program for the display transform
+/// (`show_later`). Also stores in the cache which program the scene needs. Returns notes for the user about
+/// the background processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,
@@ -69,8 +70,8 @@ pub fn for_the_next_start(
     // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
     let shows = show_later.is_some_and(|spec| compile_later(&Cache::of_user(), &spec, &device.info));
-    // Every background process also lists the devices. A process for the list alone is only needed if no other process
-    // starts.
+    // Every background process also lists the devices. A process that only lists the devices is needed only
+    // if no other background process starts.
     if !stores && !shows && later.is_none() && !device.lanes_are_tested {
         list_later(&device.info);
     }
@@ -149,8 +150,8 @@ fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
 fn begin(cache: &Cache, name: &str) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, name).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
-    // If the clock was ahead when `since` was stored, `since` may lie in the future. Therefore the code
-    // ignores the sign of the difference between `now` and `since`.
+    // If the clock was ahead when `since` was stored, `since` may be later than `now`. Therefore the sign of
+    // the difference between `now` and `since` does not matter below.
     let free = since.is_none_or(|since| now.as_secs().abs_diff(since) > LONGEST.as_secs());
     free && cache.put(KIND, name, &now.as_secs().to_le_bytes())
 }
@@ -163,8 +164,8 @@ fn start(order: &Order) -> std::io::Result<()> {
     let mut child = background(order).map_err(std::io::Error::other)?.spawn()?;
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))?;
     if let Some(mut output) = child.stdout.take() {
-        // The background process prints nothing. Reading its output ends when the background process closes
-        // the files that it inherited, or when it ends.
+        // The background process prints nothing. Reading the background process's output ends when that
+        // process closes the files that it inherited, or when it ends.
         let _ = std::io::copy(&mut output, &mut std::io::sink());
     }
     Ok(())
@@ -228,9 +229,9 @@ pub fn serve() -> Result<()> {
     let device = device.ok_or_else(|| {
         Error::run("no driver lists the task's device: the device has disappeared, or its driver has changed")
     })?;
-    // The test of the device may have found other lane operations than those for which the program was made.
-    // If other lane operations were found, the next start needs another program, so the task's program is not
-    // stored.
+    // The test of the device may have found other lane operations (by which work-items exchange values) than
+    // those for which the program was made. In this case, the next start of raycl needs another program, so
+    // this process does not store the program.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };
@@ -267,7 +268,8 @@ fn read_order(input: impl Read) -> Result<Order> {
 }
 
 /// Returns the program that the background process is to store. Returns `None` if the order (the task of the process)
-/// contains no program, or if this program was made for other lane operations than those that raycl uses on the device.
+/// contains no program. Also returns `None` if the program uses other lane operations (by which work-items
+/// exchange values) than raycl uses on the device.
 fn program_for(order: &Order, device: &DeviceInfo) -> Option<Source> {
     order.program.clone().filter(|_| order.lanes == device.limits.lane_operations)
 }

@@ -12,11 +12,11 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 /// From this number of triangles on, a CPU casts a single picture by tiles of rays that read the mesh's own list of
 /// normals.
 ///
-/// Other strategies read a copy of the normals in leaf order, which takes 36 bytes per triangle. Without the
-/// copy, a frame takes about 5% longer, but raycl starts to cast earlier. On 2 cores of an Intel Xeon
-/// (docs/log.md, 2026-11-27), making the buffers of 4 million triangles takes 29 ms less without the copy,
-/// and casting the frame 5 ms more. With 10 million triangles, making the buffers takes 0.8 s less, and
-/// casting the frame 14 ms more.
+/// Strategies that cannot read the mesh's list need a copy of the normals in leaf order, which takes 36 bytes
+/// per triangle. Without this copy of the normals, a frame takes about 5% longer, but raycl starts to cast
+/// earlier. On 2 cores of an Intel Xeon (docs/log.md, 2026-11-27), making the buffers of 4 million triangles
+/// takes 29 ms less without the copy of the normals, and casting the frame takes 5 ms more. With 10 million
+/// triangles, making the buffers takes 0.8 s less, and casting the frame 14 ms more.
 ///
 /// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10
 /// million triangles, the buffers for packets need 2.3 GB, and the buffers for tiles need 1.3 GB. On 2 cores
@@ -62,8 +62,8 @@ fn casts_one_frame(args: &Args) -> bool {
 const MOST_RAYS_PER_TRIANGLE: usize = 8;
 
 /// Returns whether the tree of a picture with `samples` samples per pixel is built for a single frame or for
-/// many frames. The tree of a moving picture is for many frames, since the mesh seldom changes from frame to
-/// frame.
+/// many frames. For a moving picture, the tree is built for many frames, since the mesh, and so the tree,
+/// seldom changes from frame to frame.
 pub fn tree_use(args: &Args, scene: &Scene, samples: u32) -> TreeUse {
     let [width, height] = args.subject.size().map(|side| side as usize);
     let is_small = width * height * samples as usize <= MOST_RAYS_PER_TRIANGLE * scene.mesh.triangles.len();

@@ -112,8 +112,9 @@ impl Motion {
 pub fn may_replace(args: &Args, frames: u32) -> bool {
     let count = args.motion.turntable.unwrap_or(frames);
     let wanted = args.motion.asked(count).and_then(|all| args.motion.share(all));
-    // If this process has no frame to render, the result is false, since nothing is written. If `--frames` or `--shard`
-    // has a mistake, the result is false as well; `run` reports the mistake later.
+    // If this process has no frame to render, this function returns false, since nothing is written. If
+    // `--frames` or `--shard` has a mistake, this function returns false, too; `run` reports the mistake
+    // later.
     wanted.is_ok_and(|wanted| wanted.is_some_and(|wanted| Sink::may_replace(args, wanted, count)))
 }
 
@@ -134,7 +135,7 @@ fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
 }
 
 /// The report at the end of the command. With `--json`, raycl prints an object with these fields. If this process has
-/// no frame to render, [`nothing_to_do`] prints another object instead.
+/// no frame to render, [`nothing_to_do`] prints an object with other fields.
 #[derive(Serialize)]
 struct Report {
     scene: String,

@@ -23,12 +23,12 @@ pub struct Opened {
     /// Time for starting the driver and opening the device, while the scene is read.
     pub start_ms: f64,
     /// The program that the scene will probably need, built while the scene is being loaded. `None` if no
-    /// program could be guessed, or if its build failed. If there is no such program, raycl builds the
-    /// scene's program later.
+    /// program could be guessed, or if its build failed. If `early` is `None`, raycl builds the scene's
+    /// program later.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree, and the strategy for which it was built. The thread that loads the scene builds the tree, while
-    /// another thread opens the queue and builds the program. `None` if no tree was built in this way; raycl then
-    /// builds the tree later, if the strategy needs one.
+    /// another thread opens the queue and builds the program. If no tree was built while the scene was
+    /// loaded, `tree` is `None`, and raycl builds the tree later if the strategy needs one.
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,
@@ -140,8 +140,8 @@ fn early(
 
 /// Returns the program for the display transform (from radiance to 8-bit colours) if the device does not share the
 /// host's memory. If the device's compiler refuses raycl's own program, the host applies the transform. If
-/// [`hurry::may`] returns true, the picture does not wait until this program is compiled: the uncompiled program is
-/// then returned as the second value.
+/// [`hurry::may`] returns true and the program is not compiled yet, the picture does not wait for the
+/// program. In this case, the function returns the uncompiled program as the second value.
 ///
 /// # Errors
 ///

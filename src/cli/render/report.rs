@@ -78,7 +78,8 @@ pub struct Report {
     /// The number of shadow rays, divided by the time of the shadow pass in seconds; null if there is no shadow pass.
     pub shadow_rays_per_s: Option<f64>,
     /// The number of primary rays, multiplied by the number of triangles and divided by the time in seconds of the
-    /// primary pass, or of the frame if passes are fused. Null if not every triangle is tested.
+    /// primary pass, or of the frame if passes are fused. Null unless every ray is tested against all
+    /// triangles.
     pub tests_per_s: Option<f64>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     pub frames: u32,
@@ -134,15 +135,17 @@ impl Verification {
 /// The numbers that `--verify` reports if the picture agrees with the reference.
 #[derive(Debug, Default, Serialize)]
 pub struct Verified {
-    /// The largest relative difference. Without half pictures, it is the difference from the reference, over
-    /// all certain pixels; null if no pixel is certain. With half pictures, raycl makes two comparisons. With
-    /// half pictures, this field has the larger of the two differences, and is never null. First, the
-    /// pictures from which the filter made the final picture are compared with the reference, in their
-    /// certain pixels. Second, the host applies the same filter to the pictures that the device cast, and all
-    /// pixels of the final picture are compared with the result of the host's filter.
+    /// The largest relative difference that the verification found. If soft light was not cast in half
+    /// pictures (of half the width and height), this is the difference from the reference over all certain
+    /// pixels, whose values do not depend on rounding; null if no pixel is certain. If soft light was cast in
+    /// half pictures, raycl compares twice, and this field has the larger of the two differences; it is never
+    /// null. The first comparison: the pictures from which the filter made the final picture are compared
+    /// with the reference, in their certain pixels. The second comparison: the host applies the filter of the
+    /// final picture to the pictures that the device cast, and all pixels of the final picture are compared
+    /// with the host's result.
     pub max_difference: Option<f64>,
-    /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
-    /// not counted.
+    /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half
+    /// pictures (soft light at half the width and height) are not counted.
     pub uncertain_pixels: usize,
     /// Number of uncertain pixels whose rays hit something in the reference.
     pub uncertain_hits: usize,
@@ -185,7 +188,8 @@ fn tests_per_s(primary_rays: f64, triangles: usize, times: &FrameTimes) -> f64 {
 }
 
 impl Report {
-    /// Returns a report with the fields that are known after casting. The caller sets the other fields.
+    /// Returns a report with the fields that are known after casting. The caller sets the fields that casting
+    /// does not determine, such as `output` and `notes`.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let triangles = scene.mesh.triangles.len();

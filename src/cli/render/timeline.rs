@@ -11,8 +11,8 @@ use std::time::Instant;
 pub struct Part {
     /// The name of the part of the command's work, such as `load`.
     pub part: &'static str,
-    /// The part's duration by the wall clock. Only the part `start` has its processor time instead (see
-    /// [`Timeline::of_process`]).
+    /// The part's duration by the wall clock. For the part with the name `start`, this is the part's
+    /// processor time (see [`Timeline::of_process`]).
     pub ms: f64,
 }
 
@@ -37,14 +37,14 @@ impl Timeline {
         Self { last: Instant::now(), parts: Vec::new() }
     }
 
-    /// Ends the part `part`, which began when the previous part ended.
+    /// Ends the part of the command's work with the name `part`, which began when the previous part ended.
     pub fn ends(&mut self, part: &'static str) {
         self.ends_with(part, &[]);
     }
 
-    /// Ends the part `part`, which began when the previous part ended. `others` lists other parts that took
-    /// some of this time, with their durations in milliseconds; these durations are subtracted from the
-    /// duration of `part`.
+    /// Ends the part of the work with the name `part`, which began when the previous part ended. `others`
+    /// lists other parts of the work that were done in the same time, with their durations in milliseconds.
+    /// These durations are subtracted from the duration of `part`.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

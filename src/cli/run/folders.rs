@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 const MAX_NUMBER: u32 = 999;
 
 /// If `resume` is true and there is a folder of results for the config `name`, returns the latest such
-/// folder: the one with the highest number. If `resume` is false, or if there is no such folder, returns the
-/// path of a new folder.
+/// folder: the one with the highest number. If `resume` is false, or if no folder has results of the config
+/// `name`, returns the path of a new folder.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let latest = if resume { latest_number(name) } else { None };
     latest.map_or_else(|| free_folder(name), |number| numbered_folder(name, number))
@@ -99,12 +99,12 @@ mod tests {
             std::fs::create_dir(numbered(ending)).unwrap();
         }
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
-        // The number of a deleted folder is not used again if there is a folder with a higher number. The
-        // highest number therefore belongs to the latest folder.
+        // The number of a deleted folder is not used again if there is a folder with a higher number. So the
+        // folder with the highest number in its name is the latest folder.
         std::fs::remove_dir(numbered("-2")).unwrap();
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
-        // No run of the config `quick` makes a folder whose name has one of these endings, and no run makes a
-        // file in place of a folder.
+        // No run of the config `quick` makes a folder whose name is `quick` with one of the endings below,
+        // and no run makes a file in place of a folder.
         for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-2026", "-20261128"] {
             std::fs::create_dir(numbered(other)).unwrap();
         }
@@ -136,7 +136,8 @@ mod tests {
         folders.sort();
         assert_eq!(folders, ["", "-2", "-3"].map(|ending| PathBuf::from(format!("{quick}{ending}"))));
         assert!(folders.iter().all(|folder| folder.is_dir()));
-        // `new_folder` also returns the path of a folder that cannot be made. The reason is reported later.
+        // `new_folder` also returns the path of a folder that cannot be made. The reason why the folder
+        // cannot be made is reported later.
         std::fs::write(parent.path().join("file"), "").unwrap();
         assert_eq!(new_folder(&name("file/quick")), parent.path().join("file/quick"));
     }

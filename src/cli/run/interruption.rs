@@ -9,9 +9,9 @@ use std::sync::{Arc, OnceLock};
 /// The exit code of raycl if a second SIGINT (Ctrl-C) or SIGTERM ends it.
 const INTERRUPTED: i32 = 130;
 
-/// The flag that a signal sets, and that all runs of this process share. With a flag for each run, a signal
-/// between two runs of `raycl reproduce` would set only the flags of finished runs, which nobody reads any
-/// more.
+/// The flag that a signal sets, and that all runs of this process share. If each run had a flag of its own, a
+/// signal between two runs of `raycl reproduce` would set only the flags of finished runs. Nobody would read
+/// these flags any more.
 static FLAG: OnceLock<std::io::Result<Arc<AtomicBool>>> = OnceLock::new();
 
 /// Returns the flag that the first SIGINT or SIGTERM sets; a second signal ends the process at once.

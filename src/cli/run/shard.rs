@@ -61,13 +61,15 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice::new(force, "--out DIR"), false),
     };
-    // A folder with a plan of shards is accepted even if the checks above refused it. The plan is looked for last,
-    // since another shard's process may have written it during these checks.
+    // A folder with a plan of shards is accepted even if the checks above refused it. This function looks for
+    // the plan after the other checks, since the process of another shard may have written the plan while the
+    // checks were made.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns the header that the plan has if this process makes it. The processes of all shards must agree on
-/// the header's number of shards, the hash of the config, the scenes and the kernels.
+/// Returns the header for the plan of the shards, for the case that this process makes the plan. The
+/// processes of all shards must agree on the header's number of shards, the hash of the config, the scenes
+/// and the kernels.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
     Header {
         shards,
@@ -124,8 +126,8 @@ struct Part<'a> {
 impl Part<'_> {
     fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
-        // If neither the command nor the config names a device, the user's settings select the devices. The
-        // attempt then stores the word by which the settings select devices.
+        // If neither the command nor the config names a device, the user's settings select the devices by a
+        // word, such as `gpu`. In this case, the attempt stores this word of the settings.
         let is_named = super::names_devices(self.args, self.run.experiment);
         let about = About {
             device: settings::device().filter(|_| !is_named),
@@ -144,8 +146,8 @@ impl Part<'_> {
 
     /// Measures while one thread watches the launcher, and another thread regularly increases a counter in
     /// the attempt's folder, a sign that the attempt is alive. When this function returns, the counter has
-    /// its last value in the folder. Only then may the caller mark the attempt as ended, since other
-    /// processes may copy the folder of an attempt that has ended.
+    /// its last value in the folder. The caller may mark the attempt as ended only after this function has
+    /// returned, since other processes may copy the folder of an attempt that has ended.
     fn watched(&self, attempt: &Attempt, host: &str, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         watch_launcher(attempt, self.asked)?;
         let pulse = Pulse::start(&attempt.folder)?;
@@ -176,9 +178,9 @@ impl Part<'_> {
     }
 
     /// Writes one file for each kind of device on which this shard measures; the file contains the keys of
-    /// the points. Writes nothing if all files of kinds exist already. `own` contains this shard's points, as
-    /// indices into the plan. The host counts as a kind of device if casters on the host are among these
-    /// points.
+    /// the points. Writes nothing if the files of all these kinds of devices exist already. `own` contains
+    /// this shard's points, as indices into the plan. The host counts as a kind of device if baselines (ray
+    /// casters on the host) are among this shard's points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let plan = self.run.plan_of_one_device();
         let mut own_points = own.iter().filter_map(|index| plan.points.get(*index));
@@ -311,8 +313,8 @@ mod tests {
         );
     }
 
-    /// Checks that the expected time of each shard is the sum of the expected times of the shard's points and
-    /// borrowed control points.
+    /// Checks that the expected time of each shard is the sum of the expected times of its points and of its
+    /// borrowed control points: points of another block, which it measures only for comparison.
     fn check_times(run: &Run<'_>, plan: &ShardPlan) {
         let costs: Vec<_> = run.costs(&[]).expect("costs").concat();
         let ms = |point: usize| costs.iter().find(|cost| cost.point == point).expect("a cost").ms;

@@ -7,7 +7,8 @@ use crate::record::{ordinary, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The name of the file in the folder of results that stores a run's blocks.
+/// The name of a file in the folder of results: it stores the blocks of a run (a block has the points that
+/// one device measures together).
 const FILE: &str = "blocks.json";
 
 /// The blocks into which the points of a run were cut.
@@ -23,8 +24,8 @@ pub struct Spread {
 impl Spread {
     /// Cuts the plan of a run into blocks of points for the run's devices. A run that is resumed with the
     /// same points and the same number of devices uses the blocks of its first session, even if the expected
-    /// times of points have changed. With new blocks, the control point of a group could change between the
-    /// sessions.
+    /// times of points have changed. If each session cut the points into new blocks, a group of points could
+    /// get another control point (the point that all its blocks measure).
     pub fn of(run: &Run<'_>, out: &Path) -> Result<Self> {
         let devices = run.devices.len();
         let plan = run.plan_of_one_device();

@@ -10,11 +10,12 @@ use crate::record::journals::IMAGES;
 use crate::report::Comparison;
 use std::path::{Path, PathBuf};
 
-/// Compares the times with the second folder of kernels with the times with the first folder, and prints the
-/// comparison unless `quiet` is true. If `limit_percent` is given, returns an error with exit code 1 in two
-/// cases. In the first case, the second folder is slower by more than `limit_percent`, and this is
+/// Compares the times of the kernels in the second folder to the times of the kernels in the first folder,
+/// and prints the comparison unless `quiet` is true. If `limit_percent` is given, returns an error with exit
+/// code 1 if the kernels of the second folder are slower by more than `limit_percent`. The slowdown must be
 /// statistically significant for a single point, for the mean of one strategy's points, or for the mean of
-/// all points. In the second case, a point fails with the second folder but was measured with the first.
+/// all points. If `limit_percent` is given, also returns this error if a point fails with the kernels of the
+/// second folder, but was measured with those of the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let mut comparison = Comparison::of_kernels(folder, THRESHOLD_PERCENT / 100.0);
     if limit_percent.is_some() {
@@ -28,7 +29,8 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
     refuse_regressions(&comparison, limit_percent, &between, remedy(&comparison, folder))
 }
 
-/// Returns the advice of the error about regressions with the second folder of kernels.
+/// Returns the advice for the user if kernels of the second folder fail, or are slower than those of the
+/// first folder.
 fn remedy(comparison: &Comparison, folder: &Folder) -> String {
     let [first, second] = &comparison.labels;
     match comparison.broken.is_empty() {
@@ -46,7 +48,8 @@ fn remedy(comparison: &Comparison, folder: &Folder) -> String {
 }
 
 /// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if the
-/// points are distributed over several devices or machines; in this case, two folders of kernels are refused.
+/// points are distributed over several devices or machines. Such a run cannot compare kernels, so this
+/// function refuses two folders of kernels if `spread` is true.
 pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     let folders = &args.cl_dir;
     if folders.len() == 1 && args.fail_on_regression.is_some() {

@@ -22,9 +22,9 @@ pub struct Look {
     /// camera: about 21, unless the mesh is open on one side]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
-    /// The background: a colour as it appears on the screen (such as '#203040', black or white), or transparent. If it
-    /// is transparent, a PNG, APNG or EXR that `raycl render` writes has an alpha channel; `raycl view` shows black
-    /// instead
+    /// The background: a colour as it appears on the screen (such as '#203040', black or white), or
+    /// transparent. With a transparent background, a PNG, APNG or EXR that `raycl render` writes has an alpha
+    /// channel; `raycl view` shows black instead
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed

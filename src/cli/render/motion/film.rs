@@ -86,9 +86,10 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames. A key is a hash of everything that determines a frame's picture: the scene's content, the
-/// strategy, the picture's size, the samples, the kind of movement (for a turntable, with its number of frames), the
-/// frame's number, raycl's version and the kernels.
+/// Makes the keys of the frames of an animation or a turntable. A key is a hash of everything that determines
+/// a frame's picture: the scene's content, the strategy, the picture's size, the samples, the kind of
+/// movement (for a turntable, with its number of frames), the frame's number, raycl's version and the
+/// kernels.
 pub struct Keys {
     shared: String,
     mesh: LastHash<Mesh>,
@@ -96,9 +97,9 @@ pub struct Keys {
     texels: LastHash<[[f32; 3]]>,
 }
 
-/// A large part of a scene, such as its mesh, with the hash of this part. The stored part belongs to the
-/// frame whose key was made last. For consecutive frames that share the part, the hash is therefore computed
-/// only once.
+/// A large part of a scene, such as its mesh, with the hash of this part. The stored part of the scene is
+/// that of the frame for which the latest key was made. If consecutive frames share this part of the scene,
+/// its hash is computed only once.
 struct LastHash<T: ?Sized>(Option<(Arc<T>, String)>);
 
 impl<T: ?Sized> LastHash<T> {
@@ -111,7 +112,8 @@ impl<T: ?Sized> LastHash<T> {
 }
 
 impl Keys {
-    /// Returns a maker of keys for the frames of `film`, which are cast with `kernels`.
+    /// Returns an object that makes the keys of the frames of `film` (an animation or a turntable). The
+    /// frames are cast with `kernels`.
     pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy, kernels: &Sources) -> Self {
         let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
         let Sampling { first, most, half_light } = sampling;
@@ -123,7 +125,7 @@ impl Keys {
         Self { shared, mesh: LastHash(None), texels: LastHash(None) }
     }
 
-    /// Returns the key of the frame with this number, which shows `scene`.
+    /// Returns the key (the hash) of the frame `number`. The frame shows `scene`.
     pub fn key(&mut self, scene: &Scene, number: u32) -> String {
         let mut view = Scene { mesh: Arc::default(), ..scene.clone() };
         let picture = view.sky.as_mut().and_then(|sky| sky.picture.as_mut());

@@ -63,7 +63,7 @@ impl Frames {
 /// Numbered picture files: the path `turn/dragon.png` gives the files `turn/dragon-0001.png` and so on.
 #[derive(Debug)]
 pub struct Numbered {
-    /// The path from which the files' names follow.
+    /// The path from which the names of the numbered picture files are made.
     pattern: Target,
     digits: usize,
     force: bool,
@@ -83,7 +83,8 @@ impl Numbered {
         self.wanted.numbers().try_for_each(|number| refuse_scene_file(&self.target(number)))
     }
 
-    /// Returns true if a file may be replaced: one of the files exists, and `--force` is given.
+    /// Returns true if a picture file may be replaced: `--force` is given, and at least one of the numbered
+    /// files exists.
     pub fn may_replace(&self) -> bool {
         self.force && self.wanted.numbers().any(|number| self.file(number).exists())
     }

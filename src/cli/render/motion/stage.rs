@@ -21,7 +21,8 @@ pub struct Stage<'a> {
     pub sampling: Sampling,
     /// A built program that `prepare` uses again if the program suits the next scene. Before the first frame, this is
     /// the program that was built while the scene was loaded; later, it is the program that cast the previous frame.
-    /// `None` while `ready` holds the program, or if no program was built early.
+    /// `None` while the field `ready` holds the program. Also `None` before the first frame, if no program
+    /// was built early.
     pub program: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree that was built while the device was opened, with its mesh and strategy. `None` if no tree was built
     /// early, or after the first frame.
