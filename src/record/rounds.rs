@@ -43,7 +43,7 @@ const LEAST_OF_MEDIAN: usize = 3;
 pub(crate) const MOVED: f64 = 1.5;
 
 /// Other processes and virtual machines that together used more than this fraction of the machine may have
-/// disturbed the measurements. The note that [`disturbance`] returns states this fraction as a percentage.
+/// disturbed the measurements. The note that [`disturbance`] returns states `DISTURBED` as a percentage.
 const DISTURBED: f64 = 0.05;
 
 impl RoundLoad {
@@ -137,9 +137,9 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns the number of launches that raycl left out because the virtual machine's processors ran on cores
-/// further apart than in other samples, or shared a core. All records of a group have the same launches, so
-/// records with equal launches are counted once.
+/// Returns the number of launches that raycl left out. In these launches, the virtual machine's processors
+/// ran on cores further apart than in other samples, or several of the processors shared a core. All records
+/// of a group have the same launches, so records with equal launches are counted once.
 fn moved_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
         let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();
@@ -149,9 +149,9 @@ fn moved_launches(records: &[Record]) -> u32 {
 }
 
 /// Returns a note on the launches and samples that were left out because this virtual machine's processors
-/// ran on cores further apart than in other samples, or shared a core. If nothing was left out, but the
-/// core-to-core latency changed while these records were measured, returns a note on this change. Returns
-/// `None` if nothing was left out and the latency did not change.
+/// ran on cores further apart than in other samples, or shared a core. If no launch and no sample was left
+/// out, but the core-to-core latency changed while `records` were measured, returns a note on the change of
+/// the latency. Returns `None` if nothing was left out and the latency did not change.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;
@@ -165,7 +165,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     if launches + samples > 0 {
         return Some(format!(
             "{left_out} left out, because this virtual machine's processors were on cores further apart than in other \
-             samples, or shared a core. Distant cores and shared cores both change times."
+             samples, or shared a core. Times are different on distant or shared cores."
         ));
     }
     let shown = launches_of(records);
@@ -173,8 +173,8 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved to other cores. Such moves change the times of everything that runs on these processors, \
-             above all of kernels whose work-groups share data.",
+             probably moved to other cores. Moving to other cores changes the times of everything that runs on these \
+             processors, above all of kernels whose work-groups share data.",
             significant(low, 2),
             significant(high, 2)
         )

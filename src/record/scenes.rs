@@ -1,6 +1,7 @@
 //! Gives different names to scenes with different contents. If several scenes have the same name, each of
 //! these scenes gets a new name: the end of the scene's path, with as few folders as are needed to make the
-//! names differ. If the paths do not make the names differ, the scenes get the names in [`Names::others`].
+//! names differ. If even the scenes' whole paths do not make all names differ, the scenes get the names in
+//! [`Names::others`].
 
 use super::types::Record;
 use crate::entry::entry;
@@ -60,7 +61,7 @@ struct Content<'r> {
 
 impl Content<'_> {
     /// Returns true if `self` and `other` probably belong to one scene, whose camera raycl places differently
-    /// for images of different shapes. Both contents must have the same scene file with the same changed
+    /// for images of different shapes. `self` and `other` must have the same scene file with the same changed
     /// values, but no image size in common. Records of earlier versions of raycl, in which the camera did not
     /// depend on the image's shape, may lack the scene file.
     fn is_other_shape_of(&self, other: &Self) -> bool {
@@ -74,9 +75,9 @@ impl Content<'_> {
     }
 }
 
-/// Sorts contents with the same scene name by scenes: contents that differ only in the camera that raycl
-/// placed for images of another shape belong to one scene. Each inner list of the result has the contents of
-/// one scene.
+/// Groups contents that have the same scene name: each group belongs to one scene. Contents belong to one
+/// scene if they differ only in the camera, which raycl placed for images of another shape. Each inner list
+/// of the result has the contents of one scene.
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {
@@ -100,8 +101,8 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // A suffix such as "+triangles=80" states a value that the config changed in the scene. A suffix with
-        // changed values remains at the end of the new name.
+        // A suffix such as "+triangles=80" states a value that the config changed in the scene. If the
+        // scene's old name ends with such a suffix, the new name ends with the same suffix.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);
@@ -120,9 +121,9 @@ impl Names {
         }
     }
 
-    /// Returns the scene's name by the rule with the number `kind`. The rules from 0 to `depth - 1` give ends
-    /// of the path, and the following rules give the names in `others`. If the path has too few folders for a
-    /// rule, the name is the whole path.
+    /// Returns the scene's name by the rule with the number `kind`. By the rules from 0 to `depth - 1`, the
+    /// name is an end of the scene's path: the file after `kind` folders. If the path has fewer folders, the
+    /// name is the whole path. By the following rules, the name is one of the names in `others`.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),

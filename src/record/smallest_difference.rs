@@ -11,10 +11,11 @@ use std::collections::{BTreeMap, HashSet};
 /// a difference. For noisy points, the smallest difference that can be shown is stated as a factor and not as
 /// a percentage.
 const NOISY: f64 = 1.0;
-/// The largest factor that is stated for noisy times. A larger factor would be meaningless, since factors are
-/// computed from the spread of only a few launches.
+/// The largest factor that a note states as the smallest difference between points with noisy times. A factor
+/// above this limit would be meaningless, since factors are computed from the spread of only a few launches.
 const LARGEST_FACTOR: f64 = 100.0;
-/// The properties of a point on which the smallest difference that can be shown between two points may depend.
+/// Properties of points. The smallest difference between two points that the samples can show may depend on
+/// these properties.
 const PROPERTIES: [&str; 3] = ["scene", "image size", "device"];
 
 /// Returns notes on the certainty of results: which points were measured in a single launch only, and which differences
@@ -37,8 +38,9 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
 }
 
 /// Returns the note on the smallest difference between the times of two points that the samples can show. The
-/// smallest difference that can be shown between baselines says nothing about kernels, so baselines are used
-/// only if the records contain no kernels. Returns `None` if the smallest difference is unknown.
+/// smallest difference between two baselines (ray casters on the host) says nothing about kernels, so
+/// baselines are used only if the records contain no kernels. Returns `None` if the smallest difference is
+/// unknown.
 pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
     let judged = records.into_iter().filter(|record| record.relative_times.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
@@ -82,8 +84,9 @@ fn smallest_difference(points: &[&Record]) -> Option<String> {
     })
 }
 
-/// Returns the least and the greatest of the smallest differences ([`resolution`]) as texts: percentages or,
-/// for noisy points, factors. Returns `None` if the values are unknown.
+/// Returns, as texts, the least and the greatest value of [`resolution`], which is the smallest difference
+/// that the samples can show. The texts are percentages or, for noisy points, factors. Returns `None` if the
+/// values are unknown.
 fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
     let shown = |part: f64| match part > NOISY {
         true => significant((1.0 + part).min(LARGEST_FACTOR), 2),
@@ -93,10 +96,11 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
 }
 
 /// Names the properties on which the smallest difference between points depends: "scene", "scene and device",
-/// "when the points were measured". A property is named if the smallest difference varies among points that
-/// are equal in all other properties. By this rule, no property is named if, for example, points of different
-/// scenes also have different devices. If the properties that the rule names do not explain why the smallest
-/// difference varies, the function names all properties in which the points differ.
+/// "when the points were measured". The returned text names a property if the smallest difference varies
+/// among points that are equal in all other properties. If points of different scenes also have different
+/// devices, for example, this alone would name neither the scene nor the device. Therefore, if the smallest
+/// difference varies even among points that are equal in all named properties, the text names all properties
+/// in which the points differ.
 fn what_it_depends_on(points: &[&Record]) -> String {
     let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();
     for point in points {
@@ -161,8 +165,8 @@ mod tests {
         assert!(how_sure(&[]).is_empty());
     }
 
-    /// Baselines in a scene, and different devices in a scene, must not make the smallest difference that can be shown
-    /// seem to depend on the scene.
+    /// The note must not say that the smallest difference depends on the scene merely because a scene has
+    /// baselines or several devices.
     #[test]
     fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() {
         let said = |records: &[Record]| how_sure(&judged(records)).remove(0);

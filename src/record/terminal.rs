@@ -131,7 +131,7 @@ fn cell(record: &Record, wins: bool) -> Cell {
 }
 
 /// Returns why a record's time has no rank: " n=3" if the record has too few samples, and " <timer" if some
-/// samples are 0. Returns an empty text for a time with a rank.
+/// samples are 0. Returns an empty text if the record's time has a rank among the times of its group.
 fn few(record: &Record) -> String {
     match is_below_resolution(record) {
         true => " <timer".to_owned(),
@@ -146,9 +146,10 @@ fn mark(record: &Record) -> &'static str {
 
 /// Returns a short text that says why a record has no time. For every outcome except "infeasible", the text
 /// is the outcome's name. For the outcome "infeasible", the text is the part of the reason before the first
-/// colon, without underscores at its beginning and " memory" at its end: "local" for "__local memory: ...".
-/// If the host has too little memory, the text is "host". If the reason has no colon, or if the text would be
-/// longer than 16 bytes, the text is "infeasible".
+/// colon. Underscores at the beginning of this part and " memory" at its end are left out, so the text is
+/// "local" for the reason "__local memory: ...". If the reason is that the host has too little memory, the
+/// returned text is "host". If the reason has no colon, or if the text would be longer than 16 bytes, the
+/// text is "infeasible".
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();

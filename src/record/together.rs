@@ -73,7 +73,8 @@ struct Table {
     paired: Paired,
 }
 
-/// An anchor that was measured with the records of a table.
+/// An anchor (work whose time shows the machine's speed) that was measured in the same launches as the
+/// records of a [`Table`].
 struct Anchor {
     name: String,
     device: String,
@@ -106,10 +107,10 @@ impl Table {
         Self { together, indices, anchors, paired }
     }
 
-    /// Returns the machine and the devices that measured the records. How much times differ between launches
-    /// is estimated together only from tables with the same machine and devices. If devices of the same model
-    /// share the points, all records name the first device, and only `measured_on` tells which device
-    /// measured a point.
+    /// Returns the machine and the devices that measured the records. raycl estimates from several tables
+    /// together how much times differ between launches, but only if these tables have the same machine and
+    /// devices. If devices of the same model share the points, all records name the first device, and only
+    /// `measured_on` tells which device measured a point.
     fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String, Option<String>)> {
         let of = |index: &usize| {
             let Record { host, device, measured_on, .. } = &records[*index];
@@ -160,8 +161,8 @@ fn measured_with(record: &Record) -> String {
 }
 
 /// Returns the samples of some records and anchors, sorted by launch and then by time. The field `point` of a
-/// sample is the index of the sample's record; for the sample of an anchor, it is the number of records plus
-/// the anchor's index.
+/// sample is the index of the sample's record. In the sample of an anchor (work whose time shows the
+/// machine's speed), `point` is the number of records plus the anchor's index.
 pub(super) fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[AnchorTimes<'_>],
@@ -186,7 +187,7 @@ pub(super) fn in_order<'a>(
 }
 
 /// Returns a hash of the samples, which identifies a set of records that were measured together. Launch
-/// numbers cannot identify this set, since two folders may use the same launch numbers.
+/// numbers cannot identify a set of records, since two folders may use the same launch numbers.
 fn name(samples: &[PairedSample]) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     for sample in samples {

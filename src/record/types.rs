@@ -20,9 +20,9 @@ pub const HOST: &str = "host";
 /// does not apply to the point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
-    /// The key of the measurement: a hash that identifies what was measured. It covers, for example, the
-    /// scene, the device with its driver, the strategy, the local size, the image size, the program and the
-    /// timing settings.
+    /// The key of the measurement: a hash that identifies what was measured. The hash covers, for example,
+    /// the scene, the device with its driver, the strategy, the local size, the image size, the program and
+    /// the timing settings.
     pub key: String,
     /// When the measurement of the point ended, in the format of RFC 3339.
     pub timestamp: Option<String>,
@@ -58,11 +58,12 @@ pub struct Record {
     /// The number of the block in which the point was measured, if the point's group was divided into blocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block: Option<u32>,
-    /// The key of the control point of the point's group, which is measured in every block of the group.
+    /// The key of the control point of the point's group. If a group of points is divided into blocks, its
+    /// control point is measured in every block.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
     /// True if this record was measured only to compare a block of points with other blocks. The point's
-    /// result is in another record, in which this field is absent.
+    /// result is in another record, in which `is_control` is absent.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
     /// The strategy's name: the name in the config or, without one, the preset's name and the axes that differ from the
@@ -88,9 +89,9 @@ pub struct Record {
     /// Number of samples per pixel; absent if it is 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_pixel: Option<u32>,
-    /// Notes on the scene. A note names a part of the scene's file that was ignored or replaced by a default,
-    /// such as missing normals. Another kind of note names a scene of the experiment that has the same
-    /// content and was therefore not measured.
+    /// Notes on the scene, of two kinds. Notes of the first kind name a part of the scene's file that was
+    /// ignored or replaced by a default, such as missing normals. Notes of the second kind name a scene of
+    /// the experiment that has the same content and was therefore not measured.
     #[serde(default)]
     pub scene_notes: Vec<String>,
     /// What happened to the point, such as `measured` or `infeasible`.
@@ -110,9 +111,9 @@ pub struct Record {
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the
-    /// host's clock. Samples whose threads had to wait for a processor are left out. Samples and launches in
-    /// which a virtual machine's processors were at an unusual distance from each other are left out too (see
-    /// `moved_samples` and `moved_launches`).
+    /// host's clock. Samples whose threads had to wait for a processor are left out. Samples and launches are
+    /// also left out if a virtual machine's processors ran on cores unusually far apart, or shared a core
+    /// (see `moved_samples` and `moved_launches`).
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// For each sample in `samples_ms`, the number of the launch that took it (launches are counted over the
@@ -139,8 +140,8 @@ pub struct Record {
     /// The median time, on the host's clock, of the frames in `samples_ms`.
     pub host_median_ms: Option<f64>,
     /// Time for building the program. For the point for which the program was built, this time includes running a
-    /// kernel once, because drivers may compile a kernel when it first runs. For other points with the same program,
-    /// this is the time for taking the program from the cache.
+    /// kernel once, because drivers may compile a kernel when it first runs. For all other points with the
+    /// same program, `build_ms` is the time for taking the program from the cache.
     pub build_ms: Option<f64>,
     /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
@@ -155,7 +156,7 @@ pub struct Record {
     pub records_ms: Option<f64>,
     /// The number of primary rays, divided by the time of the primary pass or, if passes are fused, of the
     /// whole frame in seconds. The rate of a pass and the rate of a frame cannot be compared, so no page
-    /// shows this field; summaries in CSV contain it.
+    /// shows `rays_per_s`; summaries in CSV contain it.
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every primary ray that hits something, and one more per such
     /// ray if the scene has a sky.
@@ -171,7 +172,7 @@ pub struct Record {
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of uncertain pixels: their radiance in the reference changes if their rays are moved slightly,
     /// or if another small change is made. Verification compares the device's value of an uncertain pixel
-    /// with the range of values that the reference yields under these changes.
+    /// with the range of values that the reference yields under such small changes.
     pub uncertain_pixels: Option<u64>,
     /// Number of pixels whose rays hit something in the reference.
     #[serde(default)]
@@ -193,7 +194,7 @@ pub struct Record {
     /// their tiles' rays; 0 if the vectors or rays need not be stored for all work-items at the same time.
     pub private_bytes: Option<u64>,
     /// The path of the picture that the point cast, relative to the folder of results. The fields whose names
-    /// end in `_image` contain paths relative to this folder too.
+    /// end in `_image` also contain paths relative to the folder of results.
     pub image: Option<String>,
     /// The hash of all pixels' values in the point's picture. If a later launch casts a different picture,
     /// raycl compares the new picture with the reference too.
@@ -224,7 +225,8 @@ pub struct Record {
     #[serde(default)]
     pub operations_per_test: Option<u32>,
     /// Bytes of the triangle that a ray-triangle test reads, divided by the number of rays of a work-item, since a
-    /// work-item reads a triangle once for all its rays. Null unless every ray is tested against every triangle.
+    /// work-item reads a triangle once for all its rays. The number of bytes is null if rays are not tested
+    /// against every triangle.
     #[serde(default)]
     pub triangle_bytes_per_test: Option<f64>,
     /// The memory that contains the triangles that tests read: `global`, `__constant` or `__local`.
@@ -252,7 +254,8 @@ pub struct Record {
     #[serde(default)]
     pub preempted_samples: Option<u32>,
     /// The median, over the samples that were not left out, of a sample's processor time divided by its elapsed time;
-    /// null if the processor time is unknown. If other programs delay a sample, this ratio becomes smaller.
+    /// null if the processor time is unknown. If other programs delay a sample, the ratio of processor time
+    /// to elapsed time becomes smaller.
     #[serde(default)]
     pub utilization: Option<f64>,
     /// Number of samples that were left out because the virtual machine's processors were further apart than in other
@@ -260,10 +263,9 @@ pub struct Record {
     /// Null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out. raycl leaves out a launch if, for some
-    /// point of the group, it took fewer than five samples while the virtual machine's processors were at the
-    /// usual distance from each other (see `moved_samples`). Null if it is unknown how far apart the
-    /// processors were.
+    /// Number of launches of the record's group that were left out. raycl leaves out a whole launch if, for
+    /// some point of the group, it has fewer than five samples that need not be left out by the rule of
+    /// `moved_samples`. Null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
@@ -315,7 +317,7 @@ impl Record {
     /// with the lowest rank becomes the point's result.
     pub fn rank(&self) -> u8 {
         match self.outcome {
-            // A wrong image comes first, so that the record of another attempt cannot hide the error.
+            // A wrong image has the lowest rank, so that the record of another attempt cannot hide the error.
             Outcome::WrongImage => 0,
             Outcome::Measured => 1,
             // If one attempt lacked memory at one moment or in one session, its record must not hide that
@@ -330,7 +332,7 @@ impl Record {
     }
 
     /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis.
-    /// For an axis that is newer than the record, the value describes what raycl did before the axis existed
+    /// If the record was written before raycl had the axis, the value describes what raycl did at that time
     /// (see `axes`).
     pub fn axis(&self, axis: &str) -> Option<&str> {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)

@@ -16,22 +16,24 @@ mod quick;
 pub use quick::quick_sample;
 
 /// The angle of wide nudges (a nudge is a small change to a ray's direction): ten times the angle of narrow
-/// nudges. A pixel that changes under a wide nudge is not certain. In pictures with a very wide field of
-/// view, both angles are larger (see [`enlargement`]).
+/// nudges. A pixel is certain only if wide nudges of its ray do not change its radiance noticeably. In
+/// pictures with a very wide field of view, wide and narrow nudges both have larger angles (see
+/// [`enlargement`]).
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
-/// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus larger than any
-/// turn by rounding, but less than twice as large. A pixel that changes only under wide nudges is nearly certain (see
-/// [`super::Doubt`]), and is verified almost like a certain pixel.
+/// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge thus turns a ray
+/// further than rounding can, but less than twice as far. A pixel that changes only under wide nudges is
+/// nearly certain (see [`super::Doubt`]), and is verified almost like a certain pixel.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// The largest rounding error of single precision, relative to the rounded number.
 const ROUNDING: f64 = 6e-8;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.
 const RIVAL: f64 = 1e-6;
-/// How far rounding may move a hit off its triangle's plane, relative to the largest of the hit's distance, the hit's
-/// coordinates and the triangle's size. For grazing light, this error decides whether a shadow ray starts above or
-/// below the triangle. Nudges of the pixel's ray do not reveal this error.
+/// How far rounding may move a hit off its triangle's plane, as a fraction. The fraction is relative to the
+/// largest of three numbers: the hit's distance, the hit's coordinates and the triangle's size. For grazing
+/// light, a move off the plane decides whether a shadow ray starts above or below the triangle. Nudges (small
+/// turns) of the pixel's ray do not reveal a move off the plane.
 const OFF_PLANE: f64 = 1e-6;
 
 /// The angle by which the direction to the sky is nudged: at most twice the angle by which rounding may turn this
@@ -41,10 +43,10 @@ const SKY_NUDGE: f64 = 1e-6;
 /// finding a texel adds the rounding errors of an arc tangent and of a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 /// How far rounding may move a hit's position in a texture, relative to the triangle's largest texture
-/// coordinate (at least 1): almost seven rounding errors of single precision. The errors on a device add up
-/// to at most six rounding errors: one of the first weight (1 minus the other two weights), one of the
-/// products of weights and coordinates, two of the sum of these products, and two of the texel's position
-/// (the sum times the texture's size, minus a half).
+/// coordinate (at least 1): almost seven rounding errors of single precision. On a device, the position has
+/// at most six rounding errors. One is in the first weight (1 minus the other two weights), one in the
+/// products of weights and coordinates, and two in the sum of these products. Two more are in the texel's
+/// position (the sum times the texture's size, minus a half).
 const TEXTURE_SHIFT: f32 = 4e-7;
 
 /// A surface that is this close to a light may or may not occlude the light. `AT_LIGHT` is relative to the
@@ -69,7 +71,7 @@ pub struct Asked<'a> {
 
 impl Asked<'_> {
     /// Includes in `sample` the values that a hit's radiance takes if rounding turns the direction in which the sky is
-    /// seen. `radiance` returns the hit's radiance with a turned sky.
+    /// seen. `radiance` returns the hit's radiance under a sky whose direction was turned.
     fn turn_sky(&self, sample: &mut PixelSample, radiance: impl Fn(&Seen<'_>) -> DVec3) {
         if self.seen.sky.is_none() {
             return;
@@ -90,10 +92,10 @@ impl Asked<'_> {
     }
 
     /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's position in a
-    /// texture. Nudges do not reveal this error if all corners of the triangle have the same texture
-    /// coordinates, as in models whose texture is a palette. `reaches` tests whether a light or the sky is
-    /// visible. The function calls `reaches` only once for each light and for the sky, since the hit point
-    /// does not move.
+    /// texture. Nudges of the ray do not reveal an error of this position if all corners of the triangle have
+    /// the same texture coordinates, as in models whose texture is a palette. `reaches` tests whether a light
+    /// or the sky is visible. The function calls `reaches` only once for each light and for the sky, since
+    /// the hit point does not move.
     fn shift_texture(
         &self,
         sample: &mut PixelSample,
@@ -126,9 +128,10 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values of a hit's radiance if shadow rays end farther from the hit than
-    /// usual: at the two distances of [`ends_before_hit`]. A device that casts shadow rays from a distant
-    /// light may end them at these distances. `radiance` returns the hit's radiance for given distances.
+    /// Ends the shadow rays farther from a hit than usual, and includes the resulting radiance in `sample`. A
+    /// device that casts shadow rays from a distant light may end the rays at either of the two distances of
+    /// [`ends_before_hit`]. `radiance` returns the hit's radiance; its argument returns the distance from the
+    /// hit at which the shadow ray of a [`Sight`] ends.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -140,7 +143,8 @@ impl Asked<'_> {
             true => ends_before_hit(self.bias, sight, normal),
             false => [self.bias; 2],
         };
-        // If no light is distant, all shadow rays end at the bias, as usual, so there is nothing to include.
+        // If no light is distant, all shadow rays end as usual, at the shadow bias from the hit, so the
+        // radiance cannot differ.
         if sights(&self.seen, point, normal).any(|sight| ends(&sight)[1] > self.bias) {
             for end in [0, 1] {
                 sample.consider(radiance(&|sight| ends(sight)[end]));
@@ -148,9 +152,10 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values that the radiance of this hit takes under every change except nudges of the
-    /// pixel's ray. `leaning` contains the casters of [`Caster::leaning`], in which rounding makes all triangles larger
-    /// or all smaller.
+    /// Includes in `sample` the values that the radiance of this hit takes under small changes of the shadow
+    /// rays, of the direction to the sky and of the position in the texture. The pixel's ray is not nudged.
+    /// `leaning` contains the casters of [`Caster::leaning`], in which rounding makes all triangles larger or
+    /// all smaller.
     fn change_hit(
         &self,
         sample: &mut PixelSample,
@@ -184,13 +189,14 @@ impl Asked<'_> {
         self.shift_texture(sample, (ray, hit), &|sight| caster.reaches(sight, bias));
     }
 
-    /// Returns true if `sight` belongs to a light, and false if it belongs to the sky.
+    /// Returns true if `sight` shows a light, and false if it shows the sky.
     fn is_light(&self, sight: &Sight<f64>) -> bool {
         sight.light < self.seen.lights.len()
     }
 
     /// Returns the length to which rounding errors at a light are relative: the greater of the light's
-    /// distances from the hit and from the scene's origin. For the sky, this length is the sky's reach.
+    /// distances from the hit and from the scene's origin. For the sky, the function returns the sky's reach
+    /// (the distance up to which surfaces block the sky's light).
     fn scale(&self, sight: &Sight<f64>) -> f64 {
         let position =
             self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());
@@ -242,8 +248,8 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     })
 }
 
-/// Casts a pixel's sample, and casts the sample again with each of the changes below. Includes the results of
-/// all changes in the returned sample:
+/// Casts a pixel's sample, and casts the sample again with each of the changes below. The returned sample
+/// includes the results of all these casts. The changes are:
 ///
 /// - The pixel's ray is nudged in each direction along the image's axes.
 /// - The shadow bias is halved, and doubled.
@@ -255,8 +261,8 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - The direction to the sky is turned slightly.
 /// - The hit's position in a texture is moved slightly.
 /// - Surfaces just behind the hit are seen instead of the surface that was hit: if two surfaces coincide,
-///   either one is correct. Each surface just behind the hit is also cast with the changes above, except
-///   nudges, because a pixel can have several doubts.
+///   either one is correct. Each surface just behind the hit is also cast with the other changes of this
+///   list, except nudges, because rounding may change a pixel in several ways at once.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -285,9 +291,9 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
     sample
 }
 
-/// Returns the offsets by which rounding may move a hit off its plane. A shadow ray along a neighbouring
-/// triangle may therefore start above or below this neighbour. Nudges do not reveal these offsets, since a
-/// nudge moves the hit within its own plane.
+/// Returns the offsets by which rounding may move a hit off its plane. A shadow ray that runs along a
+/// neighbouring triangle may start above or below this triangle because of such an offset. Nudges of the
+/// pixel's ray do not reveal the offsets, since a nudge moves the hit within its own plane.
 fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
     let off = caster.off_plane(ray, hit, OFF_PLANE);
     [off, -off]
@@ -302,8 +308,9 @@ const NUDGES: usize = 8;
 
 /// Returns the factor by which the nudges of a pixel are larger than usual; at least 1. A device computes the
 /// direction of a pixel's ray as a sum of three vectors, and rounds each of them at most four times. In the
-/// middle of a picture with a very wide field of view, these vectors are far longer than their sum. A
-/// rounding error of such a long vector turns the ray far more than usual.
+/// middle of a picture with a very wide field of view, the three vectors are far longer than their sum, the
+/// ray's direction. A rounding error of one of the long vectors turns the ray far more than in other
+/// pictures.
 fn enlargement(frame: &PixelFrame, [x, y]: [f64; 2]) -> f64 {
     let lengths = [frame.corner, frame.step_x * x, frame.step_y * y].map(DVec3::length);
     let turn = 4.0 * ROUNDING * lengths.iter().sum::<f64>() / frame.direction(x, y).length();
@@ -311,11 +318,12 @@ fn enlargement(frame: &PixelFrame, [x, y]: [f64; 2]) -> f64 {
 }
 
 /// Returns the pixel coordinates of the nudged rays, each with the size of its nudge. First, four rays are
-/// turned by a wide nudge: to the right, to the left, down and up. After these four rays, four more rays are
-/// turned in the same way by a narrow nudge.
+/// turned by a wide nudge: to the right, to the left, down and up. Then, four more rays are turned in the
+/// same four directions by a narrow nudge (a tenth of a wide nudge).
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
-    // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
+    // If `towards` is the ray's direction, a step of one pixel turns the ray by about |step x towards| /
+    // |towards|^2.
     let per_radian = |step: DVec3| towards.length_squared() / step.cross(towards).length();
     let larger = enlargement(frame, [x, y]);
     let (across, down) = (larger * per_radian(frame.step_x), larger * per_radian(frame.step_y));
@@ -390,9 +398,10 @@ mod tests {
             assert!(result.hit && result.radiance.x > 0.0);
             result.near_change / result.radiance.x
         };
-        // At the edge, a shift by 4e-7 of 1024 texels adds or removes 4e-4 of the difference between the two colours,
-        // whose linear values are 0.014 and 1. At 511.51 texels, one hundredth of the filtered colour comes from the
-        // white texel.
+        // The linear values of the palette's two colours are 0.014 and 1. At the edge between the two
+        // colours, a shift by 4e-7 of the palette's 1024 texels adds or removes 4e-4 of the difference of
+        // these values. At 511.51 texels from the palette's left edge, one hundredth of the filtered colour
+        // comes from the white texel.
         let expected = 4e-7 * 1024.0 * (1.0 - 0.014) / (0.014 * 0.99 + 0.01);
         let [edge, inside] = [change(511.51), change(600.5)];
         assert!((edge / expected - 1.0).abs() < 0.1, "{edge}, expected {expected}");
@@ -418,7 +427,8 @@ mod tests {
         assert_eq!(*cast.borrow(), [0, 1]);
     }
 
-    /// The direction to a sky with a picture is turned further, because finding a texel adds rounding errors.
+    /// The direction to a sky with a picture is turned further than the direction to a sky without one,
+    /// because finding a texel adds rounding errors.
     #[test]
     fn a_sky_is_turned_both_ways_along_each_axis_and_a_sky_with_a_picture_further() {
         let turns = |picture: Option<SkyPicture>| -> Vec<DVec3> {
@@ -466,8 +476,8 @@ mod tests {
         assert!(darkest.x < sample.radiance.x && sample.radiance.x < brightest.x, "{sample:?}");
     }
 
-    /// Returns two values. Each is true if the pixel of a picture of 1 x 1 pixels is certain: the first
-    /// according to `sample`, the second according to `quick_sample`.
+    /// Casts a picture of 1 x 1 pixels, and returns whether its pixel is certain: first according to
+    /// `sample`, then according to `quick_sample`.
     fn certain(scene: &Scene) -> [bool; 2] {
         let tree = Tree::new(&scene.mesh, Culling::None);
         let caster = Caster::new(scene, [1, 1], Exhaustive::new(&scene.mesh, Culling::None));
@@ -497,7 +507,8 @@ mod tests {
         assert_eq!([-1e-2, -5e-5, 5e-5, 1e-2].map(of), [[true; 2], [false; 2], [false; 2], [true; 2]]);
     }
 
-    /// A device rounds a light's position relative to the position's distance from the origin.
+    /// If a device rounds a light's position, the rounding error grows with the light's distance from the
+    /// origin.
     #[test]
     fn an_error_at_a_light_is_relative_to_the_larger_of_its_distances_from_the_hit_and_the_origin() {
         let mut scene = fixtures::single_triangle();
@@ -563,7 +574,7 @@ mod tests {
     }
 
     /// With smooth shadows, a hit's own triangle may block the light. If `mixed` is above 0, some normals are
-    /// turned so far that this happens.
+    /// turned so far that a hit's own triangle blocks the light.
     #[test]
     fn what_is_found_quickly_of_smooth_shadows_is_what_the_plain_caster_finds() {
         let smooth = |light: Vec3, mixed: f32| {
@@ -622,7 +633,8 @@ mod tests {
     #[test]
     fn a_triangle_with_holes_neither_is_hit_nor_blocks_the_light_for_sure() {
         let mut scene = fixtures::figure_4();
-        // The triangle and its copy of opposite orientation become holes; the ground is solid.
+        // The first two triangles, of opposite orientation, become completely transparent; the ground stays
+        // solid.
         fixtures::make_holes(scene.mesh_mut(), 2);
         for culling in [Culling::None, Culling::Back] {
             quickly(&scene, culling);

@@ -61,9 +61,9 @@ pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling)
     each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
-/// The numbers of tests and nodes of one pixel's rays. A single thread counts them, but the trait [`Finder`]
-/// (a search for hits) requires its implementations to be shareable between threads, so the numbers are
-/// atomic.
+/// The numbers of tests and nodes of one pixel's rays. A single thread counts these tests and nodes. The
+/// numbers are atomic nevertheless, because the trait [`Finder`] (a search for hits) requires that threads
+/// can share its implementations.
 #[derive(Debug, Default)]
 struct Tally {
     tests: AtomicU32,

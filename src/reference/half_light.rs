@@ -13,17 +13,17 @@ const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 
 /// The two half pictures (pictures of half the width and height) in which soft light is cast.
 pub struct HalfPictures<'a> {
-    /// The half picture with shadows.
+    /// The picture of half the width and height that was cast with shadows.
     pub lit: &'a Radiance,
-    /// The half picture of the unoccluded light.
+    /// The picture of half the width and height that was cast with unoccluded light (without shadows).
     pub unoccluded: &'a Radiance,
     /// For each pixel of the half pictures, the share of its samples that hit a surface, from 0 to 1.
     pub hit_shares: &'a [f32],
 }
 
-/// Returns the picture of full size with soft light. `whole` contains this picture's unoccluded light.
-/// `hit_shares` contains, for each pixel of `whole`, the share of its samples that hit a surface, from 0 to
-/// 1.
+/// Returns the picture of full size with soft light. `whole` is the picture of full size with unoccluded
+/// light (without shadows). `hit_shares` contains, for each pixel of `whole`, the share of its samples that
+/// hit a surface, from 0 to 1.
 pub fn with_half_light(
     whole: &Radiance,
     hit_shares: &[f32],
@@ -45,9 +45,10 @@ pub fn with_half_light(
     Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
 }
 
-/// Returns where the centre of the whole picture's pixel `at` lies in the half picture, across or down. In
-/// these coordinates, the centres of the half picture's own pixels are whole numbers. `half` and `whole` are
-/// the numbers of pixels of the half picture and of the whole picture in the same direction.
+/// Returns where the centre of the whole picture's pixel `at` lies in the half picture (of half the width and
+/// height), as a coordinate across or down. The centres of the half picture's own pixels lie at whole numbers
+/// of this coordinate. `half` and `whole` are the numbers of pixels, across or down, of the half picture and
+/// of the whole picture.
 fn position_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
@@ -158,8 +159,8 @@ mod tests {
         side(&mut lit, [0.9, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
         let picture = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
-        // At the border between the bright half and the dark half, only the small weight `least`, which every
-        // pixel gets, mixes the two halves.
+        // Every pixel gets at least the small weight `least`. Only this weight mixes the picture's bright
+        // half and its dark half at their border.
         assert!(close(picture.pixels[6], DVec3::splat(0.9)) && close(picture.pixels[9], DVec3::ZERO));
         assert!(picture.pixels[7][0] > 0.89 && picture.pixels[8][0] < 0.01, "{:?}", &picture.pixels[6..10]);
     }
@@ -182,8 +183,8 @@ mod tests {
     #[test]
     fn a_background_beside_a_surface_brightens_no_shadow() {
         let (whole, unoccluded, mut lit) = (flat([8, 4], 0.5), flat([4, 2], 0.5), flat([4, 2], 0.1));
-        // The right half of each half picture shows the background, whose unoccluded light is as bright as
-        // the left half's.
+        // The right side of both half pictures shows the background. Without shadows, the background is as
+        // bright as the surface on the left side.
         for index in [2, 3, 6, 7] {
             lit.pixels[index] = [0.5; 3];
         }
@@ -206,9 +207,10 @@ mod tests {
     }
 
     /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half
-    /// picture covers two pixels of the whole picture along each axis. The centres of these two pixels lie a
-    /// quarter of the larger pixel's side before and after the larger pixel's centre. If both pictures have
-    /// an odd number of pixels along an axis, the middle pixels of the two pictures have the same centre.
+    /// picture covers two pixels of the whole picture along each axis. The centres of the whole picture's two
+    /// pixels lie before and after the centre of the half picture's pixel, a quarter of this larger pixel's
+    /// side away. If both pictures have an odd number of pixels along an axis, the middle pixels of the two
+    /// pictures have the same centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| position_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

@@ -1,5 +1,5 @@
 //! The ray caster on the host. The host's caster casts the reference, against which every device's image is
-//! verified. The same caster also casts the baselines (serial and parallel), whose times are compared with
+//! verified. The host's caster also casts the baselines (serial and parallel), whose times are compared with
 //! the kernels' times.
 //!
 //! The algorithm comes from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
@@ -61,9 +61,9 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision, and its alpha if the background is transparent.
     pub radiance: Radiance,
-    /// True for each certain pixel, in the order of `radiance.pixels`. Nudges of a certain pixel's ray and
-    /// other small changes (see [`certainty`]) alter the pixel's radiance by a fraction of less than 1e-3.
-    /// Pixels that were not cast count as uncertain.
+    /// True for each certain pixel, in the order of `radiance.pixels`. If a pixel is certain, nudges (small
+    /// turns) of its ray and other small changes (see [`certainty`]) alter its radiance by a fraction of less
+    /// than 1e-3. Pixels that were not cast count as uncertain.
     pub certain: Vec<bool>,
     /// The uncertain pixels among those that were cast, in the order of `radiance.pixels`, with the range of
     /// their possible values.
@@ -72,8 +72,9 @@ pub struct Reference {
     pub judged: usize,
     /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
-    /// The smallest and the largest possible number of hits. The two numbers differ if a nudge or another small change
-    /// turns a pixel's hit into a miss or the reverse: such a pixel may count as a hit or as a miss.
+    /// The smallest and the largest possible number of hits. The smallest and the largest number differ if a
+    /// nudge (a small turn of a ray) or another small change turns a pixel's hit into a miss or the reverse:
+    /// such a pixel may count as a hit or as a miss.
     pub hits_range: [usize; 2],
     /// Differences of a pixel are divided by the pixel's brightest channel or, if the pixel is darker than
     /// this radiance, by this radiance (see [`dark_floor`]).
@@ -86,7 +87,8 @@ impl Reference {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
 
-    /// Returns the number of uncertain pixels whose rays hit a triangle, without the nearly certain ones.
+    /// Returns the number of uncertain pixels whose rays hit a triangle. Nearly certain pixels, which only
+    /// wide nudges change, are not counted.
     pub fn uncertain_hits(&self) -> usize {
         self.doubts.iter().filter(|doubt| doubt.hit && !doubt.nearly_certain).count()
     }
@@ -97,14 +99,16 @@ impl Reference {
 pub struct Doubt {
     /// The pixel's index in the reference's picture (the field `radiance.pixels` of [`Reference`]).
     pub pixel: usize,
-    /// True if only wide nudges change the pixel noticeably (see [`certainty`]). In this case, `low` and
-    /// `high` are nearly equal.
+    /// True if only wide nudges (the larger of two kinds of small turns of a ray) change the pixel noticeably
+    /// (see [`certainty`]). If `nearly_certain` is true, `low` and `high` are nearly equal.
     pub nearly_certain: bool,
     /// True if the pixel's ray, or the ray of one of its samples, hits a triangle.
     pub hit: bool,
-    /// The least value of each channel under all small changes except wide nudges.
+    /// The least value of each channel under all small changes (see [`certainty`]) except wide nudges of the
+    /// ray.
     pub low: [f32; 3],
-    /// The greatest value of each channel under all small changes except wide nudges.
+    /// The greatest value of each channel under all small changes (see [`certainty`]) except wide nudges of
+    /// the ray.
     pub high: [f32; 3],
 }
 
@@ -114,8 +118,9 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
 }
 
 /// Casts only the pixels with the indices `pixels`. A pixel gets the first `count(pixel)` samples of
-/// `of_pixel`, and its value is their mean. The pixel is certain if the mean of its samples' largest changes
-/// is small. Pixels that are not cast are black and uncertain, and are not used in verification.
+/// `of_pixel`, and its value is their mean. Small changes (see [`certainty`]) alter the radiance of each
+/// sample; the pixel is certain if the mean of the samples' largest alterations is small. Pixels that are not
+/// cast are black and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
@@ -183,7 +188,7 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Sce
 }
 
 /// Casts the sample `of_pixel` of each of the pixels with the indices `pixels`. Returns the results in the
-/// same order.
+/// order of `pixels`.
 fn samples(
     scene: &Scene,
     tree: &Arc<Tree>,

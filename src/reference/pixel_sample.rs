@@ -12,24 +12,26 @@ pub struct PixelSample {
     /// True if the pixel's ray hits something.
     pub hit: bool,
     /// The share of the pixel's samples that hit something, from 0 to 1. With a transparent background, this
-    /// is the pixel's alpha.
+    /// share is the pixel's alpha.
     pub coverage: f32,
-    /// True if a nudge or another small change turns a hit into a miss or the reverse.
+    /// True if a nudge (a small turn of the ray) or another small change turns a hit into a miss or the
+    /// reverse.
     pub turns: bool,
     /// The largest change of a channel under any small change; infinite if a hit becomes a miss or the
     /// reverse.
     pub change: f64,
-    /// The largest change of a channel under all small changes except wide nudges; infinite if one of these
-    /// small changes turns a hit into a miss or the reverse.
+    /// The largest change of a channel under all small changes except wide nudges (the larger of two kinds of
+    /// small turns of the ray); infinite if one of these small changes turns a hit into a miss or the
+    /// reverse.
     pub near_change: f64,
-    /// The least and the greatest value of each channel, without a change and under all small changes except
-    /// wide nudges.
+    /// The least and the greatest value that each channel takes, either without any change or under a small
+    /// change. Wide nudges (the larger of two kinds of small turns of the ray) are not included.
     pub range: [DVec3; 2],
 }
 
 impl PixelSample {
-    /// Returns a sample with this radiance, without any change so far. `hit` is true if the ray hits
-    /// something.
+    /// Returns a sample with the given radiance, before any nudge or other small change is included. `hit` is
+    /// true if the ray hits something.
     pub(super) fn of(radiance: DVec3, hit: bool) -> Self {
         let (coverage, range) = (f32::from(hit), [radiance; 2]);
         Self { radiance, hit, coverage, turns: false, change: 0.0, near_change: 0.0, range }
@@ -40,8 +42,8 @@ impl PixelSample {
         self.nudge(Reach::Near, other);
     }
 
-    /// Includes the radiance of a nudged ray in `change` and, unless the nudge is wide, in `near_change` and
-    /// `range`.
+    /// Includes the radiance of a nudged (slightly turned) ray in `change`. If `reach` is [`Reach::Near`],
+    /// also includes it in `near_change` and `range`.
     pub(super) fn nudge(&mut self, reach: Reach, other: DVec3) {
         let change = (other - self.radiance).abs().max_element();
         self.change = self.change.max(change);
@@ -51,7 +53,8 @@ impl PixelSample {
         }
     }
 
-    /// Records that a nudge turned a hit into a miss, or the reverse.
+    /// Marks the sample as one in which a nudge (a small turn of the ray) turned a hit into a miss, or the
+    /// reverse.
     pub(super) fn turn(&mut self, reach: Reach) {
         (self.turns, self.change) = (true, f64::INFINITY);
         if reach == Reach::Near {
@@ -82,12 +85,13 @@ impl PixelSample {
     }
 }
 
-/// The size of a nudge or of another small change.
+/// The size of a nudge (a small change to a ray's direction) or of another small change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
-    /// A nudge that is ten times as large as one of the size [`Self::Near`].
+    /// A wide nudge: it turns a ray by ten times the angle of a nudge of the size [`Self::Near`].
     Wide,
-    /// A nudge, or another small change, that is about as large as the effect of rounding.
+    /// A narrow nudge (a small turn of a ray), or another small change. Both are about as large as the effect
+    /// of rounding.
     Near,
 }
 
@@ -97,8 +101,8 @@ pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
-/// Returns true if a pixel is certain or nearly certain. The conditions are those of [`is_certain`], without
-/// wide nudges.
+/// Returns true if a pixel is certain or nearly certain. The conditions are those of [`is_certain`], but
+/// changes under wide nudges (larger turns of the ray) do not count.
 pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }

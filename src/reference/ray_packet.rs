@@ -1,6 +1,7 @@
 //! Ray packets. A packet consists of all rays of a narrow cone from one point. One packet contains a pixel's
 //! ray and all its nudged rays, so one search of the tree can find the triangle that all these rays hit.
-//! Another packet contains the shadow rays between a light and the hits. Packets make the reference fast.
+//! Packets of a second kind contain the shadow rays between a light and the hits. Packets make the reference
+//! fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
@@ -20,8 +21,8 @@ pub struct RayPacket {
     pub direction: DVec3,
     /// The largest angle between a ray and the axis, in radians.
     angle: f64,
-    /// The end of the rays at a surface if a light is at `origin`; otherwise equal to `origin`. Devices may
-    /// cast rays between a light and a surface from either end.
+    /// If a light is at `origin`, the point of a surface at which the rays end; otherwise equal to `origin`.
+    /// Devices may cast rays between a light and a surface from either end.
     end: DVec3,
 }
 
@@ -50,9 +51,9 @@ impl RayPacket {
 
     /// Returns how the packet hits a triangle. The function tests on which side of each of three planes the
     /// packet's rays lie. Each of these planes contains the origin and an edge of the triangle. The dot
-    /// product of a plane's unit normal with a ray's direction differs from the dot product with the axis by
-    /// at most the packet's angle. A result that rounding could change is `PacketHit::Some` (see
-    /// [`super::leaning`]).
+    /// product of a plane's unit normal with a ray's direction differs from the normal's dot product with the
+    /// cone's axis. The difference is at most the cone's angle in radians. A result that rounding could
+    /// change is `PacketHit::Some` (see [`super::leaning`]).
     fn intersect(&self, corners: &[DVec3; 3], culling: Culling) -> PacketHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
@@ -137,8 +138,8 @@ impl RayPacket {
 
     /// Returns `Some(Some(triangle))` if this triangle is the first that all rays hit beyond the distance
     /// `near`, and `Some(None)` if no ray hits a triangle beyond `near`. Returns `None` if the result is
-    /// uncertain. For example, the result is uncertain if a second triangle's distance exceeds the first
-    /// triangle's by at most the fraction `2 * rival`.
+    /// uncertain. For example, the result is uncertain if a second triangle is only slightly farther away
+    /// than the first: by at most the fraction `2 * rival` of the first triangle's distance.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {
@@ -148,8 +149,8 @@ impl RayPacket {
             far: f64::INFINITY,
             to_light: false,
         };
-        // The distance of the near plane along a ray depends on the ray's direction. For the packet, this
-        // distance is therefore a range.
+        // The distance of the near plane along a ray depends on the ray's direction. For all rays of the
+        // packet together, the distance of the near plane is therefore a range.
         let (nearest, farthest) = (near * (1.0 - 10.0 * self.angle), near * (1.0 + 10.0 * self.angle));
         let (mut best, mut others): (Option<(u32, [f64; 2])>, f64) = (None, f64::INFINITY);
         let reach = |best: &Option<(u32, [f64; 2])>| {
@@ -176,8 +177,8 @@ impl RayPacket {
     /// Tests whether triangles block the rays that run towards the packet's origin. If `own` is not `None`,
     /// the triangle with this index is ignored. Returns `Some(true)` if all rays hit one triangle at
     /// distances in the range `sure`. Returns `Some(false)` if no ray can hit a triangle at a distance in the
-    /// range `may`. In all other cases, the result is uncertain, and the function returns `None`. Distances
-    /// are measured from the packet's origin.
+    /// range `may`. If neither condition is met, the result is uncertain, and the function returns `None`.
+    /// Distances are measured from the packet's origin.
     pub fn is_blocked_towards_origin(
         &self,
         tree: &Tree,

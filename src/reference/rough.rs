@@ -1,12 +1,12 @@
 //! Determines which blocks of pixels get more samples: those in which neighbouring pixels differ visibly
-//! after the first samples. On devices, `cl/common/mark_rough.cl` finds these blocks.
+//! after the first samples. On devices, `cl/common/mark_rough.cl` finds the blocks that get more samples.
 
 use crate::image::Radiance;
 use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
 use crate::scene::Display;
 
-/// Returns the difference of neighbouring pixels above which a block is rough, in 8-bit steps. The difference
-/// is computed after the first `first` samples per pixel.
+/// Returns the difference of neighbouring pixels above which a block is rough, in 8-bit steps. The pixels'
+/// difference is computed after the first `first` samples per pixel.
 pub fn rough_steps(first: u32) -> f64 {
     f64::from(ROUGH_STEPS) / f64::from(first).sqrt()
 }

@@ -10,22 +10,23 @@ const ROUNDING_AT_DISTANCE: f64 = 5e-7;
 /// normal.
 const MOST_PER_COSINE: f64 = 50.0;
 
-/// Returns the least and the greatest distance from a hit at which devices may end a shadow ray that they
-/// cast from a light.
+/// Returns the least and the greatest distance between a hit and the end of a shadow ray that a device casts
+/// from a light towards the hit.
 ///
-/// The first distance is the one that cl/common/shadow_end.cl computes. Usually, this distance is the shadow
-/// bias. If the light is so distant that rounding moves the hit's triangle by more than the bias, the
-/// distance is this rounding error. The second distance is greater by the largest distance by which rounding
-/// moves a surface that the light grazes. Surfaces up to the second distance from the hit may or may not
-/// block the light. Both distances are the bias if no rounding error exceeds the bias, or if the light is
-/// behind the surface. `normal` is the unit normal at the hit.
+/// The least distance is the one that cl/common/shadow_end.cl computes. Usually, the least distance is the
+/// shadow bias. If the light is so distant that rounding seems to move the hit's triangle by more than the
+/// bias, the least distance is this rounding error. The greatest distance is the sum of the least distance
+/// and the largest rounding error, that of a surface that the light grazes. A surface that is nearer to the
+/// hit than the greatest distance may or may not block the light. The least and the greatest distance both
+/// equal the shadow bias if no rounding error exceeds the bias, or if the light is behind the surface.
+/// `normal` is the unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
     ends(bias, sight.distance, sight.w_i.dot(normal))
 }
 
 /// Returns the two distances of [`ends_before_hit`] for a light at `distance` from the hit. `cosine` is the
-/// cosine of the angle between the light's direction and the surface's normal. Both distances are the bias if
-/// the cosine is not positive, since light from behind does not reach the surface.
+/// cosine of the angle between the light's direction and the surface's normal. If the cosine is not positive,
+/// both returned distances equal the shadow bias, since light from behind does not reach the surface.
 pub fn ends(bias: f64, distance: f64, cosine: f64) -> [f64; 2] {
     let largest = ROUNDING_AT_DISTANCE * distance * MOST_PER_COSINE;
     if cosine <= 0.0 || largest <= bias {

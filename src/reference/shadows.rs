@@ -1,5 +1,5 @@
-//! Finds the lights that reach all points near a hit. For each light, a single search that starts
-//! at the light is enough.
+//! Finds the lights that reach all points near a hit. A single search of the tree, which starts at the light,
+//! decides whether a light reaches all these points.
 
 use super::certainty::AT_LIGHT;
 use super::ray_packet::RayPacket;
@@ -21,8 +21,8 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle around a centre, which is one of these points. With smooth shadows, the points may
-/// lie above the triangle.
+/// Points of a triangle: a centre, and the points around it. Smooth shadows may move these points to places
+/// above the triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The number of the triangle on which the points lie.
@@ -41,15 +41,15 @@ pub struct Points {
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {
-    /// Returns a `Shadows` that finds out which lights of a pixel's sample reach the points `points`. No
-    /// search is made yet.
+    /// Returns a `Shadows` that finds out which lights of a pixel's sample reach the points `points`. This
+    /// function does not search the tree yet.
     pub fn new(seen: &'a Seen<'a>, tree: &'a Tree, points: Points, bias: f64) -> Self {
         Self { seen, tree, points, bias, known: RefCell::new(vec![None; seen.lights.len()]) }
     }
 
     /// Returns `Some(true)` if the light with the index `light` reaches all points near the hit, and
-    /// `Some(false)` if it reaches none of them. Returns `None` if that is uncertain, or if `light` is the
-    /// sky's index.
+    /// `Some(false)` if it reaches none of them. Returns `None` if it is uncertain which points the light
+    /// reaches, or if `light` is the sky's index.
     pub fn reaches(&self, light: usize) -> Reaches {
         // The sky has no entry in `known`, since each point sees the sky in a different direction.
         let known = *self.known.borrow().get(light)?;
@@ -152,7 +152,8 @@ mod tests {
     fn something_is_unsure_under_a_sky_and_after_a_search_without_a_result() {
         let mut scene = fixtures::figure_4();
         let tree = Tree::new(&scene.mesh, Culling::None);
-        // Returns whether the result for some light is uncertain, before and after the search.
+        // Returns the values of `some_are_unsure` before and after the search for the scene's light: true if
+        // the result for some light, or for the sky, is uncertain.
         let unsure = |scene: &Scene, part: f64| {
             let seen = Seen::of(scene, Sample::CENTRE, [0, 0]);
             let centre = DVec3::new(3.0, -1.0, 1.0);

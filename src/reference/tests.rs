@@ -105,8 +105,8 @@ fn the_lit_ground_of_figure_4() {
 #[test]
 fn the_shadow_of_figure_4() {
     // The light's ray through (-1, -0.8, -2), a point of the triangle, hits the ground at (-1.105, -1,
-    // -2.158). The eye sees this point of the ground below the triangle's edge, in the direction (-0.512,
-    // -0.463, -1). The point's pixel coordinates in a picture of 80 x 80 pixels are (19.5, 58.5).
+    // -2.158). The eye sees this point of the ground below the edge of the scene's triangle, in the direction
+    // (-0.512, -0.463, -1). The point's pixel coordinates in a picture of 80 x 80 pixels are (19.5, 58.5).
     let actual = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
     assert_eq!(actual, Vec3::ZERO);
 }
@@ -145,14 +145,14 @@ fn smooth_shadows_move_a_hit_onto_the_planes_of_convex_corners_alone() {
         shade::smooth_point::<f64>(point, weights, corners, normals) - point
     };
     let middle = [0.5, 0.5, 0.0];
-    // Neither flat facets nor concave corners move a hit, and a hit at a corner stays where it is.
+    // A hit on a flat facet or between concave corners is not moved, and a hit at a corner stays where it is.
     assert_eq!(move_to([DVec3::Z; 3], middle), DVec3::ZERO);
     let tilted = |by: f64| [DVec3::new(-by, 0.0, 1.0), DVec3::new(by, 0.0, 1.0), DVec3::Z];
     assert_eq!(move_to(tilted(-0.5), middle), DVec3::ZERO);
     assert_eq!(move_to(tilted(0.5), [1.0, 0.0, 0.0]), DVec3::ZERO);
     // The plane of a corner is perpendicular to the corner's normal. Halfway between two corners, the planes
-    // of both are 0.25 above the point in the direction z, which is 0.25 / sqrt(1.25) along a normal. The
-    // moves along x cancel out.
+    // of both corners are 0.25 above the hit in the direction z. Along a corner's normal, this height is 0.25
+    // / sqrt(1.25). The moves along x cancel out.
     let lift = 0.25 / 1.25_f64;
     assert!(move_to(tilted(0.5), middle).distance(DVec3::Z * lift) < 1e-12);
     assert!(move_to(tilted(0.5).map(|normal| 3.0 * normal), middle).distance(DVec3::Z * lift) < 1e-12);
@@ -174,7 +174,7 @@ fn back_faces_are_seen_unless_culled() {
 fn culled_faces_cast_no_shadow() {
     // A shadow ray hits the triangle from behind, and culling ignores such a hit. The scene therefore
     // contains a reversed copy of the triangle, as in the book by Hughes et al. (*Computer Graphics:
-    // Principles and Practice*). The test removes this copy.
+    // Principles and Practice*). The test then removes the reversed copy of the triangle.
     let mut scene = fixtures::figure_4();
     let black = |scene: &Scene| {
         let image = reference(scene, [80, 80], Culling::Back).radiance;
@@ -203,8 +203,8 @@ fn a_shadow_ray_passes_through_a_hole() {
 
 /// Returns a scene with a lit triangle, whose mask has 1024 x 1024 texels. `alpha` returns the alpha of the
 /// texel in a column and a row. The mask is repeated 256 times along each axis; the picture shows 4 x 4 of
-/// these repetitions. In a picture of 32 x 32 pixels, the rays hit the mask at `from_left` + 128 n texels
-/// from its left edge, and at 64 + 128 n texels from its upper edge (for whole numbers n).
+/// these repetitions. In a picture of 32 x 32 pixels, neighbouring rays hit the mask 128 texels apart. One
+/// ray hits the mask `from_left` texels from its left edge and 64 texels from its upper edge.
 fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> Scene {
     let texels: Vec<u32> = (0..1 << 20).map(|at| alpha(at % 1024, at / 1024) << 24).collect();
     let mask = Texture { size: [1024; 2], wrap: [Wrap::Repeat; 2], least_alpha, texels: texels.into() };
@@ -221,9 +221,9 @@ fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> S
     scene
 }
 
-/// At the largest coordinate of this mask, rounding may move a point by a quarter of a texel along each axis.
-/// At the edge of a hole, such a move may change alpha by half of alpha's range; elsewhere it changes
-/// nothing.
+/// The mask of [`tiled`] is repeated so often that rounding may move a point at its largest coordinate by a
+/// quarter of a texel along each axis. At the edge of a hole, a move by a quarter of a texel along both axes
+/// may change alpha by half of alpha's range; elsewhere it changes nothing.
 #[test]
 fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() {
     let size = [32; 2];
@@ -247,8 +247,9 @@ fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() 
 }
 
 /// From texel to texel, the alpha of this mask grows by 8 steps (of 255), so a move by a quarter of a texel
-/// changes alpha by only 2 steps. The least alpha of a solid point is 127.5 steps. The exact alphas at the
-/// rays' hits are 118 steps in the first case and 126 steps in the second.
+/// changes alpha by only 2 steps. A point is solid if its alpha is at least 127.5 of these steps. At the
+/// rays' hits, the exact alpha is 118 of 255 steps in the first of the two pictures, and 126 of 255 steps in
+/// the second.
 #[test]
 fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain() {
     let ramp = |x: u32, _: u32| 8 * x % 256;
@@ -272,8 +273,9 @@ fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {
     }
 }
 
-/// One texel is a hole. The alpha of all other texels is exactly the least alpha of a solid point
-/// (`Texture::least_step`), so rounding the mean of four texels' alpha may make a hole.
+/// One texel is a hole. The alpha of all other texels is exactly the least alpha of a point that is not a
+/// hole (`Texture::least_step`). If rounding makes the mean alpha of four texels smaller, the point becomes a
+/// hole.
 #[test]
 fn a_surface_whose_alpha_has_no_slack_is_uncertain() {
     let dotted = |x: u32, y: u32| if [x, y] == [0; 2] { 0 } else { 128 };
@@ -313,7 +315,7 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
     for (index, certain) in reference.certain.iter().enumerate() {
         assert_eq!(*certain, index % 9 != 4, "pixel {index}");
     }
-    // Five pixels lie on the edge.
+    // The triangle's silhouette passes through the centres of five pixels.
     assert_eq!(reference.hits_range[1] - reference.hits_range[0], 5);
     assert!((reference.hits_range[0]..=reference.hits_range[1]).contains(&reference.hits));
 }
@@ -321,8 +323,8 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
 #[test]
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
     // The triangle is a narrow strip. Seen from the eye, the strip lies from half a microradian to five
-    // microradians beside the middle pixel's ray. Wide nudges turn this ray by ten microradians, past the
-    // strip.
+    // microradians beside the middle pixel's ray. Wide nudges (small turns of the ray) turn the middle
+    // pixel's ray by ten microradians, past the narrow strip.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let reference = reference(&scene, [9, 5], Culling::None);
@@ -365,9 +367,9 @@ fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
     assert!(different.certain.iter().filter(|certain| !**certain).count() > 100);
 }
 
-/// The first of two coincident triangles is dark, and the second one is lit. A device may show either
-/// triangle. Rounding also decides whether the light is blocked: by a triangle that touches the light or, if
-/// there is no shadow bias, by the second triangle itself.
+/// The first of two coincident triangles is dark, and the second one is lit. A device may show either of the
+/// two coincident triangles. Rounding also decides whether the light is blocked: by a triangle that touches
+/// the light or, if there is no shadow bias, by the second triangle itself.
 #[test]
 fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
     let (lit, size) = (fixtures::single_triangle(), [80, 50]);
@@ -426,7 +428,8 @@ fn the_middle_of_a_very_wide_picture_is_uncertain() {
     let mut image = cast_serial_f32(&scene, size);
     let verdict = verify(&image, None, &expected, scene.display);
     assert!(verdict.ok, "{verdict:?}");
-    // Where rounding turns rays by less than the usual nudge, a wrong pixel is still found.
+    // Far from the picture's middle, rounding turns rays by less than a nudge of the usual size. Verification
+    // still finds a wrong pixel there.
     let far_pixel = 60 * 101 + 20;
     assert!(expected.certain[far_pixel] && expected.radiance.pixels[far_pixel] != [0.0; 3]);
     image.pixels[far_pixel] = image.pixels[far_pixel].map(|channel| 1.01 * channel);
@@ -434,8 +437,8 @@ fn the_middle_of_a_very_wide_picture_is_uncertain() {
 }
 
 /// The surface's normal points away from the eye, so some half vectors (between the directions to the eye and
-/// to the light) point away from the eye, too. A direction that is mirrored at such a half vector may
-/// nevertheless be above the surface.
+/// to the light) point away from the eye, too. If a direction is mirrored at a half vector that points away
+/// from the eye, the mirrored direction may nevertheless be above the surface.
 #[test]
 fn nothing_is_mirrored_at_a_half_vector_that_points_away_from_the_eye() {
     let mut scene = fixtures::single_triangle();
@@ -492,7 +495,8 @@ fn a_pixel_is_uncertain_where_a_level_silhouette_passes_through_its_centre() {
 
 #[test]
 fn a_pixel_is_uncertain_close_to_a_silhouette_on_any_side() {
-    // The triangle is two units away, so its angle from the middle pixel's ray is half of `beside`.
+    // The triangle's edge is two units away from the eye, and `beside` units away from the middle pixel's
+    // ray. The angle between the ray and the edge is thus half of `beside`, in radians.
     let certain = |side: Vec3, beside: f32| {
         let mut scene = fixtures::single_triangle();
         let along = 9.0 * side.cross(Vec3::Z);
@@ -545,8 +549,8 @@ fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
         (1e5, 0.02, false),
         (1e5, 2.0, false),
         (1e5, 3.0, true),
-        // From this distance, rounding moves the hit's triangle by less than the bias. A triangle that the
-        // light grazes is moved by up to 0.025.
+        // If the light is only 1e3 away, rounding moves the hit's triangle by less than the bias. Rounding
+        // moves a triangle that the light grazes by up to 0.025.
         (1e3, 0.01, false),
         (1e3, 0.05, true),
     ] {
@@ -555,8 +559,8 @@ fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
 }
 
 /// The shadow ray of one of the pixel's samples rises 0.3 degrees above its triangle towards a light of the room, and
-/// runs 0.2 degrees below a neighbouring triangle. All kernels find this ray blocked, since rounding lifts the ray's
-/// start off the plane of its triangle.
+/// runs 0.2 degrees below a neighbouring triangle. All kernels find the shadow ray blocked, since rounding
+/// lifts the ray's start off the plane of its triangle.
 #[test]
 fn a_shadow_ray_along_a_neighbour_is_uncertain() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table.toml");

@@ -29,7 +29,8 @@ pub struct Tree {
 }
 
 /// A node with the box around all triangles below the node. The box is in single precision, which halves the
-/// memory that a traversal reads. Corners have single precision anyway, and boxes are rounded outwards.
+/// memory that a traversal reads. No hit is lost, since the triangles' corners have single precision too, and
+/// boxes are rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Vec3,
@@ -98,7 +99,7 @@ impl Tree {
     /// Passes triangles to `visitor`, approximately in the order of distance. The visitor gets the triangles
     /// of all leaves whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first,
     /// `far` is `ray.far`. The visitor gets a triangle and `far`. The visitor returns the new value of `far`:
-    /// the distance up to which further triangles matter. The traversal ends if this value is not above
+    /// the distance up to which further triangles matter. The traversal ends if `far` is not above
     /// `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A zero component of a ray's direction would give NaN (0 * infinity) if the ray lies in a face of a
@@ -150,7 +151,7 @@ const LEVELS_BY_COST: usize = 36;
 const BINS: usize = 16;
 
 /// Builds the nodes over a part of the triangles. `base` is the index of the part's first triangle among all triangles.
-/// `level` is the number of levels from the root to the part's node.
+/// `level` is the number of levels from the tree's root to the node that contains all triangles of the part.
 fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     if part.is_empty() {
         return Vec::new();
@@ -192,9 +193,10 @@ fn centre(t: &Indexed) -> DVec3 {
 
 /// Splits a node's triangles into two non-empty parts, and returns the number of triangles in the first part.
 /// The triangles are split along the axis along which their centres are spread most. The split is where a ray
-/// is expected to test the fewest triangles (the surface area heuristic over bins of centres; I. Wald, "On
-/// fast Construction of SAH-based Bounding Volume Hierarchies", 2007). From the level `LEVELS_BY_COST` on, or
-/// if all centres are in one bin, the two parts have nearly equal numbers of triangles.
+/// is expected to test the fewest triangles (the surface area heuristic over bins of centres, from "On fast
+/// Construction of SAH-based Bounding Volume Hierarchies" by Ingo Wald, 2007). From the tree's level
+/// `LEVELS_BY_COST` on, or if the centres of all triangles are in one bin, the two parts get nearly equal
+/// numbers of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);

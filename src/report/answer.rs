@@ -25,11 +25,11 @@ pub struct Answer {
     pub time: String,
     /// The 95% interval of the fastest winner's median as text; empty if the interval is unknown.
     pub interval: String,
-    /// The speed-ups of the fastest winner over the serial baselines and over the fastest point of the preset
-    /// `naive`.
+    /// The speed-ups of the group's fastest point over the serial baselines and over the fastest point of the
+    /// preset `naive`.
     pub speedups: Vec<Speedup>,
-    /// The text "the best naive point" if the fastest winner has the preset `naive`, otherwise `None`. For
-    /// groups in which another preset wins, [`Speedup::over`] has the same text.
+    /// The text "the best naive point" if the group's fastest point has the preset `naive`, otherwise `None`.
+    /// If the fastest point has another preset, a [`Speedup::over`] has the text "the best naive point".
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure".
     pub sureness: &'static str,
@@ -55,7 +55,8 @@ pub struct Winner {
 pub struct Speedup {
     /// The name of the baseline or point with which the winner is compared.
     pub over: String,
-    /// The factor; `None` if either of the two points has too few samples, or times of 0.
+    /// How many times as fast the winner is; `None` if the winner or the other point has too few samples, or
+    /// times of 0.
     pub ratio: Option<f64>,
     /// The factor as text, such as "4.4×"; "?" if the factor is unknown.
     pub factor: String,
@@ -69,13 +70,13 @@ pub struct Speedup {
 pub struct Refused {
     /// The reason in brief, such as "local" (too little `__local` memory) or "wrong-image".
     pub word: String,
-    /// The number of points without a time for this reason.
+    /// The number of points that have no time for the reason `word`.
     pub count: usize,
     /// The first point without a time for this reason, with the first line of the reason.
     pub example: String,
 }
 
-/// Returns one answer per group of points. Groups of baselines on the host are left out.
+/// Returns one answer per group of points. Groups of baselines (ray casters on the host) are left out.
 pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
     groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
 }
@@ -167,8 +168,8 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
         }
         1 => {
             // Points without a time, and points without a rank (with too few samples, or with a time of 0),
-            // may be faster than the winner. The result is therefore clear only if another point has a rank,
-            // or if the group has no other point.
+            // may be faster than the winner. The result of the group is clear only if another point than the
+            // winner has a rank, or if the group has no other point.
             let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
                 (1, _) => ("There is no other point", true),
                 (_, 1) => ("No other point has a rank", false),
@@ -215,9 +216,9 @@ pub fn headline(answers: &[Answer]) -> String {
 }
 
 /// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as
-/// serial-f32, 1.04 to 7.82 times as fast as the best naive point". If a speed-up is known in fewer groups
-/// than have a winner, the text also states the number of groups in which it is known and the number of
-/// groups with a winner. Returns an empty text if no speed-up is known.
+/// serial-f32, 1.04 to 7.82 times as fast as the best naive point". If a speed-up is unknown in some groups
+/// that have a winner, the text also states two numbers: of the groups in which the speed-up is known, and of
+/// the groups with a winner. Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {

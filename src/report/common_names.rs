@@ -10,8 +10,8 @@ use std::collections::HashMap;
 const DRIVER: &str = "driver's_name";
 
 /// Returns copies of the folders in which common names replace the names that drivers give to devices. Also
-/// returns a map from each common name to the name that the driver reports. The map does not contain devices
-/// whose name did not change.
+/// returns a map from each common name to the name that the driver reports. The returned map contains only
+/// devices whose name changed.
 pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
     let measured = folders.iter().flat_map(|folder| folder.records.iter().chain(&folder.controls));
     let described = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
@@ -72,14 +72,14 @@ mod tests {
         let entry = |index: usize| &folders[0].environment["devices"][index];
         assert_eq!((entry(0)["device"].as_str(), name_of_driver(entry(0))), (Some(names[0]), Some(driver)));
         assert_eq!((name_of_driver(entry(1)), entry(1).get(DRIVER)), (Some("NVIDIA H200"), None));
-        // The second folder's environment names a second device with the same common name. The two devices
-        // with the same common name therefore keep their drivers' names.
+        // The second folder's environment names a second device with the same common name. If two devices
+        // would get the same common name, both keep their drivers' names.
         let environment = json!({ "devices": [{ "device": "cpu-znver4-AMD EPYC 9B45" }] });
         let without_records = Folder { environment, ..Folder::default() };
         let (folders, _) = with_common_names(&[folder.clone(), without_records]);
         assert_eq!(folders[0].records[0].device, driver);
-        // If a record, instead of the environment, names a second device with the same common name, both
-        // devices keep their drivers' names, too.
+        // In this case, a record of the second folder, and not its environment, names the second device with
+        // the same common name. Both devices keep their drivers' names again.
         let other = Folder { records: vec![record("cpu-znver4-AMD EPYC 9B45")], ..Folder::default() };
         let (folders, drivers) = with_common_names(&[folder, other]);
         assert_eq!((folders[0].records[0].device.as_str(), drivers.len()), (driver, 0));

@@ -11,8 +11,8 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// The largest number of bytes that all embedded pictures of a page may take together, without the small
-/// pictures at the top, so that the page stays below 15 MB. For further pictures, the page shows only the
-/// paths.
+/// pictures at the top, so that the page stays below 15 MB. Of the pictures that would exceed this number of
+/// bytes, the page shows only the paths.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture of each scene at the top of a report.
 const THUMBNAIL: u32 = 120;
@@ -167,7 +167,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "uncertain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At an uncertain pixel, a strategy's image must have a value in the range of the values that these changes yield."
+                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At an uncertain pixel, a strategy's image must have a value in the range of values that such small changes yield."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", traversal(record)), tests_caption(record)),
@@ -258,8 +258,8 @@ mod tests {
     }
 
     /// Returns the gallery of two folders, in which the scenes with the hashes `hashes` have the same name.
-    /// The folders' pictures have the same names too. The two references are equal, but the two pictures of
-    /// `naive` differ.
+    /// The pictures in the two folders have the same file names. The two references are equal, but the two
+    /// pictures of `naive` differ.
     fn of_two_folders(hashes: [&str; 2]) -> Vec<Scene> {
         let parent = tempfile::tempdir().unwrap();
         let folder = |label: &str, hash: &str, grey: u8| {

@@ -74,8 +74,8 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
     let mut series = best_of_each(groups, &columns, looks);
     for one in &mut series {
         for mark in &mut one.marks {
-            // `best_of_each` sets a mark's x to the index of the mark's group in `columns`. The plot needs
-            // the group's number of triangles or pixels instead.
+            // `best_of_each` sets a mark's x to the index of the mark's group in `columns`. In this plot, x
+            // is the group's number of triangles or pixels, so this number replaces the index.
             mark.x = groups.get(mark.x as usize).map_or(0.0, |group| x(group));
         }
         one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -134,9 +134,9 @@ fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     values.len()
 }
 
-/// Fits a power law to points (x, y). Returns the law's exponent and the exponent's standard error. Ignores
-/// points whose x or y is not above 0. Returns `None` if the points that are not ignored have fewer than
-/// three different values of x.
+/// Fits a power law to points (x, y). Returns the exponent of the power law and the standard error of this
+/// exponent. Ignores points whose x or y is not above 0. Returns `None` if the points that are not ignored
+/// have fewer than three different values of x.
 pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
     let fit = Fit::of(&points.iter().map(mark).collect::<Vec<_>>())?;
@@ -151,7 +151,7 @@ struct Fit {
     offset: f64,
     /// The standard error of the exponent.
     standard_error: f64,
-    /// The number of marks to which the law was fitted.
+    /// The number of the plot's marks to which the power law was fitted.
     n: usize,
 }
 
@@ -291,8 +291,8 @@ mod tests {
         };
         let mut records = Vec::new();
         for device in ["a", "b"] {
-            // The scene of 7 triangles has an image size that no other scene has, so this scene is in neither
-            // plot.
+            // The scene of 7 triangles has an image size that no other scene has, so neither the plot over
+            // triangles nor the plot over pixels contains this scene.
             records.push(on(device, record(7, [80, 50], "naive", 1e6)));
             for triangles in [1_000, 10_000, 100_000] {
                 records.push(on(device, record(triangles, [800, 500], "naive", triangles as f64)));

@@ -5,13 +5,14 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Returns the records of all folders. If two folders measured the same point under different conditions
-/// (driver, machine, program or timing), the keys of the two records differ. For such a device, each folder's
-/// records get the folder's label after the device's name, so that the results are shown separately. If the
-/// point is a baseline, its device is the host, whose name does not change. Instead, the names of all
-/// baselines in the folder's records get the folder's label. Scenes that have the same name but different
-/// content also get the label of their folder. If a point was measured twice under the same conditions, the
-/// keys of the two records are equal. Of two records with equal keys, only the later folder's record is
-/// returned, with the later folder's names for the device and the strategy.
+/// (driver, machine, program or timing), the keys of the two records differ. If a device has records with
+/// such different keys, each folder's records get the folder's label after the device's name, so that the
+/// results are shown separately. If the point is a baseline, its device is the host, whose name does not
+/// change. For a baseline, the folder's label is added to the names of all baselines in the folder's records,
+/// not to the name of the host. Scenes that have the same name but different content also get the label of
+/// their folder. If a point was measured twice under the same conditions, the keys of the two records are
+/// equal. Of two records with equal keys, only the later folder's record is returned, with the later folder's
+/// names for the device and the strategy.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(labelled(folders, &labels(folders)).concat(), point)
 }
@@ -26,7 +27,7 @@ pub struct Origins<'a> {
 }
 
 impl<'a> Origins<'a> {
-    /// Finds the folder of each record that `merged` returns for these folders.
+    /// Finds out from which folder each record comes in the list that [`merged`] returns for `folders`.
     pub fn of(folders: &'a [Folder]) -> Self {
         let labels = labels(folders);
         let all = labelled(folders, &labels);
@@ -53,8 +54,8 @@ impl<'a> Origins<'a> {
     }
 }
 
-/// Returns the records of each folder. The names of devices, baselines and scenes get folder labels by the
-/// rules that [`merged`] describes.
+/// Returns the records of each folder. The label of a folder is added to the names of devices, baselines and
+/// scenes by the rules that [`merged`] describes.
 fn labelled(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut all = with_one_name_a_scene(folders, labels);
     for index in (0..all.len()).rev() {
@@ -116,9 +117,9 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
 }
 
 /// Gives the devices and strategies of a folder's records the names that they have in the records `later` of
-/// a later folder. Records with equal keys show which name of a device or strategy in the one folder
-/// corresponds to which name in the other folder. A record keeps its names if, with the new names, it would
-/// seem to belong to the same point as another record of its folder. If no two devices get the same name, the
+/// a later folder. Two records with equal keys, one from each folder, show which names in the two folders
+/// belong to the same device or strategy. A record keeps its names if, with the new names, it would seem to
+/// belong to the same point as another record of its folder. If no two devices get the same name, the
 /// function renames all devices before the strategies, so that a record gets the new name of its device even
 /// if it keeps the old name of its strategy.
 fn rename(records: &mut [Record], later: &[Record]) {
@@ -291,8 +292,8 @@ mod tests {
         let mut two = vec![on("gpu", "a", "1"), on("gpu-2", "a", "2")];
         rename(&mut two, &[on("gpu", "a", "2"), on("gpu-2", "a", "1")]);
         assert_eq!(two.iter().map(|record| record.device.as_str()).collect::<Vec<_>>(), ["gpu-2", "gpu"]);
-        // The keys in the second folder show that the two devices' names in the first folder belong to one
-        // device.
+        // In the second folder, the records with the keys 1 and 2 have the same device. The two names of
+        // devices in the first folder therefore belong to one device.
         let mut both = vec![on("gpu", "a", "1"), on("old", "a", "2")];
         rename(&mut both, &[on("gpu", "b", "1"), on("gpu", "c", "2")]);
         let names = both.iter().map(|record| (record.device.as_str(), record.name.as_str()));
@@ -336,8 +337,8 @@ mod tests {
         assert_eq!(labels, ["x/a", "y/a", "b"]);
     }
 
-    /// In this test, the first and the last of three folders have no point in common. Only the second folder
-    /// shows that the devices of these two folders are the same.
+    /// In this test, the first and the last of three folders have no point in common. The second folder has a
+    /// point in common with each of them, and thus shows that they have the same device.
     #[test]
     fn the_names_of_the_last_folder_reach_the_first_one_through_the_second() {
         let folders = [

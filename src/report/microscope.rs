@@ -99,9 +99,9 @@ pub fn microscope_page(
 }
 
 /// Returns the command (`raycl compile`) that writes this page for a record's point on `device`. Returns
-/// `None` if the record has no local size or does not name the scene's file, and if the run changed values of
-/// the scene or cast several samples per pixel. Also returns `None` if the run compared two folders of
-/// kernels, since records do not contain the paths of these folders.
+/// `None` if the record lacks the local size or the scene's file. Also returns `None` if the run changed
+/// values of the scene, or if it cast several samples per pixel. A run that compared two folders of kernels
+/// gives `None` too, since records do not contain the paths of these folders.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain =
         record.scene_values.is_empty() && record.samples_per_pixel.is_none() && record.kernels_of.is_none();
@@ -159,18 +159,18 @@ fn note(listing: &Listing) -> String {
         RowsAre::Parts => {
             "The compiler wrote no line table, or its table has no line for this kernel, so instructions are \
              counted by part of the kernel, not by line. In PTX and SASS, a new part begins at each label and at the \
-             start of each function. On a CPU, a part is a function."
+             start of each function. On a CPU, each function is a part."
         }
     };
     let same = match listing.same_as_timed {
         _ if listing.for_any_local_size => {
-            " These instructions are those of the version that PoCL compiles for any local size. The timed program normally runs the version for the kernel's own local size, but this version was not found."
+            " These instructions are those of the version that PoCL compiles for any local size. The timed program normally runs the version that PoCL compiles for the kernel's own local size, but this version was not found."
         }
         Some(true) => {
-            " The timed program is compiled without a line table. It has the same operations in the same order; registers, addresses and numbers are not compared."
+            " The timed program is compiled without a line table. The timed program has the same operations as these instructions, in the same order; registers, addresses and numbers are not compared."
         }
         Some(false) => {
-            " The timed program is compiled without a line table. Its instructions differ from those shown here."
+            " The timed program is compiled without a line table. The timed program's instructions differ from the instructions on this page."
         }
         None => "",
     };

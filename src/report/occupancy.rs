@@ -66,7 +66,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
 }
 
 const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot report how many \
-    work-groups are resident. The prediction is compared with the measured speed instead.";
+    work-groups are resident. For this reason, the predicted occupancy is compared with the measured speed.";
 
 /// Describes the multiprocessor for which the occupancy is predicted, and where the numbers of registers for
 /// this prediction come from. `all` is the number of points, and `assumed` is the number of points for which
@@ -183,8 +183,9 @@ mod tests {
         let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
         assert_eq!(spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(3.0, 3.0)]), None, "too few");
         // The expected correlation was calculated independently of this code. The ranks of x are 0, 1.5, 1.5,
-        // 3, and the ranks of y are 0, 1, 2, 3. The products of their deviations from the mean rank add up to
-        // 4.5. The squares of the deviations add up to 4.5 for x, and to 5 for y.
+        // 3, and the ranks of y are 0, 1, 2, 3. For each mark, the deviations of the ranks of x and y from
+        // the mean rank are multiplied; the products add up to 4.5. The squares of the deviations add up to
+        // 4.5 for x, and to 5 for y.
         let actual = spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(2.0, 3.0), mark(3.0, 4.0)]);
         assert!(actual.is_some_and(|actual| (actual - 4.5 / 22.5_f64.sqrt()).abs() < 1e-12), "{actual:?}");
     }

@@ -11,7 +11,8 @@ pub struct Table {
     /// The name of each column: the column's scene and, if the columns have several image sizes, the image
     /// size.
     pub columns: Vec<String>,
-    /// The rows, sorted by effect from the largest down.
+    /// The rows of the table, sorted by the effect of the changed axis on the time, from the largest effect
+    /// down.
     pub rows: Vec<Row>,
     /// A sentence that says how many changes the table leaves out; empty if the table has all changes.
     pub note: String,
@@ -43,8 +44,8 @@ pub struct Cell {
     pub tip: String,
 }
 
-/// Returns a table for each device on which two strategies with times differ in a single axis. `groups` are the groups
-/// of `records`.
+/// Returns a table for each device that has times of two strategies that differ in a single axis. `groups`
+/// are the groups of `records`.
 pub fn tables(records: &[Record], groups: &[Group<'_>]) -> Vec<Table> {
     changes(records, groups).iter().map(table).collect()
 }

@@ -10,8 +10,8 @@ use crate::record::{Group, HOST, Record, interval, median};
 use std::collections::HashMap;
 
 /// The largest number of devices for which each pair of devices has a plot. The number of pairs grows with
-/// the square of the number of devices. With more devices, each device is therefore compared only with the
-/// device that has the most times.
+/// the square of the number of devices. If there are more devices than this number, each device is compared
+/// only with the device that has the most times.
 const MOST_WITH_ALL_PAIRS: usize = 8;
 
 /// A device's name, and the device's records, sorted by rank (the fastest first) within each group of points.

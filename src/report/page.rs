@@ -87,7 +87,8 @@ pub struct Row {
     wins: bool,
 }
 
-/// A row of the table of machines: the time of a control point on one machine.
+/// A row of the table of machines: the time of a control point (a point that several machines measured, so
+/// that they can be compared) on one machine.
 pub struct HostRow {
     point: String,
     host: String,
@@ -162,7 +163,7 @@ fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) 
 }
 
 /// Returns a nonce, which is a random number of 128 bits. The browser runs only those scripts of the page
-/// that have this number. Scripts in texts of the page, such as scene names, do not run, because nobody can
+/// that state this nonce. Scripts in texts of the page, such as scene names, do not run, because nobody can
 /// predict the nonce: the standard library derives the nonce from the system's random numbers.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
@@ -325,8 +326,8 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
 }
 
 /// Returns the command (`raycl compile`) that writes a page with a point's instructions. In the record, the
-/// device's name may be the common name, or end with a text in brackets. The command contains the driver's
-/// name of the device instead. Returns `None` if [`microscope::command`] returns `None`.
+/// device's name may be the common name, or end with a text in brackets. The command contains the name that
+/// the driver reports for the device. Returns `None` if [`microscope::command`] returns `None`.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(name_of_driver);
     microscope::command(record, name.unwrap_or(&record.device))

@@ -69,7 +69,7 @@ pub const CURVES: [(u32, &str, &str, &str); 7] = [
 
 /// Returns the number of the paper's figure that has a curve for this scene and preset, and the curve's
 /// points. A point consists of the side of the square work-group in work-items, and the time in milliseconds.
-/// Returns `None` if the paper has no such curve.
+/// Returns `None` if the paper has no curve for this scene and preset.
 pub fn curve(scene: &str, preset: &str) -> Option<(u32, Vec<(u32, f64)>)> {
     let (figure, series, ..) =
         CURVES.iter().find(|(_, _, of_scene, of_preset)| *of_scene == scene && *of_preset == preset)?;

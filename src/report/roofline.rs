@@ -1,6 +1,6 @@
 //! Plots the roofline of a device: the rates of operations that the device's arithmetic and memories allow,
-//! and the rate that each point reaches (S. Williams, A. Waterman, D. Patterson: "Roofline", Communications
-//! of the ACM 52(4), 2009).
+//! and the rate that each point reaches (Samuel Williams, Andrew Waterman, David Patterson: "Roofline",
+//! Communications of the ACM 52(4), 2009).
 
 use super::merged::labels;
 use super::overview::{devices, numbered};
@@ -20,9 +20,9 @@ use std::collections::HashMap;
 const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device that has points with a known number of ray-triangle tests. If the
-/// operations of a test are unknown for all of these points, the plot shows only the roofs; if the device's
-/// peak rates are unknown too, the device gets no plot. `drivers` maps a device's common name to the name
-/// that the driver reports.
+/// operations of a test are unknown for all points of a device, the plot shows only the roofs; if the
+/// device's peak rates are unknown too, the device gets no plot. `drivers` maps a device's common name to the
+/// name that the driver reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -71,8 +71,8 @@ fn is_of(peak: &Peak, label: &str, shown: &str, drivers: &HashMap<String, String
 }
 
 /// Returns the plot of a device, with roofs if `peak` is known. `unreadable` contains a message for each file
-/// of peak rates that cannot be read. Returns `None` if no record has a mark, and either the peak rates are
-/// unknown or no record has a number of tests.
+/// of peak rates that cannot be read. If no record has a mark, the plot shows only roofs. Such a plot needs
+/// known peak rates, and a record with a known number of tests; otherwise, the function returns `None`.
 fn roofline(
     records: &[(&Group<'_>, &Record)],
     looks: &Looks,
@@ -138,8 +138,9 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
 /// Returns the number of operations of a record's ray-triangle test, as the record states it. Records of
 /// earlier versions of raycl state no bytes, and state the operations only if the device's peak rate was
 /// known. For a record of an earlier version that does not state the number of operations, this number comes
-/// from the headers of the kernel files that this process has read. A newer record lacks the number only if
-/// the header of its ray-triangle test has no `operations`; this function then returns `None`.
+/// from the headers of the kernel files that this process has read. A record of the present version lacks the
+/// number of operations only if the header of the test's kernel file has no `operations`; for such a record,
+/// the function returns `None`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
@@ -191,9 +192,9 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
         (true, _) => "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof \
                       gets its data from caches or another memory."
             .to_owned(),
-        (false, []) => "The device's rates were not measured with these records, so the plot has no roofs. `raycl \
-                        peak --out DIR/peak.json` or `raycl run CONFIG --peak` measures these rates; DIR is the \
-                        folder of results."
+        (false, []) => "The device's rates, which a roofline shows as roofs, were not measured with these records, \
+                        so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` \
+                        measures these rates; DIR is the folder of results."
             .to_owned(),
         (false, some) => format!("The plot has no roofs: {}", some.join(" ")),
     };
@@ -201,15 +202,15 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     format!(
         "Each mark is a point. A mark's height is the number of operations per second in ray-triangle tests \
          (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
-         operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
-         registers adds no bytes. If passes are fused, the time is that of the whole frame, so the rate is a \
-         lower bound. {roofs}{not_shown}"
+         operations per byte that a test reads. The triangle's bytes are divided by the number of rays of a \
+         work-item. A ray that is in registers adds no bytes. If passes are fused, the time is that of the whole frame, \
+         so the rate is a lower bound. {roofs}{not_shown}"
     )
 }
 
 /// Returns a text that says how many points have no mark in the plot, for each of two reasons: the number of
-/// ray-triangle tests is unknown, or the operations of a test are unknown. Returns an empty text if all
-/// points have marks.
+/// ray-triangle tests is unknown, or the operations of a test are unknown. Returns an empty text if the plot
+/// has a mark for every point.
 fn not_shown(left_out: &[&Record]) -> String {
     let uncounted = left_out.iter().filter(|record| record.tests_per_s.is_none()).count();
     let reasons = [
@@ -281,8 +282,8 @@ mod tests {
         let are_of = |shown: &str| peaks.each_ref().map(|peak| is_of(peak, "mine", shown, &drivers));
         assert_eq!(are_of("Intel Xeon, PoCL (mine)"), [true, false]);
         assert_eq!(are_of("Intel Xeon, PoCL (another)"), [false, false]);
-        // If the report knows no driver's name for the common name of a device, the common name alone decides
-        // whether the rates belong to the device.
+        // If the report does not know which name the driver gives to a device, the device's common name alone
+        // decides whether the rates belong to the device.
         assert!(is_of(&peaks[0], "mine", "Intel Xeon, PoCL", &HashMap::new()));
     }
 

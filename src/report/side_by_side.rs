@@ -68,9 +68,9 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Returns a heat map with a row and a column per device. A cell shows the factor by which the time on the
-/// column's device grows if the point (strategy and local size) that is the fastest on the row's device
-/// replaces the fastest point of the column's device.
+/// Returns a heat map with a row and a column per device. A cell belongs to the point (strategy and local
+/// size) that is the fastest on the row's device. The cell shows this point's time on the column's device,
+/// divided by the best time on the column's device.
 fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -235,8 +235,8 @@ mod tests {
         ]);
         // On the gpu, `naive` is the best for the teapot, where `wide` takes 4 times as long;
         // `wide` is the best for the room, where `naive` takes 9 times as long. On the cpu, `wide`
-        // is the best for both scenes. On the cpu, the gpu's best strategy takes 9 times the best
-        // time for the teapot, and the best time for the room.
+        // is the best for both scenes. The gpu's best strategy for the teapot, `naive`, takes 9 times the
+        // best time on the cpu. The gpu's best strategy for the room, `wide`, takes the best time on the cpu.
         for plot in side_by_side(&groups(&records)) {
             assert!(plot.svg.contains(">3.00<") && plot.svg.contains(">2.00<"), "{}", plot.svg);
         }

@@ -16,7 +16,7 @@ use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, 
 /// plots for this image size show the times that the paper published.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
 /// The largest number of characters of the word with which a heat map's cell shows the reason why a point is
-/// infeasible. For a longer word, the cell shows "unfit".
+/// infeasible. If the word has more characters, the heat map's cell shows "unfit".
 const LONGEST_CODE: usize = 8;
 /// The largest number of points (rows) in the plot of samples.
 const STRIPS: usize = 14;

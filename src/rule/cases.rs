@@ -1,6 +1,6 @@
-//! Cases for testing the rule by which `render` chooses a strategy. For each case, the rule's choice is
-//! compared with measurements. A case states a scene, an image size, and whether rays may slip between
-//! triangles.
+//! Cases for testing the rule by which `render` chooses a strategy. For each case, the strategy that the rule
+//! chooses is compared with the measured times of other strategies. A case states a scene, an image size, and
+//! whether rays may slip between triangles.
 
 use crate::config::have_one_shape;
 use crate::error::{Error, Result};
@@ -49,10 +49,11 @@ pub struct Case {
     pub set: BTreeMap<String, toml::Value>,
     /// The image's width and height in pixels.
     pub size: [u32; 2],
-    /// The kinds to which the case belongs. `raycl rule` and a test check that the listed kinds are exactly
-    /// the kinds that follow from the scene and the image size. Only the kind `Watertight` is not checked.
+    /// The kinds of case to which this case belongs. `raycl rule` and a test check that these are exactly the
+    /// kinds, such as `Few` (few triangles), that follow from the scene and the image size. Only the kind
+    /// `Watertight` is not checked.
     pub kinds: Vec<Kind>,
-    /// The kinds of device on which the case is measured.
+    /// The kinds of device on which strategies are measured for this case.
     pub devices: Vec<String>,
 }
 
@@ -144,8 +145,8 @@ impl Case {
     }
 
     /// Returns true if the scene that was loaded for `other` is also this case's scene. If `is_framed` is
-    /// true, raycl placed the scene's camera for the shape of the images of `other`, so the images of both
-    /// cases must have the same shape (ratio of width to height).
+    /// true, raycl placed the scene's camera for the shape (the ratio of width to height) of the images of
+    /// `other`, so the images of `self` must have the same shape.
     fn has_scene_of(&self, other: &Self, is_framed: bool) -> bool {
         let is_same = (&self.scene, &self.set) == (&other.scene, &other.set);
         is_same && (!is_framed || have_one_shape(self.size, other.size))
@@ -156,8 +157,9 @@ impl Case {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }
 
-    /// Returns true if the case states exactly the kinds that follow from the task. The kind `Watertight` is
-    /// not checked, since the task takes this kind from the case.
+    /// Returns true if the case lists exactly those kinds (such as few triangles) that the properties in
+    /// `task` imply. The kind `Watertight` is not checked, since the case's list itself decides whether
+    /// `task` is watertight.
     pub fn is_of_its_kinds(&self, task: &Task) -> bool {
         let is = [
             (Kind::Few, task.triangles < FEW),
@@ -180,7 +182,8 @@ struct Held {
     /// The case for which the scene was loaded.
     case: Case,
     scene: Arc<Scene>,
-    /// True if raycl may have placed the camera for the shape of the case's images.
+    /// True if raycl may have placed the scene's camera so that it fits the shape (the ratio of width to
+    /// height) of the case's images.
     is_framed: bool,
 }
 
@@ -289,7 +292,7 @@ mod tests {
             }
         }
         // Generating millions of triangles takes seconds. This test therefore leaves out large scenes. The
-        // command `raycl rule` checks the kinds of their cases when it measures them.
+        // command `raycl rule` checks the kinds of the cases with large scenes when it measures these cases.
         let is_small = |case: &&Case| !case.set.values().any(|value| value.as_integer() > Some(300_000));
         let mut scenes: Vec<(&Case, Loaded)> = Vec::new();
         for case in cases.iter().filter(is_small) {

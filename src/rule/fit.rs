@@ -1,25 +1,28 @@
-//! Fits the rule's constants to sweeps. A choice of the rule loses time if another candidate strategy is
-//! faster. In a round of fitting, each constant in turn is set to the value with which the rule's choices
-//! lose the least time. Rounds are repeated until no constant changes, but at most `ROUNDS` times.
+//! Fits the constants of the rule by which `render` chooses a strategy to sweeps (measured times of all
+//! candidate strategies). A choice of the rule loses time if another candidate strategy is faster. In a round
+//! of fitting, each constant in turn is set to the value with which the chosen strategies lose the least
+//! time. Rounds of fitting are repeated until no constant of the rule changes, but at most `ROUNDS` times.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
-/// The largest ratio of a choice's time to the best time. A greater ratio counts as this ratio, and so does a
-/// choice that a device refused.
+/// The largest ratio of a choice's time to the best time. A greater ratio counts as `REFUSED`. A strategy
+/// that a device refused also counts as `REFUSED`.
 const REFUSED: f64 = 100.0;
 /// A constant is changed only if the sum that [`loss_of`] returns decreases by more than this number.
 const GAIN: f64 = 1e-3;
-/// The rule compares a value of each case, such as a number of triangles, with a constant. If these values of
-/// two cases differ by less than this factor, the constant gets no value between the two.
+/// The rule that chooses a strategy compares a value of each case (scene and image size), such as the number
+/// of triangles, with a constant. If the values of two cases differ by less than the factor `ALIKE`, no
+/// constant between these two values is tried.
 const ALIKE: f64 = 1.01;
-/// Largest number of rounds of fitting. In a round, each constant is fitted once. Several rounds are needed,
-/// since the best value of a constant depends on the other constants.
+/// Largest number of rounds of fitting. In a round of fitting, each constant of the rule is fitted once.
+/// Several rounds are needed, since the best value of a constant depends on the other constants.
 const ROUNDS: usize = 8;
 
-/// Returns the rule's constants for a class of devices, fitted to the sweeps of this class. If `watertight`
-/// is true, returns the constants for watertight tests. Constants that the sweeps do not determine stay
-/// unchanged. Returns `None` if the class has no constants.
+/// Returns the constants of the rule that chooses a strategy, for a class of devices, fitted to the sweeps
+/// (measured times) of this class. If `watertight` is true, returns the constants for watertight tests. A
+/// constant stays unchanged if, in the sweeps, no other value makes the chosen strategies clearly faster.
+/// Returns `None` if the rule has no constants for this class of devices.
 pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Constants> {
     let mut constants = class.constants(watertight)?;
     let of_class: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.class == class).collect();
@@ -43,8 +46,9 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     Some(constants)
 }
 
-/// Returns how much longer the rule's choices take than the best candidates. The result is a sum over all
-/// cases: the logarithm of the choice's time divided by the best time, at most the logarithm of `REFUSED`.
+/// Returns how much longer the strategies that the rule chooses take than the best candidate strategies. The
+/// result is a sum over all cases. Each case adds the logarithm of a ratio: the time of the chosen strategy
+/// divided by the best time, but at most `REFUSED`.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
@@ -53,9 +57,9 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the values to try for a constant. Each case has a value that the rule compares with the constant.
-/// The values to try are 0, infinity, and one value with few digits between every two neighbouring values of
-/// cases.
+/// Returns the values to try for a constant of the rule. The rule compares a value of each case, such as the
+/// number of triangles, with this constant. The values of all cases form a sorted list. The values to try are
+/// 0, infinity, and one number with few digits between every two neighbours in this list.
 fn values_to_try(
     sweeps: &[&Sweep],
     mut constants: Constants,
@@ -67,7 +71,7 @@ fn values_to_try(
         seen.extend(cases.map(|case| constants.of(&case.task, sweep.compute_units)[index].2));
     }
     seen.sort_unstable_by(f64::total_cmp);
-    // No value is tried between two cases whose values are nearly equal.
+    // If the values of two cases are nearly equal, no value between them is tried for the constant.
     seen.dedup_by(|next, last| *next < *last * ALIKE);
     let between = seen.windows(2).map(|pair| between(pair[0], pair[1])).filter(|value| value.is_finite());
     [0.0, f64::INFINITY].into_iter().chain(between).collect()
@@ -173,9 +177,10 @@ mod tests {
     #[test]
     fn a_constant_has_few_digits_and_is_above_the_lower_case() {
         assert_eq!(between(4.0, 9.0), 6.0);
-        // The mean 6.0498 is 6.0 with two digits, but the constant must be above the lower value, 6.0.
+        // The mean 6.0498 is 6.0 with two digits, but the result must be above the lower of the two
+        // arguments, 6.0.
         assert_eq!(between(6.0, 6.1), 6.05);
-        // The mean 5.095 is 5.1 with two digits. A constant may equal the upper value, 5.1.
+        // The mean 5.095 is 5.1 with two digits. The result may equal the upper of the two arguments, 5.1.
         assert_eq!([between(5.09, 5.1), between(0.0, 7.3)], [5.1, 7.3]);
     }
 
@@ -199,8 +204,9 @@ mod tests {
         }
     }
 
-    /// A choice that a device refused counts as if it took a hundred times the best time. With an infinite
-    /// time, a single case in which every choice is refused would hide the differences between constants.
+    /// A choice that a device refused counts as if it took a hundred times the best time. If it counted as
+    /// infinitely long, the sum over all cases would be infinite for all constants as soon as one case has
+    /// only refused choices. Such a case would hide the differences between constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];

@@ -1,6 +1,6 @@
 //! Checks whether measurements confirm the rule by which `render` chooses a strategy. A file lists cases (a scene and
-//! an image size each). A sweep contains the times of every candidate strategy on these cases. The rule's constants are
-//! fitted to sweeps.
+//! an image size each). A sweep contains the times of every candidate strategy on all cases of a file. The
+//! constants of the rule are fitted to the times in sweeps.
 
 mod cases;
 mod fit;

@@ -56,13 +56,14 @@ pub struct Measured {
     pub least_ms: BTreeMap<String, f64>,
 }
 
-/// The rule's choice for a case, compared with the fastest candidate.
+/// The strategy that the rule chooses for a case (a scene and an image size), compared with the fastest
+/// candidate strategy.
 #[derive(Clone, Debug)]
 pub struct Verdict {
     /// The candidate strategy that the rule chooses.
     pub choice: Candidate,
-    /// The choice's time in milliseconds; `None` if the choice was not measured, since the device or the host refused
-    /// it.
+    /// The time of the chosen strategy in milliseconds; `None` if the chosen strategy was not measured, since
+    /// the device or the host refused it.
     pub choice_ms: Option<f64>,
     /// The fastest candidate, and its time in milliseconds.
     pub best: (String, f64),
@@ -76,8 +77,9 @@ impl Verdict {
 }
 
 impl Measured {
-    /// Compares the rule's choice with the fastest candidate. `constants` are the rule's constants, and the
-    /// device has `compute_units` compute units. Returns `None` if no candidate has a time.
+    /// Compares the strategy that the rule chooses for this case with the fastest candidate strategy.
+    /// `constants` are the rule's constants, and the device has `compute_units` compute units. Returns `None`
+    /// if no candidate has a time.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
         let choice = constants.choice(&self.task, compute_units);
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
@@ -120,7 +122,8 @@ impl Measured {
     }
 }
 
-/// Returns true if a candidate may be the fastest for a task. Other candidates are not measured.
+/// Returns true if a candidate may be the fastest for a task. A candidate for which this function returns
+/// false is not measured.
 fn may_be_fastest(candidate: Candidate, task: &Task) -> bool {
     candidate != Candidate::Exhaustive || task.triangles <= MOST_TESTED
 }

@@ -61,7 +61,7 @@ impl Animation {
     }
 
     /// Checks for each frame in `frames` that the scene file, with the frame's values, can be parsed as a
-    /// scene. Also checks that the background of each of these frames is transparent exactly if the
+    /// scene. Also checks for each frame in `frames` that its background is transparent exactly if the
     /// background of frame 1 is transparent. Files of meshes and pictures are not read.
     ///
     /// # Errors
@@ -82,8 +82,8 @@ impl Animation {
     }
 
     /// Builds the scenes of later frames, so that [`INPUTS`](super::INPUTS), the list of the files that were
-    /// read, contains all pictures that these frames use. A later frame is built only if it is a keyframe of
-    /// a track whose values can name pictures, or meshes that use pictures.
+    /// read, contains all pictures that these frames use. Of the frames after frame 1, only keyframes of some
+    /// tracks are built: of tracks whose values can name pictures, or meshes that use pictures.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
@@ -168,14 +168,14 @@ impl Animation {
                 Err(error) => return error,
             };
             match from_text::<SceneWire>(&document.text) {
-                // With this track, the document is valid again.
+                // The value of this track makes the document valid again, so no earlier track is the mistake.
                 Ok(_) => wrong = None,
                 Err(error) => wrong = wrong.or(Some((track, document, error))),
             }
         }
         let Some((track, document, error)) = wrong else {
-            // No track makes the document invalid. A file that is invalid without its tracks is refused
-            // earlier, so this error is a bug in raycl.
+            // None of the tracks makes the document invalid. A file that is invalid without its tracks is
+            // refused earlier, so this error is a bug in raycl.
             let message = format!(
                 "{} at frame {frame} is not a valid scene, although no track makes it invalid",
                 self.document.name
@@ -198,8 +198,8 @@ impl Animation {
 }
 
 /// Refuses a track of the camera's azimuth or elevation if the file itself or another track sets the camera's
-/// position, because the angle would have no effect. The file's position does not count if a track replaces
-/// the whole camera. A position that an option such as `--set` sets is allowed.
+/// position, because the angle would have no effect. The position in the file does not count if a track (a
+/// value over time) replaces the whole camera. A position that an option such as `--set` sets is allowed.
 fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result<()> {
     let Some(angle) = tracks.iter().find(|track| track.is_angle()) else { return Ok(()) };
     let file: Table = document.original().parse().map_err(|error| document.misread(&error))?;
@@ -351,8 +351,8 @@ mod tests {
             assert_eq!(crate::error::line_of(&text, error.span.unwrap().offset()), 9);
         }
         assert!(load(&file("look_at = [0, 0, 0]", ""), &[]).is_ok());
-        // A track before the track of the azimuth replaces the file's camera, so the file's position does not
-        // count.
+        // Here, a track replaces the file's whole camera, so the camera's position in the file does not
+        // count. This track comes before the track of the azimuth.
         let after = |camera: &str| {
             let values = format!("values = [{{ {camera} }}, {{ {camera} }}]");
             let whole = format!("[[animation.track]]\npath = \"camera\"\n{values}\n[[animation.track]]");
@@ -444,8 +444,9 @@ mod tests {
         let help = &error.help;
         assert!(help.ends_with("a.toml:12: track `camera.position` at frame 3"), "{help}");
 
-        // In the first of two cases, an option sets a value that the track does not change. In the second
-        // case, an option sets the value of the track's second keyframe.
+        // Each of the two `settings` is an option. The first option sets the exposure, which the track
+        // `camera.position` does not change. The second option sets the value of this track's second
+        // keyframe.
         let path = folder.path().join("a.toml");
         let middle = Value::Array([0, 0, 0].map(Value::from).to_vec());
         let locations = [format!("{}:12", path.display()), format!("animation.track.0.values.1 = {middle}")];
@@ -457,7 +458,8 @@ mod tests {
             assert!(error.remedy().ends_with(&expected), "{}", error.remedy());
         }
 
-        // Here, the value that the track sets is the mistake: it names a vertex that does not exist.
+        // In this animation, the second value of the track `object.0.faces` is the mistake: it names a vertex
+        // that does not exist.
         let tracks = "[[animation.track]]\npath = \"object.0.faces\"\nvalues = [[[0, 1, 2]], [[0, 1, 7]]]\n\
             interpolation = \"step\"\n";
         let (_folder, first, mut animation) = animated(tracks);
@@ -474,8 +476,8 @@ mod tests {
         assert_eq!(load_scene(&path).unwrap_err().remedy(), PATHS);
     }
 
-    /// The path of the first track begins with the text of the second track's path, but sets no part of the
-    /// value that the second track sets.
+    /// The text of the first track's path, `light.10.power`, begins with the text of the second track's path,
+    /// `light.1`. Nevertheless, the first track sets no part of the value that the second track sets.
     #[test]
     fn light_10_is_no_part_of_light_1() {
         let tracks = "[[animation.track]]\npath = \"light.10.power\"\nvalues = [6, 8]\n\

@@ -30,8 +30,8 @@ pub struct Area {
 }
 
 impl Area {
-    /// Returns the unit normal of the light's front. Devices and the reference use this vector, which is
-    /// rounded to single precision.
+    /// Returns the unit normal of the light's front. Devices and the reference use the returned vector, which
+    /// is rounded to single precision.
     pub fn front(&self) -> Vec3 {
         let [first, second] = self.edges.map(|edge| edge.as_dvec3().normalize_or_zero());
         first.cross(second).normalize_or_zero().as_vec3()

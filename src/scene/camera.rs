@@ -23,12 +23,13 @@ pub struct Camera {
     /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down. The offset is zero
     /// if the pixel has a single sample.
     pub shift: [f32; 2],
-    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width. This share is less
-    /// than 1 if the pixel's area is divided among several samples.
+    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width. The cone's share is
+    /// less than 1 if the pixel's area is divided among several samples.
     pub cone_share: f32,
     /// The size, in pixels, of the image whose aspect ratio determines the field of view; `None` for the
-    /// camera's own image. For a half picture, this is the size of the whole picture, because the two aspect
-    /// ratios differ slightly if a side of the whole picture is odd.
+    /// camera's own image. For a half picture (of half the width and height), `covers` is the size of the
+    /// whole picture, because the aspect ratios of the two pictures differ slightly if a side of the whole
+    /// picture is odd.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -41,14 +42,14 @@ pub struct PixelFrame {
     pub eye: DVec3,
     /// The direction through the image's top left corner.
     pub corner: DVec3,
-    /// The change of direction per pixel to the right.
+    /// The change of the ray's direction from one pixel to the next pixel on the right.
     pub step_x: DVec3,
-    /// The change of direction per pixel down.
+    /// The change of the ray's direction from one pixel to the next pixel below.
     pub step_y: DVec3,
     /// Hits are visible if their depth is more than this distance.
     pub z_near: f64,
-    /// The inner product of this vector and the vector from the eye to a point is the width of a pixel's ray
-    /// cone at this point. The width grows with the point's depth.
+    /// The inner product of `cone` and the vector from the eye to a point is the width of a pixel's ray cone
+    /// at this point. The ray cone's width grows with the point's depth.
     pub cone: DVec3,
 }
 
@@ -121,8 +122,8 @@ impl Camera {
         Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }
     }
 
-    /// Returns the camera of an image that shows the same field of view as another image. `size` is the size
-    /// of the other image, in pixels.
+    /// Returns the camera of an image that shows the same field of view as another image. `size` is the size,
+    /// in pixels, of the image that has this field of view.
     #[must_use]
     pub fn covering(&self, size: [u32; 2]) -> Self {
         Self { covers: Some(size), ..*self }

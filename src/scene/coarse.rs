@@ -5,9 +5,9 @@ use super::framing::Ball;
 use glam::DVec3;
 
 /// A triangle is coarse if smooth shadows lift its middle by more than this fraction of the radius of the
-/// ball around the mesh. If the mesh fills a picture that is 1000 pixels high, this is about half a pixel.
-/// For comparison: of a sphere's area, 41% is in coarse triangles if the sphere has 9,000 triangles, and
-/// nothing if it has 16,000.
+/// ball around the mesh. If the mesh fills a picture that is 1000 pixels high, this fraction of the radius is
+/// about half a pixel. For comparison: of a sphere's area, 41% is in coarse triangles if the sphere has 9,000
+/// triangles, and nothing if it has 16,000.
 const COARSE_LIFT: f64 = 1e-3;
 /// A mesh is coarse if coarse triangles have more than this share of its area. In fine scans, noise makes
 /// some triangles coarse: 1.2% of the Stanford bunny's area with 69,451 triangles, 0.1% of the dragon's with

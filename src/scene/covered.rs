@@ -1,6 +1,6 @@
 //! Estimates which share of a picture a scene covers. If a mesh covers only a small part of the picture, few
-//! tiles contain hits. For such a picture, the fastest strategies are not the same as for a picture that a
-//! scene fills (`src/strategy/fastest.rs`).
+//! tiles contain hits. For a picture with few hits, the fastest strategies are not the same as for a picture
+//! that a scene fills (`src/strategy/fastest.rs`).
 
 use super::{Camera, Scene};
 use glam::{DVec2, DVec3};
@@ -8,11 +8,11 @@ use glam::{DVec2, DVec3};
 /// Largest number of triangles that are projected. In a scene with more triangles, only every n-th triangle
 /// is projected.
 const PROJECTED: usize = 4096;
-/// The picture is divided into this many columns and rows of cells. The cells are large enough for a sample
-/// of the triangles: if a large scene covers a cell, some of the projected triangles usually lie in this
-/// cell.
+/// The picture is divided into this many columns and rows of cells. The cells are so large that the projected
+/// triangles, a sample of all triangles, suffice: if a large scene covers a cell, some of the projected
+/// triangles usually lie in this cell.
 const CELLS: usize = 16;
-/// Triangles are cut off at this depth if the camera's `z_near` is smaller.
+/// The depth at which triangles are cut off if the camera's `z_near` is smaller than this depth.
 const LEAST_DEPTH: f64 = 1e-6;
 
 impl Scene {
@@ -42,8 +42,8 @@ impl Scene {
 /// its right and bottom edge.
 struct Projection {
     eye: DVec3,
-    /// The camera's axes to the right, down and forward. The first two axes are divided by the picture's
-    /// width and height at depth 1.
+    /// The camera's axes to the right, down and forward. The axis to the right is divided by the picture's
+    /// width at depth 1, and the axis down by the picture's height at depth 1.
     axes: [DVec3; 3],
     least_depth: f64,
 }
@@ -110,7 +110,8 @@ mod tests {
         let cells = |corners| triangle(corners).covered_share([64, 64]) * 256.0;
         // The triangle covers the cells in the columns 8 and 9 and in the rows 6 and 7.
         assert_eq!(cells([[0.01, 0.01, -1.0], [0.24, 0.01, -1.0], [0.01, 0.24, -1.0]]), 4.0);
-        // This triangle is twice as large and twice as far away, so it covers the same cells.
+        // The second triangle is twice as large as the first and twice as far away, so it covers the same
+        // cells.
         assert_eq!(cells([[0.02, 0.02, -2.0], [0.48, 0.02, -2.0], [0.02, 0.48, -2.0]]), 4.0);
         // The right edge of the picture cuts this triangle, which covers the columns 14 and 15 of row 8.
         assert_eq!(cells([[0.76, -0.01, -1.0], [5.0, -0.01, -1.0], [0.76, -0.02, -1.0]]), 2.0);
@@ -121,14 +122,15 @@ mod tests {
 
     #[test]
     fn a_triangle_that_passes_the_eye_is_cut_in_front_of_it() {
-        // The triangle lies in a plane 1 unit below the eye, and begins behind the eye. Its farthest corner
-        // has depth 2, so it covers the columns from the left edge to the right edge, and the rows from 12
-        // down.
+        // The triangle lies in a plane 1 unit below the eye, and begins behind the eye. The triangle's
+        // farthest corner has depth 2, so the triangle covers the columns from the left edge to the right
+        // edge, and the rows from 12 down.
         let floor = triangle([[-9.0, -1.0, 9.0], [9.0, -1.0, 9.0], [0.0, -1.0, -2.0]]);
         assert_eq!(floor.covered_share([64, 64]), 0.25);
         // This triangle is a needle that begins behind the eye, and ends at depth 1 below the camera's axis.
-        // The needle is cut at the camera's z_near of 0.1. There, its distance below the axis is 0.91 times
-        // the depth. The needle covers one column, and the rows 8 to 15.
+        // The needle is cut at the camera's z_near of 0.1. At this cut, the needle's distance below the
+        // camera's axis is 0.91 times the depth. The needle-shaped triangle covers one column of cells, and
+        // the rows 8 to 15.
         let needle = triangle([[0.0, 0.0, 9.0], [0.0, -0.1, -1.0], [0.001, -0.1, -1.0]]);
         assert_eq!(needle.covered_share([64, 64]) * 256.0, 8.0);
     }

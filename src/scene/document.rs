@@ -44,8 +44,8 @@ pub(super) struct Document {
     /// The number, from 1, of the animation's frame whose values `text` contains; 1 if no track has set a
     /// value in `text`.
     frame: u32,
-    /// The values that options, a config or tracks have set in the text, and the file's own text; `None` if
-    /// no values were set.
+    /// The values that options, a config or tracks have set in `text`, and the text of the file without these
+    /// values; `None` if no values were set.
     changed: Option<Changed>,
     /// The path and the open file of a bare mesh; `None` for a scene file, and after the mesh was read. The
     /// file is not opened again to read the mesh, because a pipe cannot be opened twice.
@@ -106,7 +106,7 @@ impl Document {
     }
 
     /// Returns the error for a file that is not TOML and does not have the extension .toml: raycl probably
-    /// does not support its format. Returns `None` for any other file.
+    /// does not support its format. Returns `None` for a file that is TOML or has the extension .toml.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;
@@ -165,9 +165,9 @@ impl Document {
     /// the mistake. `span` is the part of the text that contains the mistake.
     pub fn with_settings(&self, span: &Range<usize>, error: Error) -> Error {
         // Frame 1 is built before all other frames. If frame 1 is valid, only tracks can make a later frame
-        // invalid, so the help of a later frame's error names all tracks. In frame 1, the mistake may be in
-        // the file itself, so the help names only tracks that set a value in the same part of the scene, such
-        // as the camera.
+        // invalid, so the help of a later frame's error names all tracks. If frame 1 is invalid, the mistake
+        // may be in the file itself. The help of an error in frame 1 therefore names only tracks that set a
+        // value in the same part of the scene, such as the camera.
         let near = (self.frame == 1).then_some(span);
         let summary = self.changed.as_ref().and_then(|changed| changed.summary(&self.text, near));
         let Some(summary) = summary else { return error };
@@ -175,9 +175,9 @@ impl Document {
         error.with_help(remedy)
     }
 
-    /// Returns the document of one frame. `text` is its text, which already contains the values `tracks` of
-    /// the animation's tracks. If this document holds the open file of a bare mesh, the file moves to the new
-    /// document.
+    /// Returns the document of one frame. `text` is the text of this frame's document, which already contains
+    /// the values `tracks` of the animation's tracks. If the open file of a bare mesh is still in `self`,
+    /// because the mesh was not read, the open file moves to the returned document.
     pub fn at_frame(&self, frame: u32, text: String, tracks: Vec<TrackValue>) -> Self {
         let settings = self.changed.as_ref().map(|changed| changed.settings.clone()).unwrap_or_default();
         let (file, original) = (self.name.clone(), self.original().to_owned());
@@ -317,8 +317,9 @@ mod tests {
         }
     }
 
-    /// Loads a file with the text `text`, as if another file named it. The other file is in the same folder
-    /// if `is_in_folder` is true. Returns the notes on the loaded file, or the message of the error.
+    /// Loads a file with the text `text`, as if another file named it. If `is_in_folder` is true, the loaded
+    /// file is in the folder of the file that names it. Returns the notes on the loaded file, or the message
+    /// of the error.
     fn notes_or_error(
         name: &str,
         text: &str,

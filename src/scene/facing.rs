@@ -9,10 +9,10 @@ use rayon::prelude::*;
 /// Number of samples (rays that are tested) across a picture. 48 are enough to tell whether most of the
 /// visible surface faces away.
 const ACROSS: usize = 48;
-/// If more than this fraction of the visible surface faces away, raycl writes a note. Exception: with
-/// `two_sided` and without a turntable, raycl has already turned each triangle's normals to the viewer. With
-/// `two_sided` and a turntable, raycl reverses all normals if more than this fraction faces away and the
-/// scene has no outside, as in a room (`turn_normals` in `assemble.rs`).
+/// If more than this fraction of the visible surface faces away, raycl writes a note. With `two_sided` and
+/// without a turntable, there is no such note, since raycl has already turned each triangle's normals to the
+/// viewer. With `two_sided` and a turntable, raycl reverses all normals if more than this fraction faces away
+/// and the scene has no outside, as in a room (`turn_normals` in `assemble.rs`).
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's
@@ -21,17 +21,17 @@ const MOST: f64 = 0.5;
 type Nearest = Vec<(f64, Option<bool>)>;
 
 /// The beginning of the note if the eye is inside an object, although the scene file does not set the eye's
-/// position. The eye is then usually at the origin, which is often inside an object. If the file sets the
-/// position, its author probably wants to see an object's inside, and an angle would have no effect beside
-/// the position.
+/// position. Without a position in the file, the eye is usually at the origin, which is often inside an
+/// object. If the file sets the position, its author probably wants to see an object's inside. An angle,
+/// which this text recommends, would have no effect on a camera whose position is set.
 const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimuth 30 --elevation 20` (azimuth_degrees \
                       and elevation_degrees of [camera]) places the camera outside, where it sees the whole scene; ";
 
 /// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
 /// `aspect`. `starts` contains the index of the first triangle of each object. Only the first `own` triangles
 /// count: all later triangles are a ground that raycl added. `is_turned` is true for a scene on a turntable
-/// with `two_sided`: raycl has then already reversed either all normals of the scene or none. `eye_is_set` is
-/// true if the scene file or a setting sets the eye's position.
+/// with `two_sided`. In such a scene, raycl has already decided whether to reverse all normals or none.
+/// `eye_is_set` is true if the scene file or a setting sets the eye's position.
 pub(super) fn note(
     scene: &Scene,
     (starts, own): (&[u32], usize),
@@ -82,8 +82,8 @@ fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
 }
 
 /// Returns the fraction of the visible surface of the first `own` triangles whose normals point away from the
-/// camera; `None` if none of these triangles is visible. Later triangles hide what is behind them, but do not
-/// count.
+/// camera; `None` if none of these triangles is visible. Triangles after the first `own` ones hide what is
+/// behind them, but do not count as visible surface.
 fn averted_part_of(mesh: &Mesh, own: usize, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
     let grid = Grid::new(camera, [ACROSS, down]);
@@ -213,8 +213,8 @@ mod tests {
     #[test]
     fn surfaces_count_by_their_part_of_the_picture() {
         let rectangle = |across, normal| rectangle(1.0, across, [-1.0, 1.0], normal);
-        // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range show the
-        // rectangle that faces the camera.
+        // At a distance of 1, the picture shows x from -1 to 1. In three quarters of the picture's width, the
+        // rectangle that faces the camera is visible.
         let mut mesh = rectangle([-1.0, 0.5], Vec3::Z);
         mesh.append(rectangle([0.5, 1.0], Vec3::NEG_Z));
         for aspect in [1.6, 0.5] {

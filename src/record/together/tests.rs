@@ -46,7 +46,8 @@ fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
         [on("a", of(None, "gpu")), on("a", other(None, "gpu")), on("b", other(None, "gpu"))];
     assert!(width(&[one.clone(), same]) < 0.98 * alone);
     assert_eq!(width(&[one, another]), alone);
-    // In each of these groups, a baseline was measured with the point.
+    // In each group of the following records, a baseline (a ray caster on the host) was measured with the
+    // point.
     let baseline =
         |record: Record| Record { key: format!("{} on the host", record.key), device: HOST.into(), ..record };
     let one = [of(None, "gpu"), baseline(of(None, "gpu"))];
@@ -96,7 +97,7 @@ fn each_device_is_compared_with_its_own_anchor() {
         (0..5).flat_map(each)
     };
     // The anchor of the device `tpu` was timed only in launch 9, in which no record was measured. The record
-    // of `tpu` therefore has no anchor.
+    // of the device `tpu` has no anchor, since no anchor was timed in the launches of this record.
     let anchors: Vec<AnchorSample> = both(0).chain(both(1)).chain([anchor("third", "tpu", 9, 1.0)]).collect();
     let mut records = vec![on("gpu", 10.0), on("cpu", 10.0), on("tpu", 10.0)];
     judge_with_anchors(&mut records, &anchors);
@@ -140,8 +141,9 @@ fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread
         judge_with_anchors(&mut records, &anchors);
         anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
     };
-    // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the four
-    // points adds two degrees of freedom: four points, less one for the point and one for the anchor.
+    // Two launches leave one degree of freedom. If no processor runs the anchor (the work with which the
+    // points are compared), the usual spread of the points adds two degrees of freedom. These are the number
+    // of points, four, less one for the compared point and one for the anchor.
     assert_eq!((degrees(Some(2), 1.0), degrees(None, 1.0)), (Some(1.0), Some(3.0)));
     // If the anchor's time changes far more than the points' times, the usual spread of the points says
     // nothing about the anchor.
@@ -166,13 +168,14 @@ fn a_noisy_baseline_does_not_hide_differences_between_kernels() {
     // The interval of a ratio to the baseline follows from the baseline's own times.
     let to_baseline = ratio(&with[2], &with[0]).expect("enough samples");
     assert!(to_baseline.high / to_baseline.low > 1.5, "{to_baseline:?}");
-    // A kernel without another kernel beside it is still compared with the baseline.
+    // If a kernel was measured together with a baseline, but with no other kernel, the kernel is still
+    // compared with the baseline.
     let one = judged([with[0].clone(), with[2].clone()]);
     assert!(how_sure(&one).len() == 1 && how_sure(&one) != how_sure(&alone), "{:?}", how_sure(&one));
 }
 
-/// In each launch, one sample of the point or of the anchor is 0. The launch's other nine samples would be
-/// enough samples for a comparison.
+/// In each launch, one sample of the point or of the anchor is 0. Without the sample of 0, the launch's nine
+/// other samples would be enough for a comparison.
 #[test]
 fn a_sample_of_zero_is_no_time_of_a_point_or_an_anchor() {
     let zero = |index: u32| index.is_multiple_of(10);

@@ -34,8 +34,9 @@ struct Hits {
 }
 
 impl Hits {
-    /// Returns the hits of a pixel's ray and of its nudged rays on this triangle. Returns `None` if one of
-    /// these rays misses the triangle, or if rounding may make the pixel's ray miss the triangle.
+    /// Returns the hits of a pixel's ray and of its nudged rays on this triangle. Returns `None` if the
+    /// pixel's ray or a nudged ray misses the triangle, or if rounding may make the pixel's ray miss the
+    /// triangle.
     fn of(asked: &Asked<'_>, tree: &Tree, (ray, rays): (Ray<f64>, &Nudged), triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -54,7 +55,8 @@ impl Hits {
     }
 
     /// Returns the points of all hits in `self`, as a centre and a largest distance from the centre. The
-    /// centre, moved off the triangle's plane by each of the offsets `offs`, also counts as a point.
+    /// centre is the hit of the pixel's own ray. Two more points are the centre, moved off the triangle's
+    /// plane by each of the offsets `offs`.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
         let at = |(ray, hit): &RayHit| surface_at(scene, ray, hit);
         let point = |of: &RayHit| at(of)[0];
@@ -71,8 +73,8 @@ impl Hits {
         }
     }
 
-    /// Returns the triangle's normal on the side of `point`, to which smooth shadows have moved the hit of the pixel's
-    /// own ray; `None` if this hit is not moved.
+    /// Returns the triangle's normal on the side of `point`. Smooth shadows have moved the hit of the pixel's
+    /// own ray to `point`; the function returns `None` if they have not moved this hit.
     fn moved_to(&self, scene: &Scene, point: DVec3) -> Option<DVec3> {
         let (ray, hit) = &self.centre;
         let off = point - (ray.origin + ray.direction * hit.t);
@@ -84,10 +86,11 @@ impl Hits {
 }
 
 /// Computes the result of [`super::sample`] faster if the whole packet of nudged rays hits a single triangle
-/// first, or nothing. One search of the tree then finds the hits of all nudged rays. For each light, one more
-/// search finds out whether the packet from the light to the hits is occluded completely, or not at all. If
-/// the result for a light is uncertain, shadow rays to this light are cast. Returns `None` if it is uncertain
-/// what the rays hit, or if light grazes the triangle.
+/// first, or nothing. In this case, one search of the tree finds the hits of all nudged rays (rays that
+/// differ slightly from the pixel's ray). For each light, one more search finds out whether the packet from
+/// the light to the hits is occluded completely, or not at all. If the result for a light is uncertain,
+/// shadow rays to this light are cast. Returns `None` if it is uncertain what the rays hit, or if light
+/// grazes the triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));

@@ -115,8 +115,8 @@ impl<'a> ClaimData<'a> {
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// Returns the fastest measured record that matches a point. The error is a result line that says why no
-    /// measured record matches.
+    /// Returns the fastest measured record that matches a point. If no measured record matches, the error is
+    /// a [`Line`] for the page that says why.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -164,8 +164,8 @@ impl<'a> ClaimData<'a> {
     }
 
     /// Tests the claim that a point runs or, if `wanted` is false, that the point does not run. If several
-    /// records match the point, the point runs if one of these records has a time. The result line names the
-    /// first record with a time or, if no record has a time, the first record.
+    /// records match the point, the point counts as running if at least one of these records has a time. The
+    /// result line names the first record with a time or, if no record has a time, the first record.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
@@ -220,8 +220,8 @@ impl<'a> ClaimData<'a> {
 }
 
 /// Formats a point with its time, as one side of a comparison: "naive at 8 x 8 on teapot (its best, 1.2 ms)".
-/// The text contains "its best" if the point's size is [`Size::Best`], so that `record` is the fastest of
-/// several records.
+/// If the point's size is [`Size::Best`], `record` is the fastest of several records, and the text contains
+/// "its best".
 pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

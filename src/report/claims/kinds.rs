@@ -40,9 +40,10 @@ pub(super) fn lines(test: &Test, data: &ClaimData<'_>) -> Vec<Line> {
 }
 
 /// Tests the claim that `test.is` is the fastest point: every other point takes at least `test.by` times as
-/// long. The ratio of each other point's time to the time of `test.is` has a verdict. The result line shows
-/// the smallest ratio whose verdict equals the verdict of the whole test. If all ratios are large enough, but
-/// the measurement of some point was not completed, the test is unclear, since that point may be the fastest.
+/// long. Each ratio of another point's time to the time of the point `test.is` gets a verdict, and these
+/// verdicts decide the whole test. The result line shows one ratio: the smallest of those that have the same
+/// verdict as the whole test. If all ratios are large enough, but the measurement of some point was not
+/// completed, the test is unclear, since that point may be the fastest.
 fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match data.measured(&test.is) {
         Ok(best) => best,
@@ -62,7 +63,7 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let verdict = |(_, ratio): &&(&Record, Ratio)| ratio.verdict(&(test.by..=f64::INFINITY));
     let whole = Verdict::of_all(ratios.iter().map(|one| verdict(&one)));
     let deciding = ratios.iter().filter(|one| verdict(one) == whole);
-    let (untimed, decides) = (without_time(&others), "a complete run of the points without a time");
+    let (untimed, decides) = (without_time(&others), "a complete run of the points that have no time");
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
         let compared = format!("point to compare with {}{}", test.is, exceptions(data, test));
         let Some(untimed) = untimed else { return data.missing(&format!("a {compared}")) };
@@ -88,7 +89,7 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
 }
 
 /// Names the points with records that a test leaves out: " (left out: naive at 8 x 8 on teapot)". Returns an
-/// empty text if the test leaves out no such points.
+/// empty text if the test leaves out no points with records.
 fn exceptions(data: &ClaimData<'_>, test: &FastestTest) -> String {
     let recorded = test.except.iter().filter(|point| !data.records(point).is_empty());
     let names: Vec<String> = recorded.map(ToString::to_string).collect();
@@ -224,7 +225,7 @@ fn latency(data: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> Li
         _ => Line::unclear(
             text,
             format!(
-                "a latency whose quartiles are closer together: `{}` measures again",
+                "a latency whose quartiles are closer together: `{}` measures it again",
                 data.run.completion("")
             ),
         ),

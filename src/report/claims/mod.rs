@@ -524,7 +524,7 @@ mod tests {
                 };
                 journal.append(&sample).unwrap();
                 // The file also contains samples of another point, whose shadow pass takes as long as its
-                // primary pass. The samples of the other point must not count.
+                // primary pass. The samples of the point with the key `other` must not count.
                 let other = crate::record::Sample { key: "other".into(), shadow_ms: Some(2.0), ..sample };
                 (0..3).for_each(|_| journal.append(&other).unwrap());
             }
@@ -557,8 +557,8 @@ mod tests {
                 ..Default::default()
             };
             journal.append(&own).unwrap();
-            // A left-out sample may have the same time as a sample of the record, or may have been measured
-            // at the same moment, but never both.
+            // A left-out sample may have the same time or the same moment of measurement as a sample of the
+            // record, but not both.
             for (at_ms, ms) in [(Some(100.0), 10.0), (own.at_ms, 11.0)] {
                 let left_out = crate::record::Sample { at_ms, ms, shadow_ms: Some(60.0), ..own.clone() };
                 (0..3).for_each(|_| journal.append(&left_out).unwrap());

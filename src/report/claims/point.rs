@@ -11,16 +11,17 @@ use serde::Deserialize;
 /// The names of the baselines that claims may refer to.
 const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
 
-/// Selects, by local size, which of a strategy's records on a scene match a point of a claim.
+/// Selects records by their local size. A record matches a point of a claim if it has the point's strategy
+/// and scene, and is selected by its local size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// Only the record with this local size matches.
+    /// Selects only the record with the given local size.
     At([u32; 2]),
-    /// The fastest record of all local sizes matches.
+    /// Selects the fastest of the records with any local size.
     Best,
-    /// All records with square local sizes match.
+    /// Selects all records with square local sizes.
     Square,
-    /// The record of a baseline, which has no local size, matches.
+    /// Selects the record of a baseline (a ray caster on the host), which has no local size.
     Host,
 }
 

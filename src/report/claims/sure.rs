@@ -31,8 +31,8 @@ impl Ratio {
     }
 
     /// Returns the ratio of the times of two passes of a record's frames. `times` contains each sample's
-    /// launch number and the times of the two passes. If one of these times is 0, the result contains a
-    /// reason instead of a ratio. Returns `None` if `times` is empty.
+    /// launch number and the times of the two passes. If a pass has the time 0 in some sample, the result
+    /// contains a reason instead of a ratio. Returns `None` if `times` is empty.
     pub(super) fn of_passes(record: &Record, times: &[(u32, [f64; 2])]) -> Option<Self> {
         let timed = times.iter().filter(|(_, both)| is_timed(both));
         let ratios: Vec<(u32, f64)> = timed.map(|(launch, [of, to])| (*launch, of / to)).collect();
@@ -111,8 +111,8 @@ impl Ratio {
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
-/// Returns why the ratio of two records' times is unknown. If both records lack an interval, returns the
-/// reason of the record with fewer samples in a launch.
+/// Returns why the ratio of two records' times is unknown. If both records have too few samples, returns the
+/// reason of the record whose smallest launch has fewer samples.
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
@@ -124,8 +124,8 @@ fn is_timed(both: &[f64; 2]) -> bool {
     both.iter().all(|ms| *ms > 0.0)
 }
 
-/// Returns why the ratio of two passes is unknown. The reason may state n, which is the number of samples in
-/// the launch with the fewest samples; samples with a time of 0 are not counted.
+/// Returns why the ratio of two passes is unknown. The returned text may state a number n: the number of
+/// samples in the launch with the fewest samples, in which samples with a time of 0 are not counted.
 fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     let fewest = |counts: &dyn Fn(&[f64; 2]) -> bool| {
         let of =
@@ -138,8 +138,8 @@ fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     }
 }
 
-/// Returns a text that says how many samples a verdict needs. A launch takes fewer samples only if
-/// `timing.max_samples` in the config is too small.
+/// Returns a text that says how many samples a verdict needs. A launch takes fewer samples than a verdict
+/// needs only if `timing.max_samples` in the config is too small.
 fn more_samples() -> String {
     format!(
         "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"

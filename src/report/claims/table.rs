@@ -20,7 +20,7 @@ pub struct Row {
     pub place: String,
     /// The values that the paper published on the claim, or a note that the paper published no values.
     pub published: String,
-    /// The meaning of the sentence, as the authors of raycl interpret it.
+    /// The meaning of the claim's sentence in the paper, as the authors of raycl interpret it.
     pub reading: String,
     /// A contradiction within the paper, or between the paper and arithmetic.
     #[serde(default)]
@@ -53,11 +53,11 @@ pub enum Test {
 pub struct FastestTest {
     /// The point that is claimed to be the fastest.
     pub is: Point,
-    /// The points with which the point `is` is compared.
+    /// The points whose times are compared with the time of the point in the field `is`.
     pub of: Vec<Point>,
-    /// The smallest accepted ratio of another point's time to the time of `is`.
+    /// The smallest accepted ratio of another point's time to the time of the point in the field `is`.
     pub by: f64,
-    /// Points that are left out of the comparison although they match `of`.
+    /// Points that match the field `of`, but are nevertheless left out of the comparison.
     #[serde(default)]
     pub except: Vec<Point>,
 }
@@ -160,7 +160,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 
 impl Row {
     /// Returns the first mistake in the row that the crate serde does not detect: an empty text, no test, or
-    /// an unknown config. Returns `None` if the row has no such mistake.
+    /// an unknown config. Returns `None` if the row has none of these mistakes.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),

@@ -8,9 +8,9 @@ pub enum Verdict {
     Held,
     /// The measurement contradicts the claim.
     NotHeld,
-    /// The measurement does not decide the claim. One reason is that a bound of the claimed range lies within
-    /// the 95% interval of a ratio, or between the quartiles of a latency. Other reasons are too few samples,
-    /// a measurement that was not completed, or comparisons that could not be made.
+    /// The measurement does not decide the claim. For example, a bound of the claimed range lies within the
+    /// 95% interval of a ratio, or between the quartiles of a latency. Too few samples, a measurement that
+    /// was not completed, and comparisons that could not be made also leave a claim undecided.
     Unclear,
     /// The claim cannot be tested with the records of this device.
     Cannot,
@@ -46,7 +46,7 @@ impl Verdict {
 
     /// Returns the verdict of a claim from the verdicts of its comparisons (`parts`). The claim holds if all
     /// comparisons hold. The claim does not hold if one comparison does not hold. The claim cannot be tested
-    /// if no comparison can be tested. If none of these conditions is met, the claim is unclear.
+    /// if no comparison can be tested. With any other mix of its comparisons' verdicts, the claim is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {

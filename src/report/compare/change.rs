@@ -24,14 +24,15 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
 }
 
 /// The references of all compared points, and the kind of these references. References are points by whose
-/// mean time the times of other points are divided. A point's references depend only on the rounds in which
-/// the two runs measured the point, so the key of the map identifies these rounds (see [`rounds`]).
+/// mean time the times of other points are divided. Which points are the references of a point depends only
+/// on the rounds in which the two runs measured this point. The key of the map identifies these rounds (see
+/// [`rounds`]).
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
 
 impl<'a> References<'a> {
-    /// Finds the references among `all`, which contains the compared points, and the control points that
-    /// blocks borrowed. A block borrows a control point if the block measures the control point although the
-    /// point belongs to another block.
+    /// Finds the references (points by whose mean time other times are divided) among `all`. `all` contains
+    /// the compared points, and the control points that blocks borrowed. A block borrows a control point if
+    /// the block measures the control point although the point belongs to another block.
     pub fn among(all: &[Both<'a>]) -> Self {
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {
@@ -43,8 +44,9 @@ impl<'a> References<'a> {
         Self(groups.into_iter().filter_map(known).collect())
     }
 
-    /// Returns the references of `points`, which were measured in the same rounds, and the kind of reference.
-    /// The references do not include `points` themselves. Returns `None` if no reference is left.
+    /// Returns the references of `points` (points of the same rounds, by whose mean time other times are
+    /// divided), and the kind of these references. The points in `points` were measured together, and are not
+    /// returned as their own references. Returns `None` if no other point can be a reference.
     pub fn of(&self, points: &[Both<'_>]) -> Option<(Vec<Both<'a>>, Against)> {
         let (references, against) = self.0.get(&rounds(*points.first()?)?)?;
         let is_own = |one: &Record| points.iter().any(|(own, _)| std::ptr::eq(one, *own));
@@ -59,11 +61,11 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns the references of the points `beside`, which were measured in the same rounds. The references are
-/// the baselines that both runs measured in the same rounds as the points and with the same program. If the
-/// runs have no such baselines, the references are the kernels of the same rounds whose times changed by
-/// similar factors. With fewer than three kernels, there are no references, since nobody could know which of
-/// two kernels changed.
+/// Returns those of the points `beside` by whose mean time other times are divided (the references). All
+/// points in `beside` were measured in the same rounds. If both runs measured baselines among them with the
+/// same program, these baselines are the references. Without such baselines, the references are the kernels
+/// whose times changed by similar factors. Returns `None` for fewer than three kernels without baselines,
+/// since nobody could know which of two kernels became faster or slower.
 fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
     let baselines: Vec<Both<'a>> = beside.iter().filter(untouched).copied().collect();
@@ -75,9 +77,9 @@ fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     }
 }
 
-/// Compares the two times of a point, each divided by the anchor's time in the same run. If other programs
-/// may have delayed the point and the anchor by different factors, the interval of the change is wider.
-/// Returns `None` if the two runs do not have the same anchor.
+/// Compares the two times of a point, each divided by the time of the anchor (fixed work that shows the
+/// machine's speed) in the same run. The interval of the change is wider if other programs may have delayed
+/// the point and the anchor by different factors. Returns `None` if the two runs do not have the same anchor.
 fn against_anchor(pair: Both<'_>) -> Option<Interval> {
     let ((first, before), (second, after)) = (anchored(pair.0)?, anchored(pair.1)?);
     let change = (first == second).then(|| after.over(before))?;
@@ -85,8 +87,8 @@ fn against_anchor(pair: Both<'_>) -> Option<Interval> {
 }
 
 /// Returns the half of the points in `beside` whose changes are closest to the median change. `beside` must
-/// not be empty. If a change of code made a minority of points slower, these points are in the half that is
-/// left out.
+/// not be empty. If a change of code made a minority of points slower, these points are not in the returned
+/// half.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
@@ -107,8 +109,9 @@ pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
 }
 
 /// Compares the times of a point with the kernels of two folders. `raycl run --resume` may have measured the
-/// point with one folder in an earlier session. The samples of the two records are then not close in time,
-/// and the times are compared like times of two runs.
+/// point with the kernels of one folder in an earlier session. If the point's two records were measured in
+/// different sessions, their samples are not close in time, and the times are compared like times of two
+/// runs.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));
@@ -157,8 +160,9 @@ mod tests {
     #[test]
     fn a_kernel_is_compared_with_the_baselines_of_its_own_group() {
         let before = two_groups([[1.0, 10.0], [100.0, 300.0]]);
-        // In the second run, the machine was half as fast for the first group. For the second group, the
-        // machine's speed was the same, but the kernel was half as fast.
+        // In the second run, the machine was half as fast for the first group. For the second group of
+        // points, the machine's speed was the same in both runs, but the kernel was half as fast in the
+        // second run.
         let after = two_groups([[2.0, 20.0], [200.0, 300.0]]);
         let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
         let references = References::among(&all);

@@ -20,26 +20,27 @@ impl Comparison {
         }
     }
 
-    /// Returns the pairs of records to which changes may be relative: the compared points, and the control
-    /// points that blocks borrowed.
+    /// Returns the pairs of records by whose times other times may be divided when changes are computed.
+    /// These are the pairs of the compared points, and the pairs in the field `controls`.
     pub(super) fn measured(&self) -> Vec<Both<'_>> {
         self.pairs.iter().map(Pair::both).chain(self.controls()).collect()
     }
 
-    /// Returns the pairs of records of borrowed control points (see the field `controls`).
+    /// Returns the pairs of records of control points that a block measured although they belong to another
+    /// block (see the field `controls`).
     pub(super) fn controls(&self) -> impl Iterator<Item = Both<'_>> {
         self.controls.iter().map(|[before, after]| (before, after))
     }
 }
 
-/// Returns copies of the folders. In the copies, each record has relative times: its times relative to the
-/// records, the borrowed control points and the anchors that were measured in the same rounds. The intervals
-/// of the times themselves are the same as in reports and tables.
+/// Returns copies of the folders. Each record of the copies has times relative to everything that was
+/// measured in the same rounds: other records, control points and anchors. The intervals of the times
+/// themselves are the same as in reports and tables.
 ///
 /// Preempted samples of an anchor (samples that other programs delayed) are found by processor times, and
-/// left out. If such samples were left out in only one folder, the anchor would seem to be slower in the
-/// other folder. Therefore, if a sample of an anchor lacks the processor time in either folder, all samples
-/// of this anchor remain in both folders.
+/// left out. If preempted samples were left out in only one of the two folders, the anchor would seem to be
+/// slower in the other folder. To avoid this, all samples of an anchor remain in both folders if any of its
+/// samples, in either folder, lacks the processor time.
 pub fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     let samples = folders.iter().flat_map(|folder| &folder.anchors);
     let unknown = samples.filter(|sample| sample.processor_ms.is_none());
@@ -57,9 +58,10 @@ pub fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     })
 }
 
-/// Returns pairs of records of the same control point, one from each folder. Each pair was measured in the
-/// same rounds as a pair of compared points. At least one record of a pair is from a block that borrowed the
-/// control point: the block measured the control point although the point belongs to another block.
+/// Returns pairs of records of the same control point, one from each folder. The two records of a pair were
+/// measured in the same rounds as the two records of a compared point. At least one record of a pair is from
+/// a block that borrowed the control point: the block measured the control point although the point belongs
+/// to another block.
 pub fn pairs_of_controls(
     folders: [&Folder; 2],
     compared: &[Pair],

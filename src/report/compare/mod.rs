@@ -46,10 +46,11 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
-    /// Pairs of records of control points that were measured in the same rounds as compared points. In each
-    /// pair, at least one record is from a block that borrowed the control point: the block measured the
-    /// control point although the point belongs to another block. The field `pairs` does not contain the
-    /// pairs of control points.
+    /// Pairs of records of control points (points that each block of a group measures, so that blocks can be
+    /// compared). The records of a pair were measured in the same rounds as the records of a compared point.
+    /// In each pair, at least one record is from a block that borrowed the control point: the block measured
+    /// the control point although the point belongs to another block. These pairs are not in the field
+    /// `pairs`, which has the compared points.
     controls: Vec<[Record; 2]>,
     /// True if one of the folders has several devices, so that the name of a point must include the device.
     several_devices: bool,
@@ -62,8 +63,9 @@ impl Comparison {
         self.several_devices
     }
 
-    /// Compares two folders. The largest change that counts as "same" is `threshold`, as a fraction: 0.02 is 2%. If
-    /// `bare` is true, times are compared without an anchor or baselines.
+    /// Compares two folders. The largest change that counts as "same" is `threshold`, as a fraction: 0.02 is
+    /// 2%. If `bare` is true, the measured times are compared, without dividing them by the times of an
+    /// anchor or of baselines.
     ///
     /// `Correspondence` says which records of the two folders are of the same point.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {

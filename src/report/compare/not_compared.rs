@@ -32,9 +32,9 @@ impl Comparison {
     }
 }
 
-/// The hashes of scenes' contents, by the scene's name and the image size. If raycl places a scene's camera, the
-/// content depends on the image size. Each value is a set, because scenes with different contents can have one name.
-/// `None` stands for an unknown hash.
+/// The hashes of scenes' contents, by the scene's name and the image size. If raycl places a scene's camera,
+/// the content of the scene depends on the image size. Each value of the map is a set, because scenes with
+/// different contents can have one name. `None` stands for an unknown hash.
 type Contents<'r> = HashMap<(&'r str, [u32; 2]), HashSet<Option<&'r str>>>;
 
 fn contents(records: &[Record]) -> Contents<'_> {

@@ -62,9 +62,9 @@ fn described(folder: &Folder, device: &str) -> Value {
     all.find(|one| one["device"] == device).cloned().unwrap_or_default()
 }
 
-/// Returns the properties of a device that affect its times. Each property is a list of texts that a note can
-/// name, or `None` if the property is unknown. PoCL has as many compute units as threads, so a device with
-/// threads has no property for its compute units.
+/// Returns the properties of a device that affect its times. A known property is a list of texts that a note
+/// can show, such as "8 threads"; an unknown property is `None`. PoCL has as many compute units as threads,
+/// so a device with threads has no property for its compute units.
 fn properties(device: &Value) -> [Option<Vec<String>>; 7] {
     let text = |key: &str| device[key].as_str().map(|text| vec![text.to_owned()]);
     let count = |key: &str, what: &str| {
@@ -82,7 +82,7 @@ fn properties(device: &Value) -> [Option<Vec<String>>; 7] {
 }
 
 /// Returns a note if the core-to-core latency of one run was more than `MOVED` times that of the other run.
-/// Returns `None` if the latencies are closer to each other, or if one of them is unknown.
+/// Returns `None` if neither latency is more than `MOVED` times the other, or if a latency is unknown.
 pub(super) fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> {
     let [before, after] = folders.map(|folder| latency_ns(&folder.rounds, &folder.records));
     let (before, after) = (before?, after?);
@@ -91,7 +91,7 @@ pub(super) fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Opti
         let [first, second] = labels;
         format!(
             "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors were at different \
-             distances from each other. This difference can change times, above all those of kernels whose work-groups \
+             distances from each other. Other distances can change times, above all those of kernels whose work-groups \
              share data."
         )
     })
@@ -132,15 +132,15 @@ impl Comparison {
         if self.has_change(Against::BareTimes) {
             self.notes.push(
                 "Some points were measured with one folder of kernels in an earlier session (`--resume`), and with the \
-                 other folder later. Their changes are ratios of medians, and include every difference between the \
-                 sessions, such as load and clock rates. A run in a new folder measures both folders of kernels in the \
-                 same rounds."
+                 other folder later. The changes of these points are ratios of medians, and include every difference \
+                 between the sessions, such as load and clock rates. A run in a new folder measures both folders of \
+                 kernels in the same rounds."
                     .to_owned(),
             );
         }
     }
 
-    /// Returns true if the change of at least one point is relative to measurements of the kind `against`.
+    /// Returns true if the change of at least one point was computed in the way that `against` describes.
     fn has_change(&self, against: Against) -> bool {
         self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, own)| own == against))
     }
@@ -153,17 +153,18 @@ impl Comparison {
         let most = self.pairs.iter().filter(is_anchored).map(of).fold(0.0, f64::max);
         (most > self.threshold).then(|| {
             format!(
-                "Other programs used the processors, and may have delayed a point and the anchor by factors that \
-                 differ by up to {}%. The intervals of the changes include this difference. To compare exactly, \
-                 run both experiments while no other programs run.",
+                "Other programs used the processors, and may have delayed a point and the anchor (the fixed work by \
+                 whose time the point's time is divided) by factors that differ by up to {}%. The intervals of the \
+                 changes include the difference of these factors. To compare exactly, run both experiments while \
+                 no other programs run.",
                 significant(100.0 * most, 2)
             )
         })
     }
 
-    /// Returns a note on the points whose changes are relative to points that changed by similar factors, if
-    /// the comparison has such points. The note names these points, unless the changes of all points with a
-    /// known change are relative to such points.
+    /// Returns a note on the points whose times were divided by those of other points that changed by similar
+    /// factors; `None` if there are no such points. The note names the points, unless it concerns all points
+    /// with a known change.
     fn without_baseline(&self) -> Option<String> {
         let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
         let names: Vec<String> =
@@ -176,22 +177,23 @@ impl Comparison {
         };
         Some(format!(
             "No baseline was measured in both folders, with the same program and the same settings, in the same rounds \
-             as {points}. {changes} are therefore relative to the points that changed by similar factors, so a change that \
-             all points share cannot be detected."
+             as {points}. {changes} are therefore relative to those points whose times changed by similar factors. \
+             A change that all points share cannot be detected."
         ))
     }
 
     /// Returns a note on the kernels with the verdict "cannot tell"; `None` if no kernel has this verdict.
-    /// The note says why raycl cannot tell the change, and which option compares these kernels nevertheless.
+    /// The note says why the changes of these kernels are unknown, and which option compares their times
+    /// nevertheless.
     fn cannot_tell(&self) -> Option<String> {
         let is_unknown = |pair: &&Pair| pair.verdict == Verdict::CannotTell && !pair.before.is_baseline();
         let unknown = self.pairs.iter().filter(is_unknown);
         let names: Vec<String> = unknown.map(|pair| pair.point(self.several_devices)).collect();
         (!names.is_empty()).then(|| {
             format!(
-                "The verdict is \"cannot tell\" for {}. In the rounds in which they were measured, the two folders \
-                 share no anchor kernel, no baselines and fewer than three kernels, so nothing shows how much the \
-                 machine's speed changed. With `--times`, the measured times are compared, \
+                "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed: in the \
+                 rounds in which these kernels were measured, the two folders have neither an anchor kernel, nor \
+                 baselines, nor three kernels in common. With `--times`, the measured times are compared, \
                  and changes include every difference between the runs.",
                 which(&names)
             )
@@ -203,7 +205,7 @@ impl Comparison {
     pub fn lost_points(&self) -> Option<String> {
         (!self.lost.is_empty()).then(|| {
             format!(
-                "`--fail-on-regression` does not test {}. They were measured in {}, and {} has no records of them.",
+                "`--fail-on-regression` does not test {}. These points were measured in {}, and {} has no records of them.",
                 which(&self.lost),
                 self.labels[0],
                 self.labels[1]

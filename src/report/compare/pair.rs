@@ -23,23 +23,23 @@ pub struct Pair {
     pub change: Option<(Interval, Against)>,
 }
 
-/// The measurements to which a change is relative.
+/// By which other measurements, if any, both times of a point are divided to compute the change of its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
     /// The device's anchor, a fixed kernel that was run in the same rounds.
     Anchor,
-    /// Casters on the host that were timed in the same rounds and are the same program in both
-    /// folders.
+    /// Ray casters on the host (baselines) that were timed in the same rounds as the point. Their program is
+    /// the same in both folders.
     Baselines,
-    /// Points of the same rounds that changed by similar factors. Relative to such points, a change that all
-    /// points share cannot be detected.
+    /// Points of the same rounds that changed by similar factors. If all points change by the same factor,
+    /// dividing by these points' times hides the change.
     PointsInCommon,
-    /// The times are relative to no other measurement. The two times are compared directly, although they are
-    /// from different runs or sessions.
+    /// The two times are not divided by another measurement. The two times are compared directly, although
+    /// they are from different runs or sessions.
     BareTimes,
-    /// The times are relative to no other measurement. Both times of the point were measured in the same
-    /// rounds of one run, so they can be compared directly.
+    /// The two times are not divided by another measurement. Both times of the point were measured in the
+    /// same rounds of one run, so they can be compared directly.
     SameRounds,
 }
 
@@ -50,10 +50,11 @@ impl Pair {
         self.change.map(|(change, _)| percent(change.middle))
     }
 
-    /// Formats the change as "+12.3% (+10.1 to +14.2)". For a factor of at least ten, the format is "496× as
-    /// long". For a factor of at most a tenth, the format is "20.0× as fast". If a record has too few
-    /// samples, the format is "n = 10 and 3", with the numbers of samples in the two folders. If the change
-    /// is unknown for another reason, the text is "?".
+    /// Formats the change as "+12.3% (+10.1 to +14.2)". If the second time is at least ten times as long, the
+    /// format is "496× as long". If the second time is at most a tenth as long, the format is "20.0× as
+    /// fast". If a record has too few samples, the format is "n = 10 and 3", with the numbers of samples in
+    /// the two folders. If the change is unknown although both records have enough samples, the returned text
+    /// is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -72,7 +73,7 @@ impl Pair {
     }
 
     /// Returns the point's name, such as "teapot 800 x 500, naive 8x8". If `device` is true and the point is
-    /// not a baseline, the device's name follows.
+    /// not a baseline, the name ends with the device's name.
     pub fn point(&self, device: bool) -> String {
         name(&self.before, device)
     }

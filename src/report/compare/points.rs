@@ -9,15 +9,16 @@ use std::collections::{HashMap, HashSet};
 /// Points correspond if their records have the same key. Points without a record of the same key in the other
 /// folder correspond if their scenes, image sizes, strategies' names and local sizes are equal, and their
 /// devices correspond. Devices correspond if their names are equal, or if records with equal keys show that
-/// the devices are the same. If each folder has a single device, the two devices also correspond, so that
-/// results of different machines can be compared. Scenes correspond if their contents are equal. If either
-/// folder did not record the contents, scenes correspond if their names are equal.
+/// the devices are the same. If each folder has results of only one device, these two devices correspond
+/// whatever their names are, so that results of different machines can be compared. Scenes correspond if
+/// their contents are equal. If either folder did not record the contents, scenes correspond if their names
+/// are equal.
 pub struct Correspondence<'a> {
     /// The keys that have records in both folders.
     common_keys: HashSet<&'a str>,
     /// Maps the first folder's names of devices to the second folder's names.
     device_names: HashMap<String, String>,
-    /// True if each folder has a single device.
+    /// True if each of the two folders has results of only one device.
     one_device_each: bool,
     /// True if scenes correspond by content, and false if they correspond by name.
     pub by_content: bool,
@@ -62,8 +63,8 @@ impl<'a> Correspondence<'a> {
     }
 
     /// Returns a copy of `record`, a record of the second folder, in which the device has the name that the
-    /// first folder gives to it. The copy has the unchanged name unless exactly one device of the first
-    /// folder corresponds to the record's device.
+    /// first folder gives to it. If no device of the first folder corresponds to the record's device, or if
+    /// several do, the copy keeps the name that the record has.
     pub fn with_device_of_first(&self, record: &Record) -> Record {
         let of_device = |(_, second): &(&String, &String)| **second == record.device;
         let mut known = self.device_names.iter().filter(of_device).map(|(first, _)| first);
@@ -72,8 +73,8 @@ impl<'a> Correspondence<'a> {
     }
 }
 
-/// Returns those values of a record that are equal in the two records of a point that one run measured with
-/// two folders of kernels.
+/// Returns the values that a point's two records have in common if one run measured the point with two
+/// folders of kernels.
 pub fn twin(record: &Record) -> ([&str; 3], [u32; 2], Option<[u32; 2]>) {
     ([&record.scene, &record.device, &record.strategy], record.image_size, record.local_size)
 }

@@ -44,8 +44,8 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     of_means.chain(of_points).chain(comparison.broken.iter().cloned()).collect()
 }
 
-/// Returns a note on the means that [`regressions`] cannot test at all, or can test only without some of their points;
-/// `None` if every mean includes all of its points.
+/// Returns a note on the means from which points are left out. [`regressions`] tests these means without the
+/// left-out points, or not at all. Returns `None` if every mean includes all of its points.
 pub fn left_out(comparison: &Comparison) -> Option<String> {
     let lacking = |mean: &Mean<'_>| {
         let name = mean.strategy.unwrap_or("all points together");
@@ -57,17 +57,17 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
         format!(
             "`--fail-on-regression` cannot test these means, or can test them only without some of their points: {}. A \
              point is left out if it has too few samples, if its times are below the timer's resolution, or if no \
-             other work of the same rounds shows how much the machine's speed changed: the anchor kernel, baselines, \
-             or kernels outside the mean.",
+             other work of the same rounds shows how much the machine's speed changed. Such work is the anchor kernel, \
+             baselines, or kernels that are not part of the mean.",
             lacking.join(", ")
         )
     })
 }
 
 /// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median,
-/// this factor is relative to other measurements (see [`Against`]). If the program became slower, all samples
-/// take longer, including the fastest. If only the machine was slower for most of the run, the fastest
-/// samples take as long as before.
+/// the change of the 10% quantile is relative to other measurements (see [`Against`]). If the program became
+/// slower, all samples take longer, including the fastest. If the program is as fast as before, but the
+/// machine was slow for most of the run, the fastest samples take as long as in the first run.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
     let [Some(before), Some(after)] = [before, after] else { return change.middle };
@@ -91,8 +91,8 @@ struct Mean<'a> {
     points: usize,
     /// Number of points that the mean includes.
     tested: usize,
-    /// The mean change; `None` if the mean can include no point or, for a strategy, only one point. A single
-    /// point is tested separately.
+    /// The mean change; `None` if too few points can be included: none at all or, for a strategy, only one. A
+    /// single point is tested separately.
     change: Option<Interval>,
 }
 
@@ -148,9 +148,10 @@ fn mean<'a>(
 }
 
 /// Returns the mean change of points that were measured together, on one device; `None` if the points have no
-/// reference. Without an anchor and without baselines, the references are points that are not part of the
-/// mean, so the mean of all points has no references. `controls` are the borrowed control points of the
-/// mean's strategy. Neither the control points nor the group's own points are references.
+/// references (other work by whose times their times are divided). Without an anchor and without baselines,
+/// only points that are not part of the mean can be references, so the mean of all points has none.
+/// `controls` are control points of the mean's strategy that blocks borrowed (measured although they belong
+/// to other blocks). Neither these control points nor the points of `group` can be references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],
@@ -167,7 +168,8 @@ fn change_of_group<'a>(
             // A point's delay is the logarithm of the factor by which other programs may have made the
             // point's change too large. The delay of one point changes the logarithm of the mean by the delay
             // divided by the number of points. Positive and negative delays both widen the interval, so they
-            // must not cancel in a sum. The delays are therefore applied one after another.
+            // must not cancel in a sum. For this reason, the delays of the points are applied one after
+            // another.
             let delay_of = |(before, after): &Both<'_>| unshared_delay(before, after) / points.len() as f64;
             Some(points.iter().map(delay_of).fold(change, Relative::over_up_to))
         }

@@ -89,8 +89,8 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     let regressions = in_common.regressions(25.0);
     assert!(regressions[0].starts_with("wide at its 2 points is 50.0% slower"), "{regressions:?}");
     assert_eq!(regressions.len(), 3, "{regressions:?}");
-    // Without a baseline, nothing shows whether all points became slower. The change of the mean over the
-    // points of `wide` must not be computed relative to these same points.
+    // Without a baseline, nothing shows whether all points became slower. The mean change of the strategy
+    // `wide` must not be computed relative to points of `wide` itself.
     let note = in_common.left_out_of_means().unwrap();
     assert!(note.contains("their points: all points together (without 6 of 6 points). A point"), "{note}");
 }
@@ -111,8 +111,8 @@ fn a_group_without_an_anchor_does_not_hide_the_others() {
 }
 
 /// The points of ten scenes were measured with the same anchor. From run to run, the time of each point
-/// differs by 0.4%. The differences of the points average out in a mean, but the difference of the anchor
-/// does not.
+/// differs by 0.4%. In a mean over all points, the differences of single points average out. The difference
+/// of the anchor (the fixed work by whose time all of them are divided) does not.
 #[test]
 fn the_anchors_own_difference_between_runs_does_not_average_out() {
     let record = |number: u32, record: &Record| Record {
@@ -137,8 +137,8 @@ fn the_anchors_own_difference_between_runs_does_not_average_out() {
         }
     };
     let comparison = of(&run("old", 1.0), &run("new", 1.02));
-    // The difference of the two anchors has a standard deviation of 0.4% times the square root of 2. In one
-    // of 150 comparisons, the difference is above 1.4%.
+    // The difference between the two runs' anchors has a standard deviation of 0.4% times the square root of
+    // 2. In one of 150 comparisons, the difference is above 1.4%.
     assert_eq!(comparison.regressions(1.0), Vec::<String>::new());
     let regressions = comparison.regressions(0.3);
     assert!(regressions[0].starts_with("all points together are 2.0% slower"), "{regressions:?}");
@@ -183,8 +183,8 @@ fn one_kernel_that_is_slower_is_found_among_others() {
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let regressions = comparison.regressions(5.0);
     assert!(regressions[0].contains("bvh"), "{regressions:?}");
-    // The permitted probability of a false report is 2%. A third of the 2% is for the tests of single points,
-    // so the test of each of the five points may use a fifteenth of the 2%.
+    // The permitted probability of a false report is 2%. The tests of single points together may use a third
+    // of this probability. These are five tests, so each of them may use a fifteenth of the 2%.
     let (change, _) = comparison.pairs.iter().find(|pair| pair.before.name == "bvh").unwrap().change.unwrap();
     let least = |risk: f64| format!("at least {:.1}%", super::pair::percent(change.surely_above(risk)));
     assert_ne!(least(0.02 / 3.0 / 5.0), least(0.02 / 5.0));
@@ -202,8 +202,8 @@ fn a_machine_of_two_speeds_is_no_regression() {
         after[2].median_ms = Some(7.5);
         of(&folder("old", before.clone()), &folder("new", after))
     };
-    // In `some`, one sample in five of the second folder is as fast as in the first folder. In `all`, every sample is
-    // slower than in the first folder.
+    // In the comparison `some`, one sample in five of the second folder's slow point is as fast as in the
+    // first folder. In the comparison `all`, every sample of this point is slower than in the first folder.
     let [some, all] = [1, 0].map(slow_from);
     let change = some.pairs[2].change_percent();
     assert!(change.is_some_and(|percent| percent > 40.0), "{change:?}");
@@ -316,8 +316,8 @@ fn devices_whose_states_differ_are_named_with_what_differs() {
     assert_eq!([note(&two, &two), note(&two, &plain)], [None, None]);
 }
 
-/// In this test, the second machine has two devices of the same name, so the compared device has a longer
-/// name there. The second config gives another name to a strategy, and the program of `wide` has changed.
+/// The second machine has two devices of one name, so the second folder has a longer name for the compared
+/// device. The second config gives another name to a strategy, and the program of `wide` has changed.
 #[test]
 fn records_of_one_key_correspond_whatever_their_names_are() {
     let before = ["naive", "wide", "bvh"].map(|name| timed("cpu", name, 10.0));
@@ -349,8 +349,8 @@ fn points_that_the_second_folder_lacks_are_noted() {
     let note = of(&all, &few).lost_points().unwrap();
     let first = "`--fail-on-regression` does not test these points: teapot 800 x 500, bvh 8x8; teapot";
     assert!(note.starts_with(first) && note.ends_with("in all, and few has no records of them."), "{note}");
-    // The second folder lacks a point that has no time in the first folder either, so this point does not
-    // count as lost.
+    // The point `deferred` has no time in the folder `few`, so it does not count as lost if the folder `all`
+    // does not contain it.
     assert_eq!(of(&few, &all).lost_points(), None);
     let many = of(&all, &folder("none", vec![infeasible("a", "naive", 8, "no")])).lost_points().unwrap();
     assert!(
@@ -380,9 +380,9 @@ fn five_points(slow: impl Fn(&str) -> f64) -> Vec<Record> {
     ["wide", "naive", "bvh", "tile", "raster"].map(|name| timed("a", name, slow(name))).to_vec()
 }
 
-/// Returns the points of [`five_points`] as a group of two blocks. The first block has the first three
-/// points, of which `wide` is the control point. The second block has the last two points, and also measures
-/// (borrows) the control point.
+/// Returns the points of [`five_points`] as a group of two blocks (parts that are measured separately). The
+/// first block has the first three points. One of these, `wide`, is the control point, which every block
+/// measures. The second block has the last two points, and also measures (borrows) the control point `wide`.
 fn two_blocks(label: &str, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = five_points(slow);
     records.push(Record { is_control: true, ..records[0].clone() });
@@ -405,12 +405,12 @@ fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds
     assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
     assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
-    // The mean of all points is not tested: the only reference of this mean is the control point, which is
-    // one of the mean's points.
+    // The mean of all points is not tested: its points could be compared only with the control point, which
+    // is one of them.
     let note = changed.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
     // The folder `whole` has the same points, but they were not divided into blocks: all points were measured
-    // in the same rounds. A comparison with `whole` also includes all five points.
+    // in the same rounds. All five points are compared with the folder `whole`, too.
     let whole = folder("whole", five_points(|_| 1.0));
     for comparison in [of(&blocks, &whole), of(&whole, &blocks)] {
         assert_eq!(comparison.summary(), "0 faster, 0 slower, 5 same, 0 unclear");
@@ -490,7 +490,7 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
 }
 
 /// The drift that is subtracted from the logarithms of a point's times is computed from all samples of the
-/// same rounds. A point's drift affects the point's ratio to the anchor.
+/// same rounds. A point's drift (a slow change of its times) affects its ratio to the anchor (fixed work).
 #[test]
 fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
     let run = |label: &str, unsteady: f64| {
@@ -513,8 +513,8 @@ fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_t
 }
 
 /// Returns a folder with the points and anchors of `one` and `other`. The points and anchors of `other` get
-/// the device `device` and launch numbers that are larger by `launches`. The points of `other` also get
-/// another scene.
+/// the device `device` and launch numbers that are larger by `launches`. The points of `other` get the scene
+/// "room", so that they differ from the points of `one`.
 fn and(one: Folder, other: Folder, launches: u32, device: &str) -> Folder {
     let record = |record: &Record| Record {
         scene: "room".into(),
@@ -544,8 +544,8 @@ fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
         assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{device}");
         assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
         // Relative to their anchors, the points of the second group take 1.2 times as long as before, and the
-        // points of the first group take as long as before. The geometric mean of all changes is therefore
-        // the square root of 1.2.
+        // points of the first group take as long as before. Both groups have four points, so the geometric
+        // mean of all changes is the square root of 1.2.
         let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
         assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
         let regressions = slow_kernels.regressions(5.0);
@@ -563,8 +563,8 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
         and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| 1.0), launches, "gpu")
     };
     let together = run("together", 1.0, 0);
-    // If points were compared relative to the anchor of another group, the points would appear to be slower
-    // in the run `after`.
+    // The anchor is fixed work that is timed with each group of points. Relative to the anchor of another
+    // group, the points would appear to be slower in the second run.
     let (fast, slow) = (run("fast", 0.5, 10), run("slow", 2.0, 10));
     for (before, after) in [(&together, &slow), (&fast, &together)] {
         let comparison = of(before, after);
@@ -573,8 +573,8 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
     }
 }
 
-/// Returns a folder in which each sample of the anchor took `delay` times as long because of other programs,
-/// while these programs delayed no sample of a point.
+/// Returns a folder in which other programs delayed every sample of the anchor by the factor `delay`, but no
+/// sample of a point. The anchor is the fixed work by whose time the points' times are divided.
 fn with_delayed_anchor(mut folder: Folder, delay: f64) -> Folder {
     folder.records.iter_mut().for_each(|record| record.utilization = Some(2.0));
     for anchor in &mut folder.anchors {
@@ -600,7 +600,7 @@ fn an_anchor_that_other_programs_delayed_makes_no_point_faster_or_slower() {
 }
 
 /// The points take twice as long, but seem to take 3.2 times as long, because the anchor was delayed by the
-/// factor 1.6 in the first run. The delay can explain only the factor 1.6.
+/// factor 1.6 in the first run. This delay of the anchor can explain only the factor 1.6 of these 3.2.
 #[test]
 fn a_slowdown_of_all_points_that_exceeds_the_anchors_delay_is_found_in_the_means() {
     let busy = with_delayed_anchor(anchored("busy", 1.0, |_| 1.0), 1.6);
@@ -643,7 +643,7 @@ fn another_anchor_tells_nothing() {
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
 
-/// In this test, the anchor's time varies far more from launch to launch than the points' times.
+/// Here, the time of the anchor (fixed work) varies far more from launch to launch than the points' times.
 #[test]
 fn intervals_of_times_are_those_of_all_other_views() {
     let run = |label: &str| {

@@ -16,7 +16,8 @@ const LONGEST_SLANTED: usize = 20;
 /// What the x axis of a chart shows: names or numbers.
 #[derive(Clone, Debug)]
 pub enum Across {
-    /// Names at equal distances. The x value of a mark is the index of a name.
+    /// Names at equal distances. The x value of a mark (a sign in the chart) is the index of the mark's name
+    /// in this list.
     Names(Vec<String>),
     /// Numbers, on a linear or logarithmic scale.
     Numbers(Kind),

@@ -12,8 +12,8 @@ use crate::image::viridis;
 pub enum Cell {
     /// The cell of a point whose time can be compared.
     Time {
-        /// The point's time divided by the time of the fastest point with which the point is compared. The
-        /// heat map treats a ratio below 1 as 1.
+        /// The point's time divided by the time of the fastest of the compared points. The heat map treats a
+        /// ratio below 1 as 1.
         slower: f64,
         /// The text in the cell: the point's time, or a ratio of times.
         text: String,
@@ -25,8 +25,8 @@ pub enum Cell {
     /// The cell of a point without a time, or with a time that cannot be compared because the point has too
     /// few samples or times of 0.
     Nothing {
-        /// The reason for the missing time, as a word that the legend explains; or the time that cannot be
-        /// compared, as text.
+        /// If the point has no time, the reason as a word, which the legend explains. If the point has a time
+        /// that cannot be compared, this time as text.
         code: String,
         /// The cell's tooltip, with the full reason.
         tip: String,
@@ -38,8 +38,8 @@ pub enum Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page. The name of the heat map's hatching pattern contains this name, and
-    /// is therefore unique too.
+    /// A name that is unique on the page. The name of the heat map's hatching pattern contains `id`, so it is
+    /// unique on the page as well.
     pub id: String,
     /// The heat map's title.
     pub title: String,
@@ -300,8 +300,8 @@ mod tests {
         assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
     }
 
-    /// A page contains the wide and the narrow form of a heat map, and each name of a pattern must occur only
-    /// once on a page.
+    /// A page contains each heat map in a wide and in a narrow form. The hatching patterns of both forms need
+    /// different names, since a name may occur only once on a page.
     #[test]
     fn the_hatching_of_each_form_of_a_map_has_a_name_of_its_own() {
         let map = HeatMap {

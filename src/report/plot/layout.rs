@@ -37,9 +37,9 @@ impl Layout {
         self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
     }
 
-    /// Splits a title or an axis's label into lines that fit into the chart's width. On a screen, a line must
-    /// end before the end of the x axis, since not every plot has a legend on the right. A single line is
-    /// usually enough for a title nevertheless.
+    /// Splits a title or an axis's label into lines that fit into the chart's width. On a screen, a line of
+    /// the title or label must end before the end of the x axis, since not every plot has a legend on the
+    /// right. A title usually fits into a single line, although this line is short.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
         let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;

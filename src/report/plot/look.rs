@@ -24,8 +24,8 @@ impl Look {
         Self { number, dashed: false }
     }
 
-    /// Returns the colour of the series in SVG and PNG files. On a page, the style sheet sets the colour
-    /// instead.
+    /// Returns the colour of the series in SVG and PNG files. On a page, the style sheet replaces the
+    /// returned colour with its own.
     pub fn colour(self) -> &'static str {
         SERIES[self.number % SERIES.len()]
     }

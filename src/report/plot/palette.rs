@@ -1,8 +1,8 @@
 //! The colours of plots, which colour-blind readers can distinguish.
 
-/// The palette of M. Okabe and K. Ito (2008) with a darker orange, and with grey instead of black and yellow.
-/// Black and yellow are replaced because black is hard to see on a dark background, and yellow on a white
-/// background.
+/// The colours of the series in a plot. They are the palette of Masataka Okabe and Kei Ito (2008) with a
+/// darker orange, and with grey instead of black and yellow. Black and yellow are replaced because black is
+/// hard to see on a dark background, and yellow on a white background.
 pub const SERIES: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
 /// The colour of text.
 pub const INK: &str = "#1c2530";

@@ -86,9 +86,9 @@ fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
 }
 
-/// Returns the ticks of a logarithmic axis, which are powers of ten. For a short range, also returns
-/// multiples of powers of ten, such as 2 and 5 times a power. For a long range, returns only every second,
-/// third, ... power of ten.
+/// Returns the ticks of a logarithmic axis, which are powers of ten. If the axis spans a short range, also
+/// returns ticks between these powers, such as 2 and 5 times a power of ten. For a long range, returns only
+/// every second, third, ... power of ten.
 fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (high / low).log10();

@@ -13,10 +13,10 @@ pub fn shorten(name: &str, longest: usize) -> String {
     name.chars().take(head).chain(['…']).chain(name.chars().skip(length - tail)).collect()
 }
 
-/// Shortens the names of a plot to at most `longest` characters. A name that is too long loses the words,
-/// including the preset, that all names that are too long share. If the name is still too long, it also loses
-/// the keys of its words (`axis=`), and finally its middle, as by [`shorten`]. Different names get different
-/// labels: a label that would equal an earlier label ends with a number.
+/// Shortens the names of a plot to at most `longest` characters. If all names that are too long share some
+/// words, such as the preset, these words are left out of these names. If a name is still too long, the keys
+/// of its words (`axis=`) are left out, and finally its middle, as by [`shorten`]. Different names get
+/// different labels: a label that would equal an earlier label ends with a number.
 pub fn shorten_all(names: &[&str], longest: usize) -> Vec<String> {
     let long: Vec<&str> = names.iter().copied().filter(|name| name.chars().count() > longest).collect();
     let mut labels: Vec<String> = Vec::new();
@@ -45,7 +45,7 @@ fn label(name: &str, long: &[&str], longest: usize) -> String {
     if fits(&with_keys) { with_keys } else { shorten(&text(values.join("+")), longest) }
 }
 
-/// Returns the value in a word of the form `axis=value`. Returns any other word unchanged.
+/// Returns the value in a word of the form `axis=value`. Returns a word of another form unchanged.
 fn value(word: &str) -> &str {
     let is_axis =
         |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_');
@@ -246,7 +246,7 @@ mod tests {
         }
     }
 
-    /// The labels are too short for the middle of the names, in which pairs of names differ.
+    /// Some names differ only in their middle, and the labels are too short to show the middle of a name.
     #[test]
     fn labels_that_would_still_be_equal_end_with_a_number() {
         let ends: &[&str] = &["aaaaaaaaaaaa", "bbbbbbbbbbbb"];

@@ -63,8 +63,8 @@ const ABOVE_MARGIN: f64 = 18.0;
 const BESIDE_MARGIN: f64 = 24.0;
 /// The label of the x axis. The label is centred below the x axis, and must not be much longer than the axis.
 const LABEL: &str = "a sample's time minus the point's median, in % of the median";
-/// The largest number of dots in a row. If a point has more samples, the row shows only every second, third,
-/// ... sample.
+/// The largest number of dots in a row of the strip plot (the samples of one point). If a point has more
+/// samples, the row shows only every second, third, ... sample.
 const DOTS: usize = 120;
 
 impl Strip {
@@ -107,9 +107,9 @@ impl Strip {
         svg.finish([right + margin, end], &self.title, LABEL)
     }
 
-    /// Returns how far the x axis extends on both sides of 0, in percent of the median. Nearly all samples
-    /// are within this range. A few samples that are far from the median may lie outside this range, so that
-    /// all other samples have enough space.
+    /// Returns how far the x axis extends on both sides of 0, in percent of the median. The x axis shows
+    /// nearly all samples. A few samples that are far from the median may lie beyond the ends of the x axis,
+    /// so that all other samples have enough space.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();

@@ -27,7 +27,7 @@ const MEMORY: [&str; 7] = [
 /// The bytes that a ray-triangle test reads of a ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 /// If a point's median is below this fraction of the median of a point with a better rank, the medians seem
-/// to contradict the ranking. Smaller differences count as ties.
+/// to contradict the ranking. Medians that are closer to each other than this fraction says count as tied.
 const CLEARLY_SMALLER: f64 = 0.99;
 /// The sentence that the page shows after the best local sizes if medians seem to contradict the ranking of
 /// points.
@@ -89,9 +89,11 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from a run with several memory strategies (presets of [`MEMORY`]). If no
-/// run has several memory strategies, each line of the answer says so. `taken` contains the names of the
-/// plots of earlier answers. The plots of this answer get other names, which the function adds to `taken`.
+/// Returns the four lines of the page's answer for a device. The answer comes from a run with several memory
+/// strategies (presets of [`MEMORY`], which differ in the memories that they use). If no run has several
+/// memory strategies, each of the four lines says so. `taken` contains the names of the plots that the page
+/// already has for other devices. The plots of the returned answer get names that are not in `taken`, and the
+/// function adds these names to `taken`.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut Vec<String>) -> Answer {
     let kinds = |run: &Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);

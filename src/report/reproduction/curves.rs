@@ -51,8 +51,8 @@ pub(super) fn curves_of(
         curves(number, &run.groups, device).iter().map(|curve| curve.ours.len()).sum::<usize>()
     };
     // The experiment of another figure may contain a few points of this figure at the paper's image size. A
-    // few points are not a curve, so a run needs at least half as many of the figure's points as the run with
-    // the most points.
+    // curve of a few points would say little, so a run is used only if it has at least half as many of the
+    // figure's points as the run with the most points.
     let most = runs.iter().map(points).max().unwrap_or(0);
     let run = with_most(runs, most.div_ceil(2).max(1), points)?;
     let curves = curves(number, &run.groups, device);

@@ -15,8 +15,8 @@ impl Reproduction {
     }
 }
 
-/// Returns a device's answer and claims. `drivers` maps a device's common name to the name that the driver
-/// reports.
+/// Returns, for a device, the answer to the student paper's question, and the verdicts on the paper's claims.
+/// `drivers` maps a device's common name to the name that the driver reports.
 fn device(device: &Device, drivers: &HashMap<String, String>) -> Value {
     let answer = &device.answer;
     json!({

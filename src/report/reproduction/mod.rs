@@ -39,8 +39,8 @@ pub struct Reproduction {
     commands: Vec<String>,
     /// The names of those folders next to the page that contain a report.
     reports: Vec<String>,
-    /// Maps a device's common name to the name that the driver reports. The map does not contain devices for
-    /// which the two names are equal.
+    /// Maps a device's common name to the name that the driver reports. The map contains only devices for
+    /// which the common name and the driver's name differ.
     drivers: HashMap<String, String>,
 }
 
@@ -118,8 +118,8 @@ impl Reproduction {
 }
 
 /// Sorts runs by their image size: first the size of the paper's figures, then all further sizes in the order
-/// of the runs. Each section of the page uses the first size at which the section's points were measured. All
-/// sections therefore use the same size if possible.
+/// of the runs. Each section of the page uses the first of these image sizes at which the section's points
+/// were measured. If possible, all sections of the page thus show the same image size.
 fn sort_by_size(runs: &mut [Run<'_>]) {
     let mut sizes = vec![PAPER_SIZE];
     sizes.extend(runs.iter().map(Run::image_size));
@@ -156,8 +156,8 @@ fn has_results(folder: &Folder, device: &str) -> bool {
 }
 
 /// Returns the results of a device, without notes. `index` is the device's index on the page. `taken`
-/// contains the names of the plots in the answers of earlier devices, and the function adds the names of the
-/// plots in this device's answer.
+/// contains the names of the plots that the page already has for other devices. The function adds the names
+/// of the plots in the answer for this device.
 fn device(
     index: usize,
     name: &str,

@@ -19,7 +19,7 @@ const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
 
 /// Returns a plot like the paper's Figure 5 with three curves: the published values, the prediction for the
 /// paper's number of registers, and the prediction for the kernel of the preset `naive` on the device
-/// `device`. The third curve is left out if the kernel's number of registers is unknown.
+/// `device`. The curve for the kernel of `naive` is left out if this kernel's number of registers is unknown.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];

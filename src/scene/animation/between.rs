@@ -65,8 +65,8 @@ pub(super) fn between(
 
 /// Returns the value at the frame `frame` of the monotone cubic interpolant of Fritsch and Butland (1984), as
 /// in SciPy's `PchipInterpolator`. The interpolant stays between the values of the two neighbouring
-/// keyframes. Therefore, a number that is valid at all keyframes is valid at all frames. A coordinate of a
-/// camera never moves away from its value at the next keyframe.
+/// keyframes. Therefore, a number that is valid at all keyframes is valid at all frames. Between two
+/// keyframes, a coordinate of a camera moves only towards its value at the second of them, and never back.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -83,10 +83,10 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
 }
 
 /// Returns the curve's slope, per frame, at the keyframe `key`. If there are only two keyframes, the curve is
-/// a straight line. Otherwise, [`end_slope`] computes the slope at the first and the last keyframe. At any
-/// other keyframe, two lines lead to the neighbouring keyframes. The slope is a weighted harmonic mean of the
-/// two lines' slopes, so that the curve does not overshoot. If the lines' slopes have different signs, or if
-/// one of them is 0, the slope is 0.
+/// a straight line. If there are more than two keyframes, [`end_slope`] computes the slope at the first and
+/// the last of them. From each keyframe between these, two straight lines lead to the neighbouring keyframes.
+/// The curve's slope is a weighted harmonic mean of the two lines' slopes, so that the curve does not
+/// overshoot. If the two lines' slopes have different signs, or if one of them is 0, the curve's slope is 0.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);
@@ -109,9 +109,9 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 
 /// Returns the slope at the first or the last keyframe. The result is the slope of the parabola through this
 /// keyframe and the two nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical
-/// Computing with MATLAB, 2004, section 3.6). The first argument has the lengths, in frames, of the two lines
-/// between these three keyframes; the second argument has the slopes of these lines. In both arguments, the
-/// line that ends at the first or the last keyframe of the track comes first.
+/// Computing with MATLAB, 2004, section 3.6). Two straight lines connect these three keyframes. The first
+/// parameter has the lengths of the two lines, in frames; the second parameter has their slopes. In both
+/// parameters, the line that ends at the first or the last keyframe of the track comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {
@@ -182,9 +182,10 @@ mod tests {
         }
     }
 
-    /// The expected slopes of the parabola were calculated on paper. Consider two lines of equal length
-    /// between the three keyframes. If the first line has the slope 1 and the second line the slope `next`,
-    /// the parabola's slope at the first keyframe is (3 * 1 - next) / 2.
+    /// The expected slopes of the parabola were calculated on paper. Consider two straight lines of equal
+    /// length, which connect the three keyframes. The first line has the slope 1, and the second line has the
+    /// slope `next`. The parabola through the three keyframes has the slope (3 * 1 - next) / 2 at the first
+    /// of them.
     #[test]
     fn an_end_has_the_slope_of_a_parabola_unless_the_curve_would_overshoot() {
         for (next, expected) in [(1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (10.0, 0.0), (-1.0, 2.0), (-5.0, 3.0)] {

@@ -106,8 +106,8 @@ impl Track {
     /// picture, or a mesh file that names pictures.
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
-        // A keyframe that was placed by `evenly` can lie between two frames. A picture that such a keyframe
-        // names is needed from the later of the two frames on.
+        // A keyframe that was placed by `evenly` can lie between two frames. If a keyframe between two frames
+        // names a picture, the picture is needed from the later of these two frames on.
         self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 
@@ -175,9 +175,9 @@ fn given(
     Ok(numbers.into_iter().map(f64::from).collect())
 }
 
-/// Returns the frames of `values` evenly spaced keyframes. The first keyframe is at frame 1, and the last of
-/// several keyframes is at frame `frames`. All other keyframes can lie between two frames. An animation of
-/// one frame has only the first keyframe.
+/// Returns the frames at which `values` evenly spaced keyframes lie. The first keyframe is at frame 1, and
+/// the last of several keyframes is at frame `frames`. Keyframes between the first and the last one need not
+/// lie at whole frames. An animation of one frame has only the first keyframe.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let values = if frames == 1 { 1 } else { values };
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
@@ -186,7 +186,7 @@ fn evenly(values: usize, frames: u32) -> Vec<f64> {
 }
 
 /// Returns a track's interpolation: `given` or, if `given` is `None`, `Smooth` for numeric values and `Step`
-/// for other values. Refuses values that this interpolation cannot interpolate.
+/// for other values. Refuses values that the track's interpolation cannot interpolate.
 fn checked(
     document: &Document,
     values: &[Spanned<Value>],

@@ -91,7 +91,7 @@ fn with_values(
     let base = Camera { z_near, ..lens.map_or(base, |lens| lens.on(base)) };
     let given = |position: &Option<Spanned<Position>>| position.as_ref().map(|p| p.get_ref().in_scene());
     let up = wire.up.as_ref().map(|up| Vec3::from_array(up.get_ref().0));
-    // With a ball around the scene, `up` has already determined the base camera.
+    // If there is a ball around the scene, the base camera was already built with the file's `up`.
     let up_is_used = up.is_none() || ball.is_some() && up != Some(Vec3::ZERO);
     if wire.position.is_none() && wire.look_at.is_none() && up_is_used {
         return Ok(base);

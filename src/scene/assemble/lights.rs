@@ -12,10 +12,11 @@ use crate::scene::wire::{LightWire, SceneWire};
 use crate::scene::{Area, Camera, Light};
 use glam::Vec3;
 
-/// Returns the lights of a scene. With a `studio`, these are the studio's lights. Without a studio, the
-/// function returns the lights that the scene file or the user sets. If the user sets no lights for a bare
-/// mesh, the function returns the lights of the mesh's own file. If that file has no lights and the user sets
-/// no sky, the function returns a key light and a fill light.
+/// Returns the lights of a scene. If there is a `studio` (the default surroundings of a bare mesh), the
+/// function returns the studio's lights. Without a studio, the function returns the lights that the scene
+/// file or the user sets. If the user sets no lights for a bare mesh, the function returns the lights of the
+/// mesh's own file. If the mesh's own file has no lights and the user sets no sky, the function returns a key
+/// light and a fill light.
 pub(super) fn lights(
     document: &Document,
     wire: &SceneWire,

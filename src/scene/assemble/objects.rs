@@ -82,7 +82,7 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
 }
 
 /// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene file's
-/// coordinates. Applies the object's `material` to them.
+/// coordinates. Applies the object's `material` to the triangles.
 pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> MeshFile {
     let from = if document.bare { DVec3::ZERO } else { file.placement.origin };
     let mut transform = transform(wire);
@@ -94,7 +94,8 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile,
     file.mesh.materials.iter_mut().for_each(|material| material.emitted *= WHITE_RADIANCE);
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
-        // k_l also replaces colours that vary within triangles.
+        // A `k_l` in the scene file replaces the colours of the mesh, even colours that vary within
+        // triangles.
         if material.k_l.is_some() {
             file.mesh.corner_colours.clear();
         }
@@ -253,9 +254,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
 
 /// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
 /// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
-/// memory again. The mesh and this memory together take one and a half times the mesh's memory. Two triangles
-/// therefore need the memory of three triangles, one and a half positions and one and a half normals. The
-/// numbers of positions and of normals are rounded up to two.
+/// memory again. In total, the shape needs one and a half times the mesh's memory. For every two triangles of
+/// the shape, this is the memory of three triangles, one and a half positions and one and a half normals. The
+/// function rounds one and a half positions up to two positions, and the normals likewise.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;
@@ -293,7 +294,8 @@ fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Positio
     if mesh.triangles.is_empty() {
         return Err(document.error(faces.span(), "`faces` is empty: no triangles", "here"));
     }
-    // Vertices far from the origin are relative to a nearer origin until they are in the scene's coordinates.
+    // If vertices are far from the origin, their positions are stored relative to a nearer origin until they
+    // are converted to the scene's coordinates.
     let placement = Placement { scale: 1.0, ..files::placement_of(used(&mesh, &vertices)) };
     mesh.positions = vertices.into_iter().map(|vertex| placement.apply(vertex).as_vec3()).collect();
     Ok(MeshFile { mesh, placement, ..MeshFile::default() })

@@ -163,8 +163,8 @@ fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
     std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n").unwrap();
-    // The position is behind the triangle. If only the position were used, the camera would look along -z,
-    // away from the triangle.
+    // The position of the camera is behind the triangle. If only the position were used, the camera would
+    // look along -z, away from the triangle.
     let behind = Value::Array([1, 1, -5].map(Value::Integer).to_vec());
     let scene = load_scene_with(&path, &[("camera.position".to_owned(), behind)]).unwrap().scene;
     assert!(scene.camera.forward.distance(Vec3::Z) < 1e-6, "{}", scene.camera.forward);
@@ -212,8 +212,8 @@ fn a_scene_without_any_light_is_noted() {
     assert!(is_noted(""));
     assert!(!is_noted("[[light]]\nposition = [1, 3, 1]\npower = 10\n"));
     assert!(!is_noted("[sky]\nzenith = 1\n"));
-    // The note names the last line of the file, and not the last line of the text into which the settings
-    // were written.
+    // The note names the last line of the scene file. With the settings, raycl formats the scene's text
+    // again, but the note does not name the last line of this new text.
     std::fs::write(&path, object).unwrap();
     let settings = [("display.exposure".to_owned(), Value::Float(2.0))];
     let notes = load_scene_with(&path, &settings).unwrap().notes;
@@ -292,8 +292,8 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
     let start = "the background #ffffff is displayed as #000000, since with display.exposure = 0.0, ";
     let rest = "display.gamma = 2.2 and display.tone = \"clip\", no radiance";
     assert!(black.contains(&format!("{start}{rest}")), "{black}");
-    // White would need a radiance of 1e30, which exceeds the limit for backgrounds. The dark grey would need
-    // a radiance that rounds to 0 in single precision.
+    // White would need a radiance of 1e30, which exceeds the limit for backgrounds. The dark grey #202020
+    // would need a radiance that rounds to 0 in single precision.
     assert_ne!(note("background = \"white\"\ndisplay.exposure = 1e-30\n"), "");
     assert_ne!(note("background = \"#202020\"\ndisplay.gamma = 100\n"), "");
     for colour in ["#000000", "#203040", "#ffffff"] {
@@ -457,7 +457,7 @@ fn a_scene_keeps_its_coordinates_if_its_centre_is_up_to_16_radii_away() {
     assert_eq!(positions(&path)[0], Vec3::new(-0.25, -0.25, 0.0));
     assert_eq!(of_scene("")[0], Vec3::new(-0.25, -0.25, 0.0));
     assert_eq!(of_scene("translation = [-4095.9, 0, 0]\n")[0], Vec3::X * (4096.0 - 4095.9_f32));
-    // With a sphere at the origin, the scene is not far away.
+    // If the scene also contains a sphere at the origin, the scene's centre is not far from the origin.
     let both = of_scene("[[object]]\nshape = \"sphere\"\ntriangles = 8\n");
     assert_eq!(both[0], Vec3::X * 4096.0);
 }
@@ -585,8 +585,8 @@ fn an_azimuth_or_an_elevation_alone_frames_the_scene() {
     assert!(beside.forward.x < -0.5 && beside.position.x > 1.0, "{beside:?}");
 }
 
-/// The triangle has a width and a height of 1. Seen from +z, it fills 0.92 of a square picture's width and
-/// height.
+/// The triangle has a width and a height of 1. Seen from +z, the triangle fills 0.92 of a square picture's
+/// width and height.
 #[test]
 fn a_camera_that_raycl_places_has_the_distance_that_fits_the_field_of_view() {
     let angles = "azimuth_degrees = 0\nelevation_degrees = 0\n";

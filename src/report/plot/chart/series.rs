@@ -34,8 +34,8 @@ pub struct Series {
 }
 
 impl Series {
-    /// Adds a mark to the series with the name `name`. If `all` contains no such series, first adds a series
-    /// with the appearance `look`. If `joined` is true, a line joins the marks of the new series.
+    /// Adds a mark to the series with the name `name`. If `all` contains no series with this name, first adds
+    /// one with the appearance `look`. If `joined` is true, a line joins the marks of the new series.
     pub fn add(all: &mut Vec<Self>, name: &str, look: Look, joined: bool, mark: Mark) {
         let new = || Self { name: name.to_owned(), look, joined, marks: Vec::new() };
         entry(all, |series| series.name == name, new).marks.push(mark);
