@@ -135,7 +135,8 @@ fn every_family_with_textures_multiplies_emitted_light_by_a_texture() {
 
 #[test]
 fn a_bare_mesh_glows_in_soft_light_and_a_note_says_that_it_lights_nothing() {
-    let all = soon(["tile", "bvh", "tile-group"]).flat_map(|strategy| [TEXTURED, LAMP].map(|mtl| (mtl, strategy)));
+    let all =
+        soon(["tile", "bvh", "tile-group"]).flat_map(|strategy| [TEXTURED, LAMP].map(|mtl| (mtl, strategy)));
     for (mtl, strategy) in due(all) {
         let folder = room(mtl);
         let usual = ["render", "room.obj", "--width", "72", "--height", "45", "--force", "-o", "a.png"];

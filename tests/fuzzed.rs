@@ -89,7 +89,8 @@ mod tests {
         let temporary = tempfile::tempdir().expect("a temporary folder");
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
         let paths = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
-        let files = paths.filter(|path| path.metadata().is_ok_and(|file| file.is_file() && file.len() < 8192));
+        let files =
+            paths.filter(|path| path.metadata().is_ok_and(|file| file.is_file() && file.len() < 8192));
         files
             .inspect(|path| {
                 let bytes = std::fs::read(path).expect("a file");

@@ -153,7 +153,9 @@ mod tests {
         let shot = Shot { dressed: true, ..Shot::SQUARE };
         let scene = Arc::new(load_scene_for(&path, &[], shot).unwrap().scene);
         let sampling = Sampling { first: 1, half_light: 2, ..Sampling::all(6) };
-        for name in ["tile", "bvh", "bvh-packet", "tile-group"] {
+        // Tiles that work-items share have the same filter as `bvh`, and take PoCL half a minute to compile.
+        // tests/half_light.rs verifies their pictures.
+        for name in ["tile", "bvh", "bvh-packet"] {
             let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
             let mut session = session.with_sampling(sampling);
             let strategy = preset(name).unwrap().strategy;

@@ -177,13 +177,16 @@ mod tests {
     fn samples_cast_together_are_those_cast_one_by_one() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let pixels = (SIZE[0] * SIZE[1]) as usize;
-        let in_vectors =
-            [("tile", "scenes/still-life.toml", [3, 16, 19]), ("tile", "scenes/table.toml", [4, 12, 16])];
-        let shared = ("tile-group", "scenes/still-life.toml", [3, 16, 19]);
-        for (tiles, name, counts) in in_vectors.into_iter().chain([shared]) {
+        // Tiles that work-items share take PoCL half a minute to compile. 19 samples take a frame of 16 and one of 3.
+        let all: [(&str, &str, &[u32]); 3] = [
+            ("tile", "scenes/still-life.toml", &[3, 16, 19]),
+            ("tile", "scenes/table.toml", &[4, 12, 16]),
+            ("tile-group", "scenes/still-life.toml", &[19]),
+        ];
+        for (tiles, name, counts) in all {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
             let scene = Arc::new(load_scene(&path).unwrap().scene);
-            for count in counts {
+            for &count in counts {
                 let together = picture(&device, &scene, (tiles, count), |caster, scene| {
                     caster.cast_samples(&scene.camera, &Sampling::all(count)).unwrap();
                 });
