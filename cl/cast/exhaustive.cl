@@ -38,8 +38,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         stage_tile(scene, origin, first);
         int end = min(TILE_STEP(scene), scene->geometry.count - first);
 #if ANY_HIT
-        // If no lane is open (every ray has hit something), nothing is left to find. The loop over tiles continues
-        // nevertheless, because all work-items must reach stage_tile's barriers.
+        // If no lane is open (every ray has hit something), nothing is left to find. Even then, the loop over tiles
+        // continues, because all work-items must reach stage_tile's barriers.
         if (!ANY(open)) end = 0;
 #endif
 #if STREAM_TILES && PLANES_OF_ORIGIN

@@ -36,7 +36,7 @@ void move_hits(const Geometry *geometry, varying_int triangle, const Surface *su
     const varying weight[3] = {weights.x, weights.y, weights.z};
     move_to_smooth_surface(corner, normal, weight, point);
 }
-// The additional parameter of shading, each lane's triangle, including the comma after it.
+// The additional parameter of shading functions, each lane's triangle, including the comma after the parameter.
 #define TRIANGLE_PARAMETER varying_int triangle,
 #define TRIANGLE_ARGUMENT(triangle) triangle,
 #else
@@ -52,8 +52,8 @@ Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin
     Lanes column[9];
     IntLanes id;
     id.all = triangle;
-    // The nine columns have one lane per ray. Columns 0 to 2 contain corner a, columns 3 to 5 the edge from a to b, and
-    // columns 6 to 8 the edge from a to c.
+    // Each of the nine columns is a vector with one lane per ray. Columns 0 to 2 contain corner a, columns 3 to 5 the
+    // edge from a to b, and columns 6 to 8 the edge from a to c.
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;

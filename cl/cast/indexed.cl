@@ -86,7 +86,7 @@ Corners corners(const Geometry *geometry, int triangle) {
     return corners;
 }
 
-// Writes a triangle's normals and material into one lane of the columns. A column is a vector: one float per lane.
+// Writes a triangle's normals and material into columns (vectors): one float per column, all in the lane `lane`.
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const Index *index = geometry->normal_indices + 3 * triangle;
     MATERIAL_SPACE const float *material = geometry->materials + MATERIAL_FLOATS * geometry->material_indices[triangle];

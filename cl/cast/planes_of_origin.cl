@@ -1,7 +1,7 @@
 // Tests rays that share an origin: the eye for primary rays, a light for shadow rays. P and Q are the ends of an edge,
 // relative to this origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q) = 2 P x Q. A ray
-// lies inside the edge if the dot product of its direction and this normal is positive. Two triangles have the same
-// plane for the edge that they share, but with all signs reversed. 1 / t is the dot product of the direction with
+// lies on the edge's inner side if the dot product of its direction and the plane's normal is positive. Two triangles
+// have the same plane for their shared edge, with all signs reversed. 1 / t is the dot product of the direction with
 // N / (N . A), where A is a corner relative to the origin, and N the triangle's normal. Once per frame, the kernel
 // prepare_origins computes a row for each triangle and each origin: the normals of the three planes, and N / (N . A).
 
@@ -9,10 +9,10 @@
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. If a vector of rays
-// consists of separate scalars, as on a GPU, most tests end at a check. On a GPU, the checks make casting 43% faster,
-// or 28% faster if the planes are linear in the pixel. If a vector of rays is a register, as on a CPU, a check costs
-// more than the dot product of an edge. On a CPU, the checks make casting 10% slower.
+// ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. On a GPU, a vector
+// of rays consists of separate scalars, and most tests of a triangle end at such a check. There, checks after each edge
+// make casting 43% faster, or 28% faster if planes are linear in the pixel. On a CPU, a vector of rays is a register, a
+// check costs more than an edge's dot product, and checks after each edge make casting 10% slower.
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -31,20 +31,20 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Returns the number with which the multiply-adds of an edge function begin, for rays from an origin (0 is the eye, i
-// is light i - 1). Usually, overlap_of returns the overlap of neighbouring triangles, which allows for the rounding
-// error of edge functions. Planes are scaled so that the overlap is 1. Adding the overlap costs nothing, since a chain
-// of multiply-adds begins with some number anyway.
+// Returns the first summand of an edge function (a chain of multiply-adds), for rays from an origin (0 is the eye, i is
+// light i - 1). Usually, overlap_of returns the overlap of neighbouring triangles, which allows for the rounding error
+// of edge functions. Planes are scaled so that this overlap of triangles is 1. Adding the overlap costs nothing: a
+// chain of multiply-adds needs a first summand anyway.
 //
 // With LINEAR_IN_PIXEL, rays from the eye are in pixel coordinates: the ray through the point (x, y) of the image, in
-// pixels, has the direction (x, y, 1). The third component of this direction is 1, so row_along_pixels has already
-// added the overlap to the third component of each plane. For rays from the eye, overlap_of therefore returns -0,
-// because adding -0 changes nothing.
+// pixels, has the direction (x, y, 1). In pixel coordinates, a direction's third component is 1, so row_along_pixels
+// has already added the triangles' overlap to the third component of each plane. For such rays, overlap_of returns -0:
+// adding -0 changes nothing.
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
 // Returns a plane's dot product with a direction, plus `begin`. In pixel coordinates (see overlap_of), all rays share
-// the term with z, and rays through the same row of pixels share the term with y. The terms with z and y come first, so
-// that compilers can share them.
+// the dot product's term with z, and rays through the same row of pixels share the term with y. The function adds the
+// terms with z and y first, so that compilers can compute each of them once.
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
@@ -68,7 +68,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 
-    // For hits only: 1 / t is linear in the direction, and the weights are the edge functions divided by their sum.
+    // Only hits get here: 1 / t is linear in the direction, and weights are edge functions divided by their sum.
     const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
     const varying per_sum = 1.0f / (w0 + w1 + w2);
     hit->t = 1.0f / per_t;

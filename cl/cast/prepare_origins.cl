@@ -10,10 +10,10 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // The last argument of planes_of is the sign that n . (A - from) has if rays meet the triangle's front (n is the
-    // normal, A a corner). A ray from the eye meets the side that faces the eye, so the sign is negative. A shadow ray
-    // runs towards its light, although it is tested from the light. A shadow ray therefore meets the side that faces
-    // away from its light, so the sign is positive.
+    // Let n be the triangle's normal, and A a corner. The last argument of planes_of is the sign of n . (A - from) for
+    // rays that meet the triangle's front. A ray from the eye meets the side that faces the eye, so this sign is
+    // negative. A shadow ray is tested from its light, but runs to the light, and so meets the side that faces away
+    // from the light. For shadow rays, the sign of n . (A - from) is positive.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     // Only rays from the eye belong to pixels, so only the planes through the eye become functions of the pixel.

@@ -12,8 +12,8 @@ __kernel void prepare_records(PREPARE_RECORDS_PARAMETERS) {
     BIND_GEOMETRY(geometry)
     const Row row = row_of(corners(&geometry, at));
 #endif
-    // The record is stored at the triangle's index in the mesh or, with a tree, in leaf order. A traversal knows this
-    // index, so a test finds the record without reading another index.
+    // The record is stored at the triangle's index in the mesh or, with a tree, in leaf order. A traversal knows the
+    // triangle's index, so a test finds the record without reading another index.
     __global ROW_UNIT *record = (__global ROW_UNIT *)records + ROW_UNITS * (size_t)at;
     STORE_ROW(row, record)
 }

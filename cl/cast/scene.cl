@@ -30,7 +30,7 @@ typedef struct {
 } Scene;
 
 // Returns a triangle's row (the data that a test reads): loads a prepared row from global memory, or computes the row
-// from the corners. `origin` (0 is the eye, 1 the first light) matters only if rows consist of planes.
+// from the corners. `origin` (0 is the eye, 1 the first light) matters only if a row has planes through this origin.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);

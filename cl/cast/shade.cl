@@ -14,7 +14,7 @@
 //           (an area light: times share_towards, see common/area_light.cl)
 //     L_o += L_i f(w_i, w_o, n) (n . w_i), one light's term of the reflection equation
 //
-// With smooth shadows, the hit P is then moved onto a smooth surface (smooth_shadows.cl).
+// With smooth shadows, the hit P is moved onto a smooth surface before it is lit (smooth_shadows.cl).
 void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGLE_PARAMETER varying t, Mask active) {
     const Vec3 weights = working_get(working, WEIGHTS);
     const Vec3 direction = working_get(working, RAY_DIRECTION);
@@ -26,7 +26,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    // With shading = eager, RADIANCE may contain the radiance of a more distant hit, so the sum starts again: from the
+    // With shading = eager, RADIANCE may contain the radiance of a more distant hit, so RADIANCE is overwritten by the
     // emitted radiance, which is 0 without EMISSIVE.
 #if EMISSIVE
     const Vec3 emitted = surface->emitted;
@@ -82,7 +82,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
             lit &= !any_hit(working, scene, 1 + light, end, lit);
 #endif
         // TO_EYE is set inside the loop, although its value is always the same. If TO_EYE is set before the loop, one
-        // compiler moves the store behind the barriers in any_hit, where it reads another work-item's register.
+        // compiler stores TO_EYE only after the barriers in any_hit, and from another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = share / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

@@ -2,8 +2,8 @@
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
-    // The earlier kernel stored only the triangle's number. Therefore, shade_nearest computes the ray again, and
-    // after_closest_hit computes the hit from the ray and the triangle.
+    // The kernel that found the nearest triangle stored only the triangle's number, so shade_nearest computes the ray
+    // again. The function after_closest_hit computes the hit from the ray and the triangle.
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     nearest.t = (varying)(FAR);

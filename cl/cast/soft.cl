@@ -21,13 +21,13 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 
 #if SKY
 // Adds the sky's light to the working vector RADIANCE of `active` lanes. Each lane casts one ray. The probability of
-// the ray's direction is proportional to the direction's cosine with the normal. The estimate of the reflected light is
-// therefore the sky's radiance in this direction times k_L (surface->lambertian).
+// the ray's direction is proportional to the direction's cosine with the normal. With this probability, the estimate of
+// the reflected light is the sky's radiance in the ray's direction times k_L (surface->lambertian).
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);
     if (IS_UNOCCLUDED(&scene->soft)) {
-        // A picture of unoccluded light gets the sky's mean light, without a ray.
+        // In a picture of unoccluded light, the sky adds its mean light, and no ray is cast.
         const Vec3 arriving = multiply(surface->lambertian, mean_of_sky(&scene->soft, normal));
         const Vec3 before = working_get(working, RADIANCE);
         working_set(working, RADIANCE, select3(active, add(before, arriving), before));

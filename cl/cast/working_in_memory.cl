@@ -1,6 +1,6 @@
 // The working vectors are an array [9][work-items][3] of varyings in the address space WORKING_SPACE. The array is
 // volatile, so that compilers load a stored vector again. If compilers kept vectors in registers, measured times would
-// not include the accesses to this memory.
+// not include the accesses to WORKING_SPACE.
 
 // With n work-items:   vector 0                          vector 1
 //                      | item 0: x y z | ... | item n-1 | item 0: x y z | ...

@@ -1,9 +1,9 @@
 // Area lights: rectangles and discs that emit light from their front only. Programs for scenes with area lights include
-// this file. In these scenes, a light has 16 floats; the last ten are 0 for a point light or a ball:
+// this file. In scenes with area lights, a light has 16 floats. The last ten are 0 for a point light or a ball:
 //
 //     position (3) | power (3) | 4 x unit normal of the front (3) | edge (3) | other edge (3) | shape
 //
-// A disc's shape is AREA_DISC, a rectangle's any other number but 0. Code in f64: src/reference/soft.rs and shade.rs.
+// A disc's shape is AREA_DISC, a rectangle's any other number but 0. src/reference/{soft,shade}.rs do the same in f64.
 
 #ifndef AREA_DISC
 #error "AREA_DISC: the number of the shape of discs"

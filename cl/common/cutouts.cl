@@ -6,15 +6,15 @@
 #endif
 
 // A mask's least alpha is a threshold: points with less alpha are holes. Four words, the head, describe the mask's
-// texture (see textures.cl). The last word of the head holds the least alpha, from bit 16 on:
+// texture (see textures.cl). The last word of a texture's head holds the least alpha, from bit 16 on:
 //
 //     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v  | wrap u
 //
-// One step of a texel's 8-bit alpha equals LEAST_ALPHA_UNIT units of the least alpha, so a least alpha of 1 is 65535.
+// The least alpha is stored in units of 1 / LEAST_ALPHA_UNIT of a step of an 8-bit alpha. A least alpha of 1 is 65535.
 //
-// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. In whole regions of a mip
-// level, the mean alpha would be above (or below) the least alpha, so distant foliage would grow (or vanish).
+// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. Where the mean alpha is above
+// the least alpha in a whole region, distant foliage would grow. Where it is below, the foliage would vanish.
 
 // Returns 1 if a triangle is solid at one of its points, and 0 if it has a hole there. w1 and w2 are the point's
 // barycentric weights of the second and third corner.

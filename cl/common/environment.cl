@@ -1,10 +1,10 @@
 // A sky that is an environment map: an equirectangular picture of the light from all directions.
 // src/reference/environment.rs computes the same in f64.
 
-// The array `numbers` (a field of Soft, see soft.cl) begins with the sky. Six floats replace the radiance at the zenith
-// and at the horizon, which other skies have: the index of the picture's first texel in `numbers`, the picture's width
-// and height in texels, and the direction in which the middle of the picture is seen. The picture's texels come after
-// the lights' radii:
+// The array `numbers` (a field of Soft, see soft.cl) begins with the sky. Other skies begin with six floats for the
+// radiance at the zenith and at the horizon. A sky that is a picture has six other floats in their place: the index of
+// the picture's first texel in `numbers`, the picture's width and height in texels, and the direction in which the
+// middle of the picture is seen. The picture's texels come after the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -32,7 +32,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
     const varying ahead = dot3(direction, splat(middle)), right = dot3(direction, splat(uniform_cross(middle, up)));
     // `around` is the angle around the zenith, as a part of a full turn; `below` is the angle from the zenith, as a
-    // part of a half turn. Both are computed by atan2pi, since an arc cosine would lose digits near the zenith.
+    // part of a half turn. atan2pi computes both angles, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(direction, splat(up)));
     // Centres of texels lie at half-integers. The picture shows all directions around the zenith, so its right edge
@@ -52,10 +52,10 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// `vector` is given in coordinates whose third axis is the scene's direction (0.36, 0.48, 0.8). Returns `vector` in the
-// scene's coordinates, after the shortest rotation that turns this axis to the normal. If the normal is opposite to the
-// axis, the shortest rotation is undefined. Few surfaces have a normal opposite to this axis, which is oblique to all
-// three coordinate axes.
+// `vector` is given in coordinates whose third axis is the scene's direction (0.36, 0.48, 0.8), `axis`. Returns
+// `vector` in the scene's coordinates, after the shortest rotation that turns `axis` to the normal. If the normal is
+// opposite to `axis`, the shortest rotation is undefined. Few surfaces have such a normal, since `axis` is oblique to
+// all three coordinate axes.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
@@ -73,8 +73,8 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);
-    // The cosine of the angle between h and n is u.x^(1 / (s + 1)). The squared sine is 1 minus the square of this
-    // cosine; expm1 keeps the digits that the subtraction of a power from 1 would lose.
+    // The cosine of the angle between half vector and normal is u.x^(1 / (s + 1)), with the shininess s. The squared
+    // sine is 1 minus the squared cosine; expm1 keeps the digits that the subtraction from 1 would lose.
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_vector = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));

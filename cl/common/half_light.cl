@@ -1,10 +1,10 @@
-// Soft light at half resolution. A half picture has half the width and height. One half picture has the light that
-// arrives, with few samples per pixel and so with noise. A second half picture has the unoccluded light, which would
+// Soft light at half resolution. One picture of half the width and height (a half picture) has the light that arrives,
+// with few samples per pixel and so with noise. A second picture of half the size has the unoccluded light, which would
 // arrive if nothing blocked it. The kernel filter_half_light divides the first half picture by the second, and filters
 // the ratio. The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no
 // noise, by the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D
-// 2018). All three pictures contain the light that surfaces emit. Where a surface only emits light, the ratio is 1, so
-// multiplying by it changes no emitted light. src/reference/half_light.rs computes the same in f64.
+// 2018). The half pictures and the full picture contain emitted light. Where a surface only emits light, the half
+// pictures are equal: a ratio of 1 changes no emitted light. src/reference/half_light.rs computes the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -35,9 +35,9 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
 // part of the unoccluded light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
-// (soft.cl). Across and down, the filter covers five pixels with four different samples. The filter's weights give each
-// of the four samples the same total weight, so that no noise is left where all pixels are alike (Keller and Heidrich,
-// "Interleaved Sampling", EGWR 2001):
+// (soft.cl). Across and down, the filter covers five pixels, of which the first and the last have the same sample. The
+// filter's weights give each of the four different samples the same total weight, so that no noise is left where all
+// pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     sample    2   3   0   1   2
@@ -60,22 +60,22 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // A colour channel without unoccluded light has no ratio of its own: it gets the ratio of the sums over all three
-    // channels. If no channel has unoccluded light, the ratios of all channels are 1.
+    // A colour channel without unoccluded light has no ratio of arriving to unoccluded light: it gets the ratio of the
+    // sums over all three channels. If no channel has unoccluded light, all ratios are 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));
     store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
-// The whole picture is the picture of full size; `image` is a half picture. For each of WIDTH pixels of the whole
-// picture, from column x on, the function returns one pixel of row y of `image`: the nearest pixel on the left or, if
-// `to_right` is 1, on the right. `left` contains the columns of the nearest pixels on the left.
+// The whole picture is the picture of full size; `image` is a half picture (of half the width and height). For each of
+// WIDTH pixels of the whole picture, from column x on, returns one pixel of row y of `image`: the nearest pixel on the
+// left or, if `to_right` is 1, on the right. `left` contains the columns of the nearest pixels on the left.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
-        // Each pixel of the half picture covers exactly two columns of the whole picture. Neighbouring pixels of the
-        // half picture are therefore loaded together, and a shuffle distributes these pixels to the lanes.
+        // Each pixel of the half-size picture covers exactly two columns of the whole picture. Neighbouring lanes need
+        // neighbouring pixels, so these are loaded together, and a shuffle distributes them to the lanes.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;
@@ -89,16 +89,16 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
     return gather_pixels(image + (size_t)clamp(y, 0, half_size.y - 1) * half_size.x, columns);
 }
 
-// Multiplies the unoccluded light of the whole picture (`image`) by the filtered ratio of the half pictures. This ratio
-// is interpolated between the four nearest pixels of the half picture. A pixel of the half picture has a large weight
-// if it is near, and if its unoccluded light is similar to that of the whole picture's pixel.
+// Multiplies the unoccluded light of the whole picture (`image`) by the filtered ratio of the pictures of half the
+// size. For a pixel, the ratio is interpolated between the four nearest pixels of `ratios`. Each of these four pixels
+// has a large weight if it is near, and if its unoccluded light is similar to that of the whole picture's pixel.
 __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= image_size.x || y >= image_size.y) return;
     const PixelRow pixels = load_pixels(image, image_size, x, y);
     const Vec3 own = pixels.colour;
-    // `across` and `down` are the positions of the pixels' centres in the half picture, relative to the centre of the
-    // half picture's first pixel.
+    // `across` and `down` are the positions of the pixels' centres in the picture of half the size, relative to the
+    // centre of that picture's first pixel.
     const float per_x = (float)half_size.x / image_size.x, per_y = (float)half_size.y / image_size.y;
     const varying across = (TO_FLOAT(x + LANE_NUMBER) + 0.5f) * per_x - 0.5f, left = floor(across);
     const float down = (y + 0.5f) * per_y - 0.5f, top = floor(down);

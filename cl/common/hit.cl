@@ -7,29 +7,29 @@
 
 // The rounding error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
-// The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of the
-// three vectors' sizes. There are nine roundings: one for each of the two edges (a subtraction), three for a component
-// of a cross product, three for a dot product, and one for the direction. Each rounding adds half a unit in the last
-// place (ROUNDING is one unit), and the sum, 4.5 units, is rounded up to five. A triangle whose determinant is smaller
-// than this error counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING, rays would miss long, thin
-// triangles that are seen at a grazing angle, like a road from a driver's seat.
+// EDGE_ON_ROUNDING is the largest rounding error of a determinant of three vectors (a direction and two edges), divided
+// by the product of the vectors' sizes. There are nine roundings: one for each of the two edges (a subtraction), three
+// for a component of a cross product, three for a dot product, and one for the direction. Each rounding adds half a
+// unit in the last place (ROUNDING is one unit). The sum, 4.5 units, is rounded up to 5. A triangle whose determinant
+// is smaller than this error counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING, rays would miss
+// long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
-// Tests that use one plane for the edge that two triangles share let these triangles overlap a little, so that no ray
-// slips through at a vertex. SHARED_EDGE_SLACK is the largest overlap, relative to the product of a triangle's distance
-// from the rays' origin and the size of its edges. A larger overlap would darken pixels at an edge that shadow rays
-// graze. Measurements with this overlap: none of 60,516 rays aimed at edges and vertices slips through, and all of 16
-// million pixels of a terrain are correct. With half the overlap, up to four of the 60,516 rays slip through in
-// exhaustive casting. With twice the overlap, at most one of the 16 million pixels is wrongly dark.
+// If a test uses one plane for the edge that two triangles share, the triangles overlap a little, so that no ray slips
+// through at a vertex. SHARED_EDGE_SLACK is the largest overlap, divided by a triangle's distance from the rays' origin
+// and by the size of its edges. A larger overlap of triangles would darken pixels at an edge that shadow rays graze.
+// Measured with SHARED_EDGE_SLACK: none of 60,516 rays aimed at edges and vertices slips through, and all of 16 million
+// pixels of a terrain are correct. With half of SHARED_EDGE_SLACK, up to four of the 60,516 rays slip through in
+// exhaustive casting. With twice SHARED_EDGE_SLACK, at most one of the 16 million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 // The overlap at an edge is computed from the longer of two edges of the triangle, but from at most OVERLAP_EDGES times
 // the edge's own size. Without this limit, the overlap at the short edge of a needle (a triangle of two long edges and
 // a short one) could lengthen the needle by several pixels.
 #define OVERLAP_EDGES 8.0f
-// A triangle that looks narrower everywhere than its overlap, since it is seen almost edge-on, is not hit: the overlaps
-// of its neighbours cover it, and its own overlap could lengthen it by several times its length. `distance` is the size
-// (1-norm) of a corner relative to the rays' origin, and `longer` the size of the longer of this corner's two edges, so
-// all points of the triangle are at least `distance - longer` away from the origin. The triangle is hit only if the
-// absolute value of the determinant of the corner and its two edges is larger than LEAST_VISIBLE.
+// A triangle seen almost edge-on can look narrower than its overlap with its neighbours. Such a triangle is not hit:
+// its neighbours overlap all of it, and its own overlap could lengthen it by several times its length. `distance` is
+// the size (1-norm) of a corner relative to the rays' origin. `longer` is the size of the longer of the corner's two
+// edges. All points of the triangle are therefore at least `distance - longer` away from the origin. The triangle is
+// hit only if the absolute value of the determinant of the corner and its two edges is larger than LEAST_VISIBLE.
 #define LEAST_VISIBLE(distance, longer) \
     (SHARED_EDGE_SLACK * (distance) * max((distance) - (longer), 0.0f) * (longer))
 

@@ -1,5 +1,5 @@
 // Operations across the lanes of a group. A group consists of the 32 work-items (lanes) that share a tile. All lanes of
-// a group must take the same path through every loop and branch that calls one of these operations.
+// a group must take the same path through every loop and branch that calls an operation across lanes.
 
 #ifndef GROUP_LANES
 #error "GROUP_LANES: work-items of a group"
@@ -15,8 +15,8 @@
 #endif
 
 // Functions marked with INLINED are always inlined, so that their arguments stay in registers, even arguments that are
-// passed by pointer. With LANES_BY_BARRIERS, the compiler decides whether to inline, because the simulator Oclgrind
-// uses LANES_BY_BARRIERS, and its compiler cannot inline these functions.
+// passed by pointer. With LANES_BY_BARRIERS, the compiler decides whether to inline. (The simulator Oclgrind uses
+// LANES_BY_BARRIERS, and Oclgrind's compiler cannot inline functions marked with INLINED.)
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else
@@ -62,14 +62,14 @@ typedef struct {
 
 INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
 
-// Writes a lane's value to a row of the board, and returns the row, which then contains the values of all lanes. The
-// board has two rows, which are used in turn:
+// Writes a lane's value to a row of the board, a __local array with two rows of one word per lane. Returns the row,
+// which then contains the values of all lanes. The two rows are used in turn:
 //
 //     lane 0    writes row 0 | barrier | reads row 0, writes row 1 | barrier | reads row 1, writes row 0 | ...
 //     lane 31   writes row 0 | barrier |   reads row 0, writes row 1 | barrier |   reads row 1, ...
 //
-// A lane writes row 0 again only after the second barrier, when all lanes have read row 0. One barrier per operation is
-// therefore enough.
+// One barrier per operation is enough: a lane writes row 0 again only after the second barrier, when all lanes have
+// read row 0.
 INLINED const __local uint *write_board(Group *group, uint value) {
     __local uint *row = group->board + GROUP_LANES * group->turn;
     group->turn ^= 1;
@@ -191,9 +191,9 @@ INLINED int lane_rank(Group *group, uint key, uint among) {
 }
 #endif
 
-// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. The compiler therefore
-// computes numbers that depend on the result again at each use, and does not keep these numbers in registers between
-// the uses.
+// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. If other numbers
+// depend on the result, the compiler computes these numbers again at each use, instead of keeping them in
+// registers.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));

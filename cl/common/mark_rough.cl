@@ -18,9 +18,9 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
     return (float4)(shown.xyz, alpha_scale * mean.w);
 }
 
-// Sets a block's number of samples to `most` if the block is rough, otherwise to `first`. Also adds a rough block to
-// the list of rough blocks. The pixels directly around the block are compared too, since the samples of the block's
-// pixels may lie in these neighbours: the pixel filter is wider than a pixel.
+// Sets a block's number of samples to `most` if the block is rough (neighbouring pixels differ visibly), otherwise to
+// `first`. Also adds a rough block to the list of rough blocks. The pixels directly around the block are compared too,
+// since the samples of the block's pixels may lie in these neighbours: the pixel filter is wider than a pixel.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
@@ -38,7 +38,7 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
         }
     }
     // A block is rough even if only one channel differs visibly. With `first` samples per pixel, the grain is finer by
-    // the factor sqrt(first) than with one sample. The difference that makes a block rough is therefore smaller, too:
+    // the factor sqrt(first) than with one sample. With finer grain, a smaller difference makes a block rough:
     // ROUGH_STEPS / sqrt(first). Squares of differences are compared, so that no root is rounded.
     const float steps = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w));
     const int is_rough = first * steps * steps > ROUGH_STEPS * ROUGH_STEPS;

@@ -6,18 +6,18 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
-// Returns the number by which the plane of an edge is multiplied, without its sign: the reciprocal of the overlap of
-// neighbouring triangles (see SHARED_EDGE_SLACK), after rounding the overlap down to a power of two. `size` is the
-// edge's size, `longer` the size of the longer of two edges, and `slack` the overlap per size of an edge, in the unit
-// of the edge functions. Multiplying by a power of two does not round, so two triangles' planes for their shared edge
-// still differ only in their signs and by a power of two.
+// Returns the absolute value of the factor by which an edge's plane is multiplied: 1 / the overlap of neighbouring
+// triangles (see SHARED_EDGE_SLACK), where the overlap is rounded down to a power of two. `size` is the edge's size,
+// `longer` that of the longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size, in the unit of
+// the edge functions. Multiplying by a power of two does not round. Two triangles' planes for their shared edge
+// therefore differ only by the sign and by a power of two.
 float per_overlap(float slack, float size, float longer) {
     const float overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return 1.0f / as_float(as_int(overlap) & 0x7f800000);
 }
 
-// Returns the row (the planes) of a triangle that no ray hits. Every ray is outside one of the first two edges, unless
-// the x of its direction is 0 or nearly 0. A ray whose direction's x is nearly 0 misses because its 1 / t is 0.
+// Returns the row (the planes) of a triangle that no ray hits. A ray with a component along x lies on the outer side of
+// the first or the second edge. A ray whose direction's x is 0 or nearly 0 misses because its 1 / t is 0.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);
@@ -28,18 +28,18 @@ Row row_of_nothing() {
 }
 
 // Returns the row (the planes) of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row
-// that is never hit. `front` is the sign of n . A for front faces: n is the normal, and A a corner relative to the
-// origin. Edges are computed from the stored corners, because corners relative to a distant origin have lost their last
-// digits.
-// The planes are divided by the overlap of neighbouring triangles, so that the overlap becomes 1.
+// that is never hit. `front` is the sign, for front faces, of the dot product of the normal and a corner (relative to
+// the origin). Edges are computed from the stored corners, because corners relative to a distant origin have lost their
+// last digits. Each plane is divided by the overlap of neighbouring triangles, so that a test adds the overlap by
+// adding 1.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If this volume
-    // is near zero, the triangle is seen edge-on: the origin lies nearly in its plane.
+    // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If the
+    // tetrahedron's volume is near zero, the origin lies nearly in the triangle's plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
     const float distance = uniform_size(a);

@@ -19,8 +19,8 @@ Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal
     // highlight.
     const Mask glossy = lit & (surface->kind > 0.0f);
     if (ANY(glossy)) {
-        // `half_vector` is Blinn's half vector w_h, but of any length. The squared cosine of its angle to the normal
-        // needs no square root.
+        // `half_vector` is Blinn's half vector w_h, but of any length. The squared cosine of the angle between
+        // `half_vector` and the normal needs no square root.
         const Vec3 half_vector = add(to_light, to_eye);
         const varying along_normal = max(dot3(normal, half_vector), (varying)(0.0f)), squared = dot3(half_vector, half_vector);
         const varying cosine_squared = SELECT(squared > 0.0f, along_normal * along_normal / squared, (varying)(0.0f));

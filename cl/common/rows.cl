@@ -59,8 +59,8 @@ typedef struct {
 
 #define FLOATS_OF_SURFACE (9 + MATERIAL_FLOATS)
 
-// Returns a Surface from columns with one lane per ray: normals (9), k_L (3), k_G (3), s, kind. With
-// EMISSIVE, the emitted radiance (3) and its texture follow.
+// Returns a Surface from columns with one lane per ray: 9 columns for normals, 3 for k_L, 3 for k_G, one for s, one for
+// kind. With EMISSIVE, 3 columns for the emitted radiance and one for its texture follow.
 Surface surface_of(const Lanes *column) {
     // The columns (vectors) are in the order in which `layout = soup` stores a triangle's normals and material.
     Surface s;

@@ -1,4 +1,4 @@
-// The defines that describe which features a scene has. Every kernel family needs these defines.
+// The defines that describe which features a scene has. Every kernel family needs all defines of this file.
 
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"

@@ -2,8 +2,8 @@
 
 // With several samples per pixel, the image holds their mean, which does not show whether the last sample hit
 // something. The mean's fourth component times the number of samples is the number of hits so far. If the number of
-// hits has not grown, the last sample missed, and the kernel adds the sky's radiance to the mean. Rays that miss have
-// added nothing to the mean, since the background is black if the sky is a picture.
+// hits has not grown, the last sample missed, and the kernel adds the sky's radiance to the mean. If the sky is a
+// picture, the background is black, so the last sample, which missed, has added nothing to the mean yet.
 __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     const Pixels pixels = own_pixels(image_size);
     Soft sky;

@@ -68,7 +68,7 @@ varying_uint hashed_bits(varying_uint bits, uint seed) {
     return bits;
 }
 
-// Inserts a zero above each of the lower 16 bits. For example, with four bits:
+// Inserts a zero above each of the lower 16 bits. The four bits d c b a, for example, become:
 //
 //     d c b a  ->  0 d 0 c 0 b 0 a
 varying_uint spread_bits(varying_uint bits) {
@@ -120,8 +120,8 @@ float radius_of(const Soft *soft, int light) {
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the light's centre. `at` points to
-// the light's floats. The points of a ball are uniformly distributed on a sphere in four dimensions, and then projected to
-// three. Seen from a distance, from any side, the ball then looks like an evenly bright disc.
+// the light's floats. The points of a ball are uniformly distributed on a sphere in four dimensions, and then projected
+// to three. Because of this distribution, a ball looks like an evenly bright disc from any side, seen from a distance.
 Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
 #if AREA_LIGHTS
@@ -137,8 +137,8 @@ Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_i
 #if SKY
 // Returns a random unit vector on the normal's side of a surface. The vector's probability density is proportional to
 // the cosine of the angle between the vector and the normal. The vector points to a uniformly distributed point of the
-// unit sphere that touches the surface. This method needs no axes perpendicular to the normal. (No choice of such axes
-// changes continuously with the normal everywhere.)
+// unit sphere that touches the surface. To choose a point of this sphere, no axes perpendicular to the normal are
+// needed. (No choice of such axes changes continuously with the normal everywhere.)
 Vec3 direction_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
@@ -161,9 +161,9 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
 #endif
 
 // Returns the mean of the sky's radiance around a normal, weighted by the cosine. A direction's height is its dot
-// product with up, but at least 0. The mean height around the normal is 2 / (3 pi) (sin a + (pi - a) cos a), where a is
-// the angle between the normal and up. The code uses a parabola in cos a, which differs from the exact mean height by
-// at most 0.006. (No frame needs the mean of a picture of the sky, since such a sky is not cast at half resolution.)
+// product with up, but at least 0. The mean height of the directions around the normal is 2 / (3 pi) (sin a + (pi - a)
+// cos a), where a is the angle between the normal and up. The code computes it by a parabola in the cosine of a, with
+// an error of at most 0.006. (A picture of the sky needs no mean, since such a sky is not cast at half resolution.)
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);

@@ -15,7 +15,7 @@
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
-// The 256 floats map each 8-bit value (sRGB) to linear light. A head describes a texture in four words:
+// The 256 floats map each 8-bit value (sRGB) to linear light. Each texture has a head, four words that describe it:
 //
 //     | first texel | width | height | several numbers |
 //
@@ -28,7 +28,7 @@
 // least alpha. A texture's mip levels follow its texels. Each level is half as wide and high as the level before.
 #define CHANNEL_VALUES 256
 
-// The number of float4 in a triangle's row of texture data. Without mip levels, a row has two float4:
+// The number of float4 in a triangle's row of texture data. Without mip levels, a triangle's row has two float4:
 //
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
@@ -92,8 +92,8 @@ typedef struct {
     float ka, kb, kd, ke;
 } Texels;
 
-// Returns the texels of a mip level around a point of a triangle; w1 and w2 are the point's weights. `ab` and `c` are
-// the triangle's row (its texture coordinates); `wrap` is the last word of the texture's head (its description).
+// Returns the texels of a mip level around a point of a triangle; w1 and w2 are the point's weights. `ab` and `c` have
+// the texture coordinates of the triangle's corners. `wrap` is the last of the four words that describe the texture.
 Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2) {
     const int width = level.width, height = level.height;
     const uint across = wrap & 255, down = wrap >> 8 & 15;
@@ -149,8 +149,8 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 directio
     }
     const float4 cone = textures->cone;
     const varying width = t * (direction.x * cone.x + direction.y * cone.y + direction.z * cone.z);
-    // On a surface that is seen at an angle, the cone covers an ellipse. The ellipse's length is its width divided by
-    // the cosine of the angle between the ray and the normal. `across` is this cosine times the side of a texel.
+    // The cone around a pixel's ray meets an oblique surface in an ellipse. The ellipse's length is its width divided
+    // by the cosine between ray and normal. `across` is the cosine between ray and normal, times a texel's side.
     const varying across = fabs(dot3(vec3(x.all, y.all, z.all), direction));
     return log2(width / across);
 }

@@ -17,10 +17,10 @@
 
 #define ITEM_BYTES (3 * ITEM_PIXELS)
 
-// Returns the displayed value of a channel. Radiance that is not positive, or not a number, is black. `smallest` has,
-// for each value, the smallest radiance that is displayed with a larger value. `at_least` has, for the upper bits of a
-// radiance, a lower bound of its displayed value. Both tables are in global memory: work-items read different
-// addresses, which __constant memory would serve one after the other.
+// Returns the displayed value of a channel. Radiance that is not positive, or not a number, is black. `smallest[value]`
+// is the smallest radiance whose displayed value is larger than `value`. `at_least` is indexed by the upper bits of a
+// radiance, and contains a lower bound of the displayed value. `smallest` and `at_least` are in global memory:
+// work-items read different addresses, which __constant memory would serve one after the other.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> INDEX_SHIFT];

@@ -22,7 +22,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const 
 #define STEP(i) chain##i = multiply_add(chain##i, b, c);
 #define SUM(i) +chain##i
     EACH_CHAIN(START)
-    // The chains are independent, so that a multiply-add need not wait for those of other chains.
+    // The chains of multiply-adds are independent, so that a multiply-add waits only for its own chain.
     for (int loop = 0; loop < loops; loop++) {
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)

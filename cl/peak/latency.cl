@@ -28,8 +28,8 @@ __kernel void chain_private(const int loops, const float factor, const float add
 __kernel void chase_private(const int loops, const int stride, __global int *out) {
     volatile int next[ENTRIES];
     FILL(next)
-    // Each read waits for the previous read, which returns the index of the next element. The kernels chase_local and
-    // chase_global do the same.
+    // Each read waits for the previous read, which returns the index of the next element. In the kernels chase_local
+    // and chase_global, too, each read waits for the previous one.
     int at = 0;
     for (int loop = 0; loop < loops; loop++) {
         DO_STEPS(at = next[at];)

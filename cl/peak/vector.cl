@@ -1,5 +1,5 @@
-// The vectors in the kernels of `raycl peak` (peak rates). Each has WIDTH floats: the device's native width or, if the
-// device's lanes are work-items, a width that the measurement chooses (src/peak/rig.rs).
+// The vectors in the kernels of `raycl peak` (peak rates). Each vector has WIDTH floats: the device's native width or,
+// if the device's lanes are work-items, a width that the measurement chooses (src/peak/rig.rs).
 
 #ifndef WIDTH
 #error "WIDTH: floats of a vector: 1, 2, 4, 8 or 16"

@@ -15,14 +15,14 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     __local uint words[LOCAL_Y][GROUP_LANES];
 #if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
     // A driver may make sub-groups of another size than GROUP_LANES, so that the number of a group or of a lane could
-    // be too large for the arrays. The kernel then writes nothing, and the host finds no answers.
+    // be too large for the arrays. With such sub-groups, the kernel writes nothing, and the host finds no `answers`.
     if (get_sub_group_size() != GROUP_LANES) return;
 #endif
     Group group;
     BIND_GROUP(group)
     const uint own = (7u * (uint)forgotten(group.lane) + (uint)group.number) & 31u;
     __global uint *answer = answers + ANSWERS * (GROUP_LANES * group.number + group.lane);
-    // The host knows all eight results in `answer` (src/device/lanes.rs).
+    // The host knows what each of the eight results in `answer` must be (src/device/lanes.rs).
     answer[0] = lane_ballot(&group, own % 3u == 0u);
     answer[1] = lane_get(&group, own, 5);
     answer[2] = lane_least(&group, own + 100u);

@@ -1,18 +1,18 @@
 // The rasteriser of the textbook (Hughes et al., "Computer Graphics"), with one work-item per triangle. Unlike the
-// textbook's version, this rasteriser clips at the near plane. It interpolates 1 / depth, which is linear in the pixel.
-// Its edge functions are computed from homogeneous coordinates without a division by a vertex's depth, so triangles may
-// extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
+// textbook's version, this rasteriser clips at the near plane. The rasteriser interpolates 1 / depth, linear in the
+// pixel. Edge functions are computed from homogeneous coordinates without a division by a vertex's depth, so triangles
+// may extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
 // floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; of several triangles
-// with the same depth, the first. The kernel shade_nearest then shades this triangle.
+// with the same depth, the first. Finally, the kernel shade_nearest shades each pixel's nearest triangle.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
 // As in the watertight test, an edge function is the difference of two products, each rounded separately. Each factor
-// depends only on one corner and the pixel. The edge function's sign is therefore exactly opposite in the neighbouring
-// triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles at the edge.
+// of a product depends only on one corner and the pixel. The edge function's sign is therefore exactly opposite in the
+// neighbouring triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles.
 #pragma OPENCL FP_CONTRACT OFF
 
 // Returns a dot product that is not contracted. The compiler may contract functions that are defined before the pragma,
@@ -36,7 +36,7 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
 // A triangle's corner as seen from the eye. `across` and `down` are the corner's column and row in the image, in
-// pixels, multiplied by its depth. The unit of depth is the depth of the directions through pixels.
+// pixels, multiplied by its depth. The end of a pixel's direction (a vector from the eye) has depth 1.
 typedef struct {
     float across, down, depth;
 } Projected;

@@ -58,16 +58,16 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
 }
 
 // Computes, for each vector of rays, the interval of one component (x, y or z) of the directions corner + x step_x + y
-// step_y. The interval is extended by the rounding error. The arguments `x` and `y` are the position of each vector's
-// first ray.
+// step_y. The interval of directions is extended by the rounding error. The arguments `x` and `y` are the position of
+// each vector's first ray.
 void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
     // The component is linear in x and y, so its smallest and largest values lie at corners of the block.
     const float16 from_x = x * step_x, from_y = y * step_y;
     const float across = rays->across * step_x, down = rays->down * step_y;
     const float16 base = corner + from_x + from_y;
-    // `rounding` is a bound of the terms' rounding errors, since the interval must contain every direction that
-    // make_camera_rays computes.
+    // `rounding` bounds the rounding errors of the component: the interval from `low` to `high` must contain every
+    // direction that make_camera_rays computes.
     const float16 rounding =
         5e-7f * (fabs(from_x) + fabs(from_y) + (float16)(fabs(corner) + fabs(across) + fabs(down)));
     *low = base + (min(across, 0.0f) + min(down, 0.0f)) - rounding;
@@ -130,8 +130,8 @@ void leave_out_others(Slices *slices, uint cast) {
 // Computes the rays of the tile's ray vectors. Returns the ray vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
-    // A direction is corner + x step_x + y step_y. The direction is computed as the sum of the direction to this
-    // corner, which is the same for all lanes, and of the vector `within`, which is the same for all vectors of rays.
+    // A direction is corner + x step_x + y step_y. Each direction is computed as the sum of two vectors. `first`, the
+    // direction to this corner, is the same for all lanes. `within` is the same for all vectors of rays.
     const varying_int column = LANE_X >> SUBPIXEL_BITS, row = LANE_Y >> SUBPIXEL_BITS;
 #if SAMPLED
     const varying right = TO_FLOAT(column) + samples->x, below = TO_FLOAT(row) + samples->y;

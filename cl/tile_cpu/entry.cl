@@ -1,10 +1,10 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together. One work-item owns the tile:
 // VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each ray vector.
 //
-// All children of a node are tested together against the interval of the tile's directions. Each child that the tile's
-// interval meets is then tested against the intervals of all ray vectors (slices.cl). Single rays are tested against
-// boxes only if the interval of their vector is too wide to exclude boxes (scattered.cl). A leaf's triangles are tested
-// against the rays of the remaining vectors (intersect/).
+// All children of a node are tested together against the interval (the least and greatest values) of the tile's
+// directions. Each child that this test does not exclude is tested against the intervals of each ray vector's
+// directions (slices.cl). Single rays are tested against boxes only if the interval of their vector is too wide to
+// exclude boxes (scattered.cl). A leaf's triangles are tested against the rays of the remaining vectors (intersect/).
 
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
@@ -40,11 +40,11 @@
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
-// A float16 has 16 lanes. In some variables, each lane belongs to one ray of a vector; in others, such as the fields of
-// Slices, to one vector of the tile. PARTS is the number of float16 that hold one value for each ray vector.
+// A lane of a float16 belongs to one ray of a vector or, in some variables such as the fields of Slices, to a whole ray
+// vector of the tile. PARTS is the number of float16 that hold one value for each ray vector.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-// Converts 16 bits of a word (a bit for each ray vector) to the mask of a float16: bits 0 to 15 for part 0.
+// Converts 16 bits of a word with one bit per ray vector to a mask with 16 lanes: bits 0 to 15 if `part` is 0.
 #define LANES_OF(word, part) (((int16)((int)((word) >> 16 * (part))) >> LANES & 1) != 0)
 
 #ifndef PREFETCH
@@ -59,7 +59,7 @@
 // The shears for the watertight test (tile_cpu/intersect/watertight.cl). The rays of a vector are sheared along their
 // common axis k; d is a ray's direction.
 typedef struct {
-    // x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
+    // For the axis k, x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];
     int axis[VECTORS];      // the common axis k, or NO_AXIS
     float forward[VECTORS]; // 1, or -1 if the rays run against the axis k

@@ -18,7 +18,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
 #error "FEW_VECTORS: up to so many vectors, a triangle is tested against rays without testing vectors_near first"
 #endif
 
-// Returns those of the ray vectors `vectors` whose rays are all finished, one bit each.
+// Returns the ray vectors in `vectors` without an unfinished ray, one bit each.
 uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -53,8 +53,8 @@ INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared 
     return changed;
 }
 
-// Does the same as test_worth with `many`. The function is not inlined, so that the loop over few ray vectors has all
-// registers to itself.
+// Does the same as test_worth with `many`. The function is not inlined, so that its code takes no registers from the
+// inlined loop over few ray vectors.
 __attribute__((noinline)) uint test_with_many(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared,
                                               uint worth, int first, uint live, const int any) {
     return test_worth(bundle, tree, prepared, worth, first, live, any, 1);
@@ -71,7 +71,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
                                         : test_worth(bundle, tree, &prepared, worth, first, live, any, 0);
 }
 
-// Tests all of a leaf's triangles against the ray vectors in `live`. Returns a bit for each, like test_prepared.
+// Tests all of a leaf's triangles against the ray vectors in `live`. Returns a bit for each vector, like test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

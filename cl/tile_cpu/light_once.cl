@@ -1,8 +1,8 @@
 // The light on pixels that are shaded once (shade_once.cl).
 
-// Adds the shadow rays' intervals of directions to the slices, and stores two numbers per pixel: the rays from the
-// light meet the pixel's hits at t = 1 / per_reach, and end shortly before, at t = 1 / end. Returns the pixels that the
-// light can reach.
+// Stores the intervals of the shadow rays' directions in `slices`, and two numbers per pixel, per_reach and end: the
+// rays from the light meet the pixel's hits at t = 1 / per_reach, and end shortly before, at t = 1 / end. Returns the
+// pixels that the light can reach.
 uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light, Slices *slices, varying *per_reach,
                      varying *end) {
     const Vec3 from = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light));
@@ -33,12 +33,12 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
     return open;
 }
 
-// Returns the value of one ray vector in an array with one lane per ray vector.
+// Returns the value that belongs to one ray vector, from an array of float16 with one lane for each ray vector.
 #define VALUE_OF(array, vector) (((const float *)(array))[vector])
 
-// Computes the rays from a light to the samples of pixels that are shaded once. For the first light, the bundle still
-// has the directions from the eye. The samples' hits are computed from these directions and, if there are more lights,
-// kept in `shaded`. Returns the vectors with rays, one bit each.
+// Computes the rays from a light to the samples of pixels that are shaded once. For the first light, `bundle` still has
+// the directions from the eye: the samples' hits are computed from these directions and, if there are more lights, kept
+// in `shaded`. Returns the ray vectors that the light can reach, one bit each.
 uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle *bundle, Slices *slices,
                     const Lighting *lighting, int light, float4 eye, Shaded *shaded) {
     if (!once->vectors) return 0;
@@ -114,9 +114,9 @@ void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle 
     }
 }
 
-// Computes the sums of the samples of those pixels that are shaded once and are not in `split`, and returns these
-// pixels. In a pixel of `split`, samples differ: the pixel's radiance (`once->sum`) is added to each sample in `sum`,
-// and the caller adds up the samples.
+// For each pixel that is shaded once and not in `split`, computes the sum of its samples. Returns these pixels. In a
+// pixel of `split`, a light reaches only some samples: the radiance from the other lights (`once->sum`) is added to
+// each sample in `sum`, and the caller adds up the samples.
 uint sum_once(const OncePixels *once, const FrameSamples *samples, float4 *sums, Vec3 *sum) {
     for (uint left = once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);

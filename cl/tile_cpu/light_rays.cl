@@ -1,7 +1,7 @@
 // The rays from a light to a tile's hits.
 
-// The direction from hits to a light. (Functions that are inlined return no structures: the simulator Oclgrind lacks an
-// instruction that LLVM then inserts.)
+// The direction from hits to a light. (Inlined functions return no structures, because LLVM would then insert an
+// instruction that the simulator Oclgrind lacks.)
 typedef struct {
     Vec3 to_light;                  // the unit vector towards the light
     varying distance, per_distance; // the light's distance and its reciprocal
@@ -57,8 +57,8 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     if (!ANY(lit)) return lit;
     find_unblocked_radiance(lighting, light, shaded, &direction, lit, arriving);
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have
-    // length 1: bounds of rounding errors are relative to the longest direction of the tile, and would be far too large
-    // for rays to hits near the light if directions had the lengths of the rays.
+    // length 1, not the lengths of the rays. Bounds of rounding errors are relative to the longest direction of the
+    // tile: with the rays' lengths, they would be far too large for rays to hits near the light.
     bundle->x[vector] = -direction.to_light.x;
     bundle->y[vector] = -direction.to_light.y;
     bundle->z[vector] = -direction.to_light.z;
@@ -69,7 +69,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
-        // The ray vector's interval of directions is one lane of the slices.
+        // One lane of each vector in `slices` holds the interval of this ray vector's directions.
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }

@@ -1,9 +1,9 @@
 // Scattered vectors are vectors of shadow rays whose hits lie far apart, as at the edge between two surfaces. The
-// interval of a scattered vector's directions is too wide to exclude many boxes, so each ray of the vector is tested
-// against the boxes.
+// directions of a scattered vector's rays differ so much that bounds of the directions exclude few boxes, so each ray
+// is tested against the boxes.
 
-// The hits of a vector are far apart if their distance from each other, as seen from the light, exceeds SCATTERED times
-// the width of the vector's block of pixels, measured at the hits' distance from the eye.
+// The hits of a vector are far apart if, seen from the light, they spread over more than SCATTERED widths of the
+// vector's block of pixels. (The width of the block is measured at the hits' distance from the eye.)
 #define SCATTERED 8.0f
 
 // Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.
@@ -28,8 +28,8 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
             apart = max(apart, (high - low) * reach);
             distance_squared += away * away;
         }
-        // Squares are compared, to avoid a square root. The condition is: apart > SCATTERED * (width of the block at
-        // the hits' distance from the eye).
+        // Squares are compared, to avoid a square root. A vector is scattered if `apart` > SCATTERED * (width of the
+        // block at the hits' distance from the eye).
         const float most = SCATTERED * block_side;
         scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
     }
@@ -42,7 +42,7 @@ varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores which ray vectors are scattered, and the reciprocals of their rays' directions, which rays_enter needs.
+// Stores the set of ray vectors whose hits lie far apart and, for rays_enter, the reciprocals of their directions.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -53,8 +53,8 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns those of the ray vectors `vectors`, all scattered, in which an unfinished ray enters a child's box before the
-// ray's end, one bit each.
+// Tests the rays of the scattered ray vectors `vectors` against a child's box. Returns the ray vectors of which an
+// unfinished ray enters the box before the ray's end, one bit each.
 uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

@@ -65,8 +65,8 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #endif
         for (uint left = open & ~ONCE_VECTORS; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
-            // inv_t is FAR in lanes whose shadow ray is blocked, and in lanes without a shadow ray. Lanes with a
-            // smaller inv_t receive light.
+            // inv_t is FAR in lanes whose shadow ray is blocked, and in lanes without a shadow ray. Lanes whose inv_t
+            // is less than FAR receive light.
             sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }

@@ -1,7 +1,7 @@
-// Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), the rays of a
-// vector are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs.
-// Such a pixel is shaded only at its samples' mean position, together with other pixels: in most variables of this
-// file, a lane belongs to a pixel, not to a ray. (A pixel is one vector of rays, so the lanes are those of Slices.)
+// Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), a vector's rays
+// are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs. A pixel
+// whose samples hardly differ is shaded only at their mean position, together with other pixels. In most variables
+// here, a lane belongs to a pixel, not to a ray. (A pixel is one ray vector, so the lanes are those of Slices.)
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
 //     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...
@@ -12,10 +12,10 @@
 // Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, each of the reached
 // samples is shaded at its own hit for this light (light_once.cl).
 
-// The largest estimated relative change of radiance by shading once: a tenth of the tolerance of verification.
+// The largest estimated relative error of a pixel that is shaded once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// A part (16 vectors, see PARTS) in which fewer than LEAST_ONCE pixels show a single triangle is skipped: shading each
-// sample of so few pixels takes less time.
+// If fewer than LEAST_ONCE pixels of a part (16 ray vectors, see PARTS) show a single triangle, the part is skipped:
+// shading each sample of so few pixels takes less time.
 #define LEAST_ONCE 3
 
 // The positions of a frame's samples in their pixel, in units of a pixel's side.
@@ -37,7 +37,7 @@ typedef struct {
     varying radius[PARTS];           // an upper bound of the distance between a sample's hit and `mean`
 } OncePixels;
 
-// The triangles of 16 pixels, one per lane, as columns (gather_rows).
+// The corners and normals of the triangles of 16 pixels: vectors with one lane per triangle (from gather_rows).
 typedef struct {
     varying corner[12], normal[12];
 } Triangles;
@@ -107,7 +107,7 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     const Vec3 m = scale(n, 1.0f / dot3(n, subtract(mean->point, origin)));
     once->inverse_depth[0][part] = m.x, once->inverse_depth[1][part] = m.y, once->inverse_depth[2][part] = m.z;
     const varying inv_t = dot3(d, m), t = 1.0f / inv_t, length = length_of(d);
-    // From one pixel to the next, 1 / t changes by across . m.
+    // From one pixel to the next, 1 / t changes by the dot product of m with `across` or `down`.
     right->depth = -t * dot3(across, m), below->depth = -t * dot3(down, m);
     right->point = scale(along(across, right->depth, d), t), below->point = scale(along(down, below->depth, d), t);
     right->eye = length_of(across) / length, below->eye = length_of(down) / length;
@@ -115,8 +115,8 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     const Vec3 g1 = cross3(e2, n), g2 = cross3(n, e1);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
-    // The normal turns by at most its change divided by its length. The interpolated normal is at least `least` long,
-    // since each corner's normal has at least the component `least` along the normal at the mean position.
+    // The interpolated normal turns by at most the length of its change divided by its own length. `least` is a lower
+    // bound of its own length: each corner's normal has at least this component along the mean position's normal.
     const varying least = min(min(dot3(n0, mean->normal), dot3(n1, mean->normal)), dot3(n2, mean->normal));
     const varying squared = dot3(n, n), per = 1.0f / (squared * least);
     const Vec3 to_right = add(scale(turn1, dot3(right->point, g1)), scale(turn2, dot3(right->point, g2)));
@@ -183,15 +183,15 @@ varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
     // `first` and `second` are upper bounds of the derivatives of cosine / r^2, relative to its value. If only the
     // normal turns, the second derivative is the square of the angle `turn`, and more if the interpolated normal's
-    // length changes too. The term with step->depth is there because hits are not a linear function of the pixel where
-    // depth changes. The factors 3, 8 and 4 are upper bounds, too.
+    // length changes too. The term with step->depth is needed because a hit is not a linear function of the pixel where
+    // depth changes. The factors 3, 8 and 4 in `first` and `second` are upper bounds.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
     const varying second = step->turn * (step->turn + 2.0f * step->stretch * light->per_cosine) +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
-    // The highlight h is cos^s of the angle between half vector and normal. Relative to h and to the turn, the first
-    // derivative of h is s tan, and the second at most s + s^2 tan^2. Two more products are at most the sums of the
-    // squares of their factors: 2 h' g' of the second derivative of h g, with g = cosine / r^2, and
-    // 2 s tan turn * bend, where `bend` is there because half vector and normal are no linear functions of the pixel.
+    // The highlight h is cos^s of the angle between half vector and normal. Relative to h and the angle `turn`, the
+    // first derivative of h is s tan, and the second at most s + s^2 tan^2. Two more products are at most the sums of
+    // the squares of their factors. One is 2 h' g', of the second derivative of h g with g = cosine / r^2. The other is
+    // 2 s tan turn * bend: `bend` is there because half vector and normal are no linear functions of the pixel.
     const varying power = s + 3.0f * s * s * light->tangent_squared, bend = step->stretch + step->depth;
     return second + light->glossy * (turn * turn * power + first * first + bend * bend);
 }
@@ -204,8 +204,8 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     light->tangent_squared = light->glossy = (varying)(0.0f);
     const Mask glossy = lit & (mean->surface.kind > 0.0f);
     if (!ANY(glossy)) return (Mask)(-1);
-    // A small highlight can be much brighter at a sample than at the mean. `nearest` is the largest cosine at a sample:
-    // the half vector turns by at most `turn` within the pixel. The factor 1.1 allows for the turn's second derivative.
+    // A small highlight can be much brighter at a sample than at the mean. `nearest` bounds the cosine of half vector
+    // and normal at the samples: the half vector turns by at most `turn`, in which 1.1 allows for second derivatives.
     const varying turn = 1.1f * reach * (half_turn(light, right) + half_turn(light, below));
     const varying cosine = dot3(add(to_light, mean->to_eye), mean->normal) * light->per_half;
     const varying here = max(cosine, (varying)(0.0f)), sine = sqrt(max(1.0f - cosine * cosine, (varying)(0.0f)));
@@ -241,8 +241,8 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     const Uniform3 power = LOAD3(lighting->lights + LIGHT_FLOATS * number + 3);
     const Mask smooth = bound_highlight(mean, direction.to_light, power, samples->reach, right, below, lit, &light);
     const varying second = second_derivative(&light, right) + second_derivative(&light, below);
-    // The light is on the same side of the surface for all samples if the angle between normal and light changes by
-    // less than the cosine. The factor 4 leaves a margin.
+    // The light is on the same side of the surface for all samples if the angle between normal and light, in radians,
+    // changes by less than the angle's cosine. The factor 4 leaves a margin.
     const varying turn = right->turn + below->turn + 2.0f * once->radius[part] * direction.per_distance;
     const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
     // The mean of a function differs from the function's value at the mean position by about half its second derivative
@@ -251,8 +251,8 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     return one_side & (direction.distance > 2.0f * lighting->bias) & (!lit | alike);
 }
 
-// Finds the pixels that can be shaded once, and computes the hits at the mean positions of their samples. `hit` has a
-// bit for each vector with a hit.
+// Finds the pixels that can be shaded once for all samples, and computes the hits at the mean positions of their
+// samples. `hit` has a bit for each vector with a hit.
 void find_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                const Lighting *lighting, CAMERA_PARAMETERS, uint hit) {
     once->vectors = once->split = 0;

@@ -109,7 +109,7 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
     return 0;
 }
 
-// Returns the lanes of `wanted` whose ray a triangle stops before `reach`. Each ray is cast alone.
+// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *direction);
     const varying numbers[9] = {from->x, from->y, from->z, direction->x, direction->y, direction->z,

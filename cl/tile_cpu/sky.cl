@@ -22,7 +22,7 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
         if (!ANY(hits)) continue;
         const Shaded *own = shaded + vector;
         if (IS_UNOCCLUDED(&lighting->soft)) {
-            // A picture of unoccluded light gets the sky's mean light, without a ray.
+            // In a picture of unoccluded light, the sky adds its mean light, and no ray is cast.
             const Vec3 arriving = multiply(own->surface.lambertian, mean_of_sky(&lighting->soft, own->normal));
             sum[vector] = select3(hits, add(sum[vector], arriving), sum[vector]);
             continue;

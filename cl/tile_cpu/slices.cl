@@ -9,8 +9,8 @@
 // The smallest value of 1 / t: a lower bound of 1 / t keeps t finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or
-// components of zero, occur along an axis, the axis is mixed: the reciprocals then lie below low or above high.
+// The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or of
+// zero, occur along an axis, the axis is mixed: along it, each reciprocal is less than low or greater than high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
@@ -55,7 +55,7 @@ typedef struct {
 
 // Converts intervals of directions to intervals of their reciprocals, and extends the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
-// half-lines. An end at zero becomes infinity, represented by FAR. Empty intervals (low > high) stay empty.
+// half-lines. The reciprocal of an end at zero is infinity, stored as FAR. Empty intervals (low > high) stay empty.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
     // If the interval contains zero (`mixed`), the reciprocals lie below 1 / least or above 1 / most.
@@ -67,8 +67,8 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the least value of `low` and the greatest value of `high` over all ray vectors of a tile. Each lane of the
-// PARTS float16 belongs to one ray vector: the function combines first the float16, and then their lanes.
+// Finds the least value of `low` and the greatest value of `high` over all ray vectors of a tile. The arrays have one
+// lane per ray vector, in PARTS elements: the function combines first the elements, and then their lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -76,7 +76,7 @@ void whole_tile(const float16 *low, const float16 *high, float *least, float *mo
     *most = most_lane(h);
 }
 
-// Returns the interval of a whole tile, around the intervals of directions of its ray vectors.
+// Returns the interval of a whole tile (see TileInterval), from the intervals of its ray vectors' directions.
 TileInterval interval_of_tile(const Slices *directions) {
     TileInterval interval;
     for (int axis = 0; axis < 3; axis++) {
@@ -93,8 +93,8 @@ TileInterval interval_of_tile(const Slices *directions) {
 }
 
 // The half width of an interval of directions is increased by PRODUCT_ROUNDING times the interval's larger end (in
-// absolute value). The increase is more than the rounding errors of a direction's dot product with a normal, and of the
-// bound that largest_product computes.
+// absolute value). This increase of the half width is more than the rounding errors of a direction's dot product with a
+// normal, and of the bound that largest_product computes.
 #define PRODUCT_ROUNDING 2e-6f
 
 // Converts `slices` from intervals of directions to intervals of reciprocals. First, the function stores the middles
@@ -128,16 +128,16 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays towards smaller coordinates reach the box's high side first. All rays of the tile have the same near
-        // side, unless the axis is mixed.
+        // Rays towards smaller coordinates reach the box's high side first. Unless the axis is mixed (rays run both
+        // ways along it), all rays of the tile reach the same side first.
         const int negative = interval->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
-            // Along a mixed axis, rays run in both directions. A mixed axis limits the t of the entry into the box only
-            // if the origin does not lie between the box's two sides.
+            // A mixed axis, along which rays run in both directions, limits the t at which rays enter the box only if
+            // the origin does not lie between the box's two sides.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
             // A ray crosses a side at t = side * (1 / d). The earliest entry and the latest exit occur at ends of the
@@ -196,8 +196,8 @@ void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
         // A ray vector's reach is the largest t of its rays: that of the ray with the smallest 1 / t.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // The lane is selected by comparing numbers of vectors, so that the slices stay in registers. An access by
-            // index would move the slices to memory.
+            // The ray vector's lane is selected by comparing lanes' numbers with the vector's number. Writing the lane
+            // by its index would move `slices` from registers to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

@@ -28,8 +28,8 @@ uint packet_enters(const PacketBounds *bounds, const __global float *node, float
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // The interval of origins has two ends. A ray from the end that is nearer to the box's near side enters the box
-        // first, and a ray from the opposite end leaves it last.
+        // Along this axis, the rays' origins lie in an interval. A ray from the end of the interval that is nearer to
+        // the box enters the box first; a ray from the other end leaves it last.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -40,7 +40,7 @@ uint packet_enters(const PacketBounds *bounds, const __global float *node, float
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns the lanes of `wanted` whose ray a triangle stops before t_max.
+// Returns the lanes of `wanted` whose ray is stopped by a triangle before t_max.
 Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(from, direction);
     const float reach = most_lane(SELECT(wanted, t_max, (varying)(-1.0f)));

@@ -63,7 +63,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
 }
 
 // Returns the sum of the samples of one pixel, which are the rays of a vector. Samples that hit nothing add the
-// background. The fourth component is the number of hits.
+// background. The sum's fourth component is the number of hits.
 float4 sum_of_samples(const FrameSamples *samples, float4 background, const Vec3 *sum, Mask hits) {
     const varying none = (varying)(0.0f);
     const float count = (float)popcount(LANE_BITS16(hits));
@@ -98,8 +98,8 @@ void store_sums(const FrameSamples *samples, const float4 *sums, __global float4
 }
 #endif
 
-// Stores the radiance of a ray vector, like store_radiance. If its block of pixels lies inside the image, and the
-// image's width is a multiple of four pixels, the function stores four pixels of a row at a time.
+// Stores the radiance of a ray vector, like store_radiance. If the vector's block of pixels lies inside the image, and
+// the image's width is a multiple of four pixels, the function stores four pixels of a row at a time.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
                  const Vec3 *sum, const Pixels *pixels, Mask hits) {
 #if SAMPLED

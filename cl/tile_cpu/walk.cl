@@ -8,9 +8,9 @@ typedef struct {
     uint live;
 } WaitingTile;
 
-// Prefetches the first four cache lines of a child that will be visited soon. Four lines hold a whole node of eight
-// children, the first rows of a node of 16 children, or the first triangles of a leaf. The lines are loaded while other
-// children are tested.
+// Prefetches the first four cache lines of a child that will be visited soon. Four cache lines hold a whole node of
+// eight children, the first rows of a node of 16 children, or the first triangles of a leaf. The cache lines are loaded
+// while other children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
@@ -33,8 +33,8 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
-        // The hits of a scattered ray vector lie far apart. Its intervals of directions are too wide to exclude boxes,
-        // so each of its rays is tested.
+        // The hits of a scattered ray vector lie far apart, so the interval of its rays' directions is too wide to
+        // exclude boxes. Each ray of a scattered vector is tested instead.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
@@ -43,7 +43,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     }
     for (uint left = pushed; left; left &= left - 1) {
         const int child = LOWEST_BIT(left);
-        // Counting the children below each child sorts the children without a loop over pairs.
+        // A child's place is the number of children below it in the stack: this sorts without a loop over pairs.
         const uint before = pushed & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
         const uint below =
@@ -72,7 +72,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     float reach = furthest(slices);
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // A ray vector is excluded if all its rays have found hits nearer than `next` since `next` was pushed.
+        // A ray vector is excluded if all its rays have hit something nearer since `next` was put on the stack.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {

@@ -1,9 +1,9 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. In tile_gpu/,
-// a group of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node, and
-// prepares triangle i of a leaf. __local memory holds the group's stack, and those triangles of a leaf against which
-// the group's rays are tested.
+// a group of 32 work-items (lanes) owns the tile. Each lane has three tasks: lane i casts RAYS of the tile's rays,
+// tests child i of a node, and prepares triangle i of a leaf. __local memory holds the group's stack, and those
+// triangles of a leaf against which the group's rays are tested.
 //
-// A pass consists of rays that run mainly along one axis of the scene. Let this axis be z. Relative to the rays'
+// A pass consists of rays that run mainly along one axis of the scene. Let the pass's axis be z. Relative to the rays'
 // origin, the point of a ray at depth z is (x z, y z, z); x and y are the ray's slopes. Over a triangle, 1/z is a
 // linear function of the slopes x and y, and so are the edge functions. The nearest hit has the largest 1/z.
 
@@ -54,12 +54,12 @@
 // A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the 1-norm. The
 // leader is the ray whose direction determines the axis; its component is at least a third of the 1-norm.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to its leader. The largest distance of a ray from the leader is then
-// NEIGHBOURS times the distance between neighbouring rays. NEIGHBOURS is the width of a tile in rays, because a tile's
-// rays to one surface are not farther apart.
+// A pass may be restricted to rays close to its leader (the ray that determines the pass's axis). The largest distance
+// of a ray from the leader is in this case NEIGHBOURS times the distance between neighbouring rays. A tile's rays to
+// one surface are at most as far apart as the tile is wide, so NEIGHBOURS is the width of a tile in rays.
 #define NEIGHBOURS ((float)TILE_X)
-// The lane in the middle of the 8 x 4 lanes. If this lane still has a ray to cast, it provides the leader (see
-// ALONG_AXIS).
+// The lane in the middle of the 8 x 4 lanes. If this lane still has a ray to cast, one of its rays becomes the leader
+// of the pass (see ALONG_AXIS).
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"
@@ -89,13 +89,13 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes (x and y per unit of z), between the leader's ray and the rays of neighbouring lanes.
-// `leader` is the lane whose ray determines the pass's axis. `distance` is the distance of this lane's ray from the
-// leader's ray (FAR if this lane has no ray). The result is the larger of two distances: to the nearer neighbour in the
-// leader's row, and to the nearer neighbour in the leader's column. If only the row or only the column has a neighbour
-// with a ray, the result is the distance to this neighbour; if neither has one, the result is FAR. In a block of 8 x 4
-// lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At the block's edge, the index wraps
-// around to a more distant lane.
+// Returns the distance, in slopes (x and y per unit of z), between the leading ray of a pass and the rays of
+// neighbouring lanes. The leading ray determines the pass's axis; `leader` is its lane. `distance` is the distance of
+// this lane's ray from the leading ray (FAR if this lane has no ray). The result is the larger of two distances: to the
+// nearer neighbour in the row of the lane `leader`, and to the nearer one in its column. If only the row or only the
+// column has a neighbour with a ray, the result is the distance to this neighbour; if neither has one, the result is
+// FAR. In a block of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At the block's
+// edge, the index wraps around to a more distant lane.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -106,19 +106,19 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Begins a pass: chooses a leader (the ray that determines the pass's axis), finds the rays of `todo` that join the
-// leader, and computes the shaft and the packet of all rays that join. With `close`, only rays close to the leader's
-// direction join the pass. Returns which of this lane's rays join the pass, one bit each. The leader always joins,
-// unless its direction is zero or not a number (NaN).
+// Begins a pass, in which rays walk the tree together: chooses a leading ray, which determines the pass's axis, finds
+// the rays of `todo` that belong to the pass, and computes their shaft and packet. With `close`, only rays close to the
+// leading ray's direction belong to the pass. Returns which of this lane's rays belong to the pass, one bit each. The
+// leading ray always belongs to its pass, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
-    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass: the lane in the middle of the
-    // tile if it still has a ray, because this lane's rays are closest to the other rays, or else the first lane that
-    // still has a ray.
+    // All lanes choose the same lane, `leader`. Its first remaining ray determines the pass's axis. If the lane in the
+    // middle of the tile still has a ray, it is chosen, because its rays are closest to the other rays. Otherwise, the
+    // first lane that still has a ray is chosen.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // `first` has a single bit, that of the leading ray in the lane `leader`. In every lane, `own` is the direction of
-    // the lane's own ray with the bit `first`.
+    // `first` has a single bit: the bit of the leading ray among the rays of the lane `leader`. In every lane, `own` is
+    // the direction of the lane's own ray that has the same number as the leading ray.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 direction = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) direction = uniform3(directions->x[ray], directions->y[ray], directions->z[ray]);
@@ -134,7 +134,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
     const float leader_x = component(direction.x, direction.y, direction.z, shaft->across) * per_leader;
     const float leader_y = component(direction.x, direction.y, direction.z, shaft->down) * per_leader;
     // Rays from the eye are close to each other. Shadow rays may be far apart, since their hits may lie on several
-    // surfaces. With `close`, only the rays near the leader join the pass.
+    // surfaces. With `close`, only rays near the leading ray belong to the pass.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
@@ -145,7 +145,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
         tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
     }
 
-    // Computes the slopes of each ray (x and y per unit of z), and the box around the slopes of all rays that join.
+    // Computes the slopes of each ray (x and y per unit of z), and the box around the slopes of the pass's rays.
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {
@@ -162,7 +162,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
         high_y = joins ? fmax(high_y, y) : high_y;
         packet->x[ray] = x;
         packet->y[ray] = y;
-        // In a pass, a distance is stored as 1 / z: 1 / t divided by the direction's component along the pass's axis.
+        // Distances are stored as 1 / z, where z is t times the direction's component along the pass's axis.
         packet->nearest[ray] = joins ? directions->per_end * per_depth : FAR;
         packet->ceiling[ray] = fmin(directions->per_begin * per_depth, FAR);
     }

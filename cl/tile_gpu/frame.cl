@@ -53,8 +53,8 @@ INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8,
 
 // Returns the packed position of the group's own tile, or TILE_OUTSIDE if the group has no tile. If `rough_count` is
 // not 0, tiles cover only the `rough_count` rough blocks (of pixels that get more samples), and no tile is larger than
-// a block. The host then starts only as many work-groups as these blocks need, and tiles are numbered block by block.
-// For example, a block of 16 x 16 rays has four tiles of 8 x 8:
+// a block. For rough blocks, the host starts only as many work-groups as the blocks need, and tiles are numbered block
+// by block. For example, a block of 16 x 16 rays has four tiles of 8 x 8:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -113,7 +113,7 @@ typedef struct {
 // the image, if its pixel has enough samples, or if the frame has no sample for its sub-pixel.
 #if SAMPLED
 INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
-    // The lowest `bits` bits of a ray's column and row in the grid are its column and row in the pixel.
+    // The lowest `bits` bits of a ray's column and row in the grid of rays are the ray's column and row in its pixel.
     const int last = (1 << group->bits) - 1, sample = (at.x & last) | (at.y & last) << group->bits;
     const int2 pixel = at >> group->bits;
     EyeRay ray;
@@ -189,10 +189,10 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 }
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
-// component along the pass's axis is more than `ALONG_AXIS` times the direction's 1-norm. A pass's leader (the ray that
-// determines the axis) has its largest component, at least a third of the 1-norm, along this axis. A ray that remains
-// after a pass can therefore lead no later pass in the same direction of the same axis. Rays whose direction is not a
-// number (NaN) are in no pass.
+// component along the pass's axis is more than `ALONG_AXIS` times the direction's 1-norm. The ray that determines a
+// pass's axis has its largest component along this axis: at least a third of the 1-norm (the sum of the components'
+// absolute values). A pass therefore takes all rays that could determine the axis of another pass in the same
+// direction. Rays whose direction is not a number (NaN) belong to no pass.
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or

@@ -63,7 +63,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         const uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                            ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x],
                                            lights + LIGHT_FLOATS * first_light, entry.y, bias, stack);
-        // Only this group writes the pixel's word of this ray from the eye, so no atomic operation is needed.
+        // Only this group writes the element of `lit` for this ray from the eye, so no atomic operation is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFTOVER) | reached;
     }
 }
@@ -79,8 +79,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 #define EMITS_PARAMETER
 #define EMITS_ARGUMENT
 #endif
-// HAS_LIGHT is not 0 if a pixel may get light in a round: from lights that reach the pixel, from its own surface, or
-// from the picture of the sky. Shiny surfaces mirror the picture of the sky in the round that includes the sky.
+// HAS_LIGHT is not 0 if a pixel may get light in a round of lights: from lights that reach it, its own surface, or the
+// picture of the sky. Shiny surfaces mirror the picture of the sky in the round of lights that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, leaf_index) \
@@ -195,9 +195,9 @@ INLINED void shade_pixel(SHADE_PARAMETERS const Tree *tree, const __global float
 }
 
 // AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the pixel's value before the round of lights.
-// `sum` is the light of the round, added up over the pixel's samples in this frame. With several samples per pixel, the
-// value is the mean of all samples so far. The first round of a frame adds the frame's samples to this mean; later
-// rounds add light to the same samples.
+// `sum` is the light from the lights of the round, added up over the pixel's samples in this frame. With several
+// samples per pixel, a pixel's value is the mean of all samples so far. The first round of lights of a frame adds the
+// frame's samples to the mean. Later rounds of lights add their light to the same samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -220,16 +220,16 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// For a round of lights, shades the nearest hits by the lights that reach them; AFTER_ROUND combines the result with
+// Shades the nearest hits by those lights of one round of lights that reach them. AFTER_ROUND combines the result with
 // the image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast
-// these rays and shade their pixels. Leftover shadow rays are few, but each takes long. Meanwhile, all other
-// work-groups shade the pixels without leftover shadow rays.
+// these rays and shade their pixels. Leftover shadow rays are few, but each takes long. While they are cast, the
+// work-groups of all other rows shade the pixels without leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
     BIND_SOURCES
     const __global float *lights_of_round = lights + LIGHT_FLOATS * first_light;
-    // The value of a hit without light. The fourth component is 1, since it counts hits.
+    // The value of a pixel whose hit gets no light. The value's fourth component is 1, since it counts hits.
     const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
     if ((int)get_group_id(1) < queue_rows) {
         const uint across = (uint)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
@@ -242,7 +242,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray,
                                          leaf_index, lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // Joins the lights whose rays tiles found unblocked, and the lights of unblocked leftover rays.
+                // Adds the lights that reach the pixel by shadow rays that tiles have cast.
                 reached |= lit[entry.x] & ~SOME_LEFTOVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
                 shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
@@ -275,7 +275,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             }
             EACH_RAY(ray) {
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
-                // The first round of lights begins with the background or a dark surface; later rounds only add light.
+                // In the first round of lights, a pixel begins as background or dark surface; later rounds add light.
                 if (!first_light) sum[ray] += leaf_index[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
                 if (HAS_LIGHT(reached[ray], leaf_index[ray]))
                     shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,

@@ -3,14 +3,14 @@
 
 // SHADOW_PASSES and SHADOW_BUDGET limit the work for one tile and one light: the number of passes, and the number of
 // nodes and leaves that all passes together take from the stack. A pass casts rays that are close to each other. At
-// silhouettes, some rays remain when a limit is reached. Later, whole groups cast these leftover shadow rays one at a
-// time.
+// silhouettes, some shadow rays remain undecided when one of these limits is reached. Such leftover shadow rays are
+// cast after the tiles, one at a time, each by a whole group of 32 lanes.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word contains the results of the lane's shadow rays: a bit for each pair of a light of the round and a ray
-// of the lane, ordered by light. The word's size limits the number of lights per round. A pixel's word contains the
-// results for one ray of the lane: every RAYS-th bit of the lane's word, one for each light. Bit 31 of a pixel's word
-// is set if some of the pixel's shadow rays are leftover shadow rays.
+// A lane's word contains the results of the lane's shadow rays: a bit for each pair of a light (of the round of lights)
+// and a ray (of the lane), ordered by light. The word's size limits the number of lights per round. A pixel's word
+// contains the results for one ray of the lane: every RAYS-th bit of the lane's word, one for each light. Bit 31 of a
+// pixel's word is set if some of the pixel's shadow rays are leftover shadow rays.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
@@ -87,8 +87,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit of a ray from the eye. Callers may use only the hit's point and normal, which determine the lights
-// that the surface faces, and the ends of the shadow rays from these lights.
+// Returns the hit of a ray from the eye. Callers may use only the hit's point and normal. Point and normal determine
+// which lights the surface faces, and where the shadow rays from these lights end.
 INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                                               EyeRay eye_ray, int leaf_index) {
     // The triangle's edge planes give t and weights quickly, but in slivers (thin triangles), with rounding errors too
@@ -154,7 +154,7 @@ INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bia
 #define SOURCE_COUNT(light_count) light_count
 #endif
 
-// Computes the rays from a light to the tile's hits. Returns the hits of `wanted` that need a ray, one bit each.
+// Computes the rays from a light to the tile's hits. Returns the hits in `wanted` that need a shadow ray, one bit each.
 INLINED uint light_directions(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                               int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted,
                               Directions *directions) {
@@ -177,8 +177,8 @@ INLINED uint light_directions(Group *group, const Tree *tree, const __global flo
 
 // Casts the shadow rays from a light to a tile's hits. Returns the rays that nothing blocks, one bit each. `*left`
 // receives the undecided rays, for which the tile did not find out whether something blocks them. Each pass computes
-// the rays again, and reads the indices of the hit triangles again. Storing these numbers would take registers during
-// the traversal, and a second pass is rare.
+// the rays again, and reads the indices of the hit triangles again. Storing the rays and indices would take registers
+// during the traversal, and more than one pass is rare.
 INLINED uint unblocked(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                        int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -212,8 +212,8 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float *sur
 }
 
 #if SOFT
-// Returns the hits that face a source (a light or the sky), one bit each. In unoccluded pictures, all these hits
-// receive the source's light.
+// Returns the hits that face a source (a light or the sky), one bit each. In pictures of unoccluded light, every hit
+// that faces a source receives this source's light.
 INLINED uint faces_source(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
@@ -247,8 +247,8 @@ typedef struct {
     __global uint *queued; // number of entries in the queue
 } ShadowResults;
 
-// Casts the shadow rays of a round of lights, from the light `first_light` on. A bit of a pixel's word is set if the
-// pixel's hit faces the bit's light, and nothing blocks this light. Adds leftover shadow rays to the queue.
+// Casts the shadow rays of a round of lights, from the light `first_light` on. In a pixel's word, a light's bit is set
+// if the pixel's hit faces the light, and nothing blocks the light. Adds leftover shadow rays to the queue.
 INLINED void find_lit(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                       int2 grid, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,

@@ -7,8 +7,8 @@
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// `widen` extends an interval of slopes by SLOPE_ROUNDING times the largest component of the directions (x, y, 1). The
-// extension is several times the rounding error of the numbers that are compared with the interval.
+// `widen` extends an interval of slopes by SLOPE_ROUNDING times the largest component of the directions (x, y, 1). This
+// extension of the interval is several times the rounding error of the numbers that are compared with the interval.
 #define SLOPE_ROUNDING 1e-6f
 
 // The origin of the rays of a pass.
@@ -24,7 +24,7 @@ INLINED Origin origin_at(Uniform3 at, int number) {
     return origin;
 }
 
-// The axes of a pass, and the box in (x, y) around the slopes of the pass's rays.
+// The volume that contains all rays of a pass: the axes of the pass, and the box around the slopes (x, y) of its rays.
 typedef struct {
     int across, down, along; // the axes of the scene (0 to 2) that are the pass's x, y and z
     float sign;              // 1, or -1 if rays run towards smaller coordinates of the axis `along`
@@ -52,8 +52,8 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
-    // The offsets of this lane's child in a node of 32 columns (common/tree.cl), for the pass's axes, are computed only
-    // once, so that finding an address takes only one addition.
+    // In a node, each child is a column (common/tree.cl). The offsets of this lane's column, in the rows of the pass's
+    // axes, are computed only once, so that finding an address takes only one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     // Rays that run backwards (towards smaller coordinates) reach a box's high side first.
@@ -82,7 +82,7 @@ INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float h
     shaft->high_y = high_y + more;
 }
 
-// Returns a point's coordinates along a pass's axes; z is multiplied by the pass's sign.
+// Returns a point's coordinates along the axes of a pass. If the rays run towards smaller coordinates, z is negated.
 INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
     return uniform3(component(v.x, v.y, v.z, shaft->across), component(v.x, v.y, v.z, shaft->down),
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));

@@ -1,5 +1,5 @@
-// Rays without a common origin: to points of a light with an extent, and to the sky. All of these rays are leftover
-// shadow rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
+// Rays without a common origin: to points of a light with an extent, and the sky. No tile casts these rays. They are
+// leftover shadow rays, which a group casts one at a time: each lane tests a child of a node or a triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
 // scene's lights, and `first_light` is the first light of the round of lights (see shadow.cl). In this file, `light` is
@@ -18,7 +18,7 @@ INLINED int lacks_common_origin(const Sources *sources, int light) {
 
 // Returns 1 if something stops a ray before t_max, else 0.
 INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 direction, float t_max, __local uint2 *stack) {
-    // This ray is the only one in its shaft, so the box around the slopes of the shaft's rays is a point.
+    // The shaft (a volume around rays) contains only this ray, so the box around its rays' slopes is a point.
     Shaft shaft;
     aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(direction.x, direction.y, direction.z),
         &shaft);

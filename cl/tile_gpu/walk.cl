@@ -1,4 +1,4 @@
-// Traversals of the tree by a group of 32 lanes: with the packet of a pass (its rays: see entry.cl), or with one ray.
+// Traversals of the tree by a group of 32 lanes: with all rays of a pass (the packet: see entry.cl), or with one ray.
 
 // The result of testing the shaft (the pass's rays) against this lane's child of a node.
 typedef struct {
@@ -7,8 +7,8 @@ typedef struct {
     uint word;   // the child's word in the node: see common/tree.cl
 } Child;
 
-// Tests whether the shaft meets this lane's child of a node at a z less than `reach`. Because of rounding, the test may
-// report a child that the shaft misses, but it never overlooks a child that the shaft meets.
+// Tests whether the shaft (the volume of a pass's rays) meets this lane's child of a node at a z less than `reach`. By
+// rounding, the test may report a child that the pass's shaft misses, but never overlooks one that the shaft meets.
 INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // less than 2^32: a tree has at most 2^25 triangles, and far fewer nodes
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
@@ -23,9 +23,9 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Along x, the shaft lies between two sides. The x of a side of the shaft is its slope times z. Within the child's
-    // box, a side is therefore outermost at z = near or at z = far. The shaft can meet the box only if the box overlaps
-    // the range from the low side's least x to the high side's greatest x. The test along y is the same.
+    // Along x, the shaft (the rays' volume) lies between a low and a high side. A side's x is the side's slope times z;
+    // within the child's box, a side's x is least and greatest at z = near and z = far. The shaft can meet the box only
+    // if the box overlaps the range from the low side's least x to the high side's greatest x. Likewise along y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -33,8 +33,8 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     return result;
 }
 
-// Returns the word of the child to visit next. Pushes all other children that the shaft meets onto the stack. If
-// `sorted`, the nearest child is visited next, and the nearest of the pushed children is on top of the stack.
+// Returns the word of the child to visit next, and pushes the remaining children that the shaft meets onto the stack.
+// If `sorted`, the nearest child is visited next, and the nearest of the pushed children is on top of the stack.
 //
 // An example of a node, with seven lanes instead of 32:
 //
@@ -61,7 +61,7 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
     const int others = popcount(met) - 1;
     if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
     *waiting += others;
-    // Later, lanes read entries of the stack that other lanes wrote here.
+    // Waits until all lanes have written to the stack, since later, lanes read entries that other lanes wrote.
     lane_sync(group);
     const uint nearest = lane_ballot(group, child.met && !rank);
     return lane_get(group, child.word, LOWEST_BIT(nearest));
@@ -88,7 +88,7 @@ typedef struct {
     __local int *lanes;
 } Candidates;
 
-// Tests the packet against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
+// Tests a pass's rays against the triangles of a leaf that their shaft does not exclude. With `any`, a ray that hits a
 // triangle is finished; otherwise the hit is stored if it is nearer. Returns 1 if any triangle was tested, else 0.
 INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, uint word, float worst,
                const int any, const Candidates *candidates) {
@@ -131,8 +131,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPa
     return count != 0;
 }
 
-// Returns the smallest 1/z at which a hit matters: the smallest 1/z of the nearest hits of all rays of the group. A ray
-// that has hit nothing counts with the 1/z of its end (0 for rays from the eye).
+// Returns the smallest 1/z at which a hit matters: the smallest 1/z of the nearest hits of all rays of the group. For a
+// ray that has hit nothing, the 1/z of the ray's end counts (0 for rays from the eye).
 INLINED float worst_of(Group *group, const RayPacket *packet) {
     float worst = FAR;
     EACH_RAY(ray) worst = fmin(worst, packet->nearest[ray]);
@@ -149,9 +149,9 @@ INLINED int is_looking(const RayPacket *packet) {
 // Returns the z beyond which no hit matters. `worst` is the smallest 1/z at which a hit matters.
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
-// Walks the tree with the packet of a pass, and finds the nearest hit of each ray or, with `any`, any hit. With `any`,
-// each node or leaf that is taken from the stack and visited uses up one unit of `budget`. Returns 1 if the budget was
-// enough, else 0.
+// Walks the tree with the rays of a pass, and finds the nearest hit of each ray or, with `any`, any hit. With `any`,
+// each node or leaf that is taken from the stack and visited uses up one unit of `budget`. Returns 1 if `budget` was
+// enough for the whole walk, else 0.
 INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {
     float worst = worst_of(group, packet), reach = reach_of(worst);
@@ -170,7 +170,7 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
         }
         if (met || !going) continue;
         // Continues with the topmost node or leaf of the stack that is not behind the nearest hits of all rays. The
-        // stack's entries above it are dropped.
+        // stack's entries above this node or leaf are dropped.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];

@@ -8,16 +8,16 @@
 // This is the test of Moeller and Trumbore 1997 as the textbook (Hughes et al., "Computer Graphics") has it: with a
 // division per weight, and with constants as thresholds. In the student paper that raycl reproduces, the function
 // `intersect` allocates five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so here each test
-// has an array of its own for each vector. Two measures prevent compilers from keeping these arrays in registers: the
-// arrays are volatile, and each vector begins at an index that is computed from the triangle, although this index is
-// always 0. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the arrays
-// are in the work-item's private memory, which is off the chip. Most misses are found after 15 operations: 6 for
+// has an array of its own for each vector. Two measures prevent compilers from keeping the vectors' arrays in
+// registers. The arrays are volatile. Each vector begins at an index that is computed from the triangle, although the
+// index is always 0. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the
+// arrays are in the work-item's private memory, which is off the chip. Most misses are found after 15 operations: 6 for
 // direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight. The 6 operations for the
 // triangle's edges e1 and e2 are not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
-// This test prepares nothing per ray. Its probe (what a test prepares for a ray) contains only t_min.
+// This test prepares nothing per ray: the test's probe (what a test prepares for a ray) contains only t_min.
 typedef struct {
     varying t_min;
 } Probe;
@@ -52,8 +52,8 @@ Vec3 store_and_load(volatile varying *at, Vec3 value) {
 // no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // `from` is the index at which a vector begins in its array. The index is always 0, because no coordinate is larger
-    // than 1e38, but the compiler does not know that.
+    // `from` is the index at which a vector begins in its array. No coordinate is larger than 1e38, so `from` is always
+    // 0, but the compiler does not know this.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = store_and_load(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));

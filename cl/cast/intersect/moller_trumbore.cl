@@ -13,7 +13,7 @@
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
 #endif
 
-// This test prepares nothing per ray. Its probe (what a test prepares for a ray) contains only t_min.
+// This test prepares nothing per ray: the test's probe (what a test prepares for a ray) contains only t_min.
 typedef struct {
     varying t_min;
 } Probe;
@@ -35,12 +35,12 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 #define DISTANCE(size, s) (fabs((s).x) + fabs((s).y) + fabs((s).z))
 #endif
 
-// Returns a triangle's row. A weight may exceed its bounds by its largest rounding error, the slack, so that no ray
-// falls through between two triangles. (Only the watertight test guarantees that no ray does.) The slack grows with the
-// distance of the ray's origin from the corner, and with the size of the edge in the weight's cross product. If a
-// triangle is seen nearly edge-on, no digit of the determinant `a` is correct, so it is not hit. With PAPER_EPSILONS,
-// both slacks and the bound of `a` are the paper's constants. Without PAPER_EPSILONS, each slack is proportional to one
-// edge's size (its 1-norm), and the bound of `a` to the product of both sizes, like the rounding errors.
+// Returns a triangle's row. A barycentric weight may be below 0 or above 1 by its largest rounding error, its slack, so
+// that no ray falls through between two triangles (which only the watertight test guarantees). A weight's slack grows
+// with the ray origin's distance from the corner, and with the edge in the weight's cross product. If a triangle is
+// seen nearly edge-on, it is not hit, since no digit of the determinant `a` is correct. With PAPER_EPSILONS, the
+// weights' slacks and the bound of the determinant are the paper's constants. Without, a weight's slack is proportional
+// to one edge's size (its 1-norm), and the determinant's bound to the product of both edges' sizes.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -70,7 +70,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     // with |a|. The comparison is the same for front and back faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
-    // The variable w1 is the weight times |a|. A weight between 0 and 1 means -slack1 <= w1 <= |a| + slack1.
+    // The variable w1 is the weight times |a|. With the slack, a weight of 0 to 1 is -slack1 <= w1 <= |a| + slack1.
     const Vec3 s = subtract(origin, splat(row.a));
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);
@@ -79,8 +79,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // Few rays pass the test of the first weight. The second weight, and the condition that the sum of both weights is
-    // at most 1, are tested like the first weight.
+    // Few rays pass the test of the weight w1. The weight w2, and the condition that the sum of both weights is at most
+    // 1, are tested like w1.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;
@@ -92,8 +92,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
     // A ray within the edges still misses if the triangle is seen edge-on, or if t is not between t_min and t_max. If
-    // |a| is not larger than a slack, the slack would lengthen the triangle by its own length or more. A triangle with
-    // such a small |a| looks so narrow that the slacks of its neighbours cover it.
+    // |a| is at most slack1 or slack2, this slack would at least double the triangle's length. A triangle whose |a| is
+    // below its slacks looks so narrow that the slacks of its neighbours cover it.
     const varying least = max(max(slack1, slack2), EDGE_ON(row));
     hit->lanes = inside & (size > least) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK

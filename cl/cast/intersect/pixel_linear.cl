@@ -11,8 +11,8 @@
 
 #include "cast/planes_of_origin.cl"
 
-// Returns a plane as a function of the pixel: the coefficients of x, y and 1 in the plane's dot product with the ray's
-// direction, corner + x step_x + y step_y.
+// Returns the plane's dot product with the ray direction corner + x step_x + y step_y as a linear function of the pixel
+// (x, y): the coefficient of x, the coefficient of y, and the constant.
 Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
                     uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
@@ -21,7 +21,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 
 // The overlap of neighbouring triangles in the pixel-linear test, as a multiple of the overlap in the common-origin
 // test. The value of a plane at a pixel is a sum of three rounded dot products, two of which are multiplied by a
-// coordinate of the pixel. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
+// pixel's coordinate. A plane's value has 8 to 16 times the rounding error of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
 // Returns a triangle's row with its planes as functions of the pixel, and LINEAR_OVERLAP added to the edges' planes.

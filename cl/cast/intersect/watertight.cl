@@ -6,11 +6,11 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
-// becomes the z axis. An edge function is then the difference of two products, each rounded separately. The sign of an
-// edge function is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
-// triangles. The test is watertight only without contraction to fma. Most misses are found after 50 operations: 9 for
-// the corners relative to the ray's origin, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2
-// for their sum.
+// becomes the z axis. After the shear, an edge function is the difference of two products, each rounded separately. The
+// sign of an edge function is therefore exactly opposite in the neighbouring triangle, and no ray passes between the
+// two triangles. The test is watertight only without contraction to fma. Most misses are found after 50 operations: 9
+// for the corners relative to the ray's origin, 30 for sheared x and y (not contracted), 9 for the edge functions, and
+// 2 for their sum.
 
 #include "common/exact_signs.cl"
 
@@ -23,9 +23,9 @@ typedef struct {
 } Probe;
 
 // Let d be the direction, k its dominant axis, k+1 and k+2 the next axes in cyclic order, and e_i the unit vector along
-// axis i. The rows of the matrix are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k. The rows for
-// all three axes are computed, and each lane selects those of its dominant axis. A branch would save nothing: lanes may
-// have different dominant axes, so a vector of rays would execute every path.
+// axis i. The rows of the shear matrix are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k. The
+// rows for all three axes are computed, and each lane selects those of its dominant axis. A branch would save nothing:
+// lanes may have different dominant axes, so a vector of rays would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
     // The axis of the direction's largest component becomes z, so that divisions by it do not make the shear large.
@@ -44,8 +44,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // If the ray runs against its dominant axis, the shear would mirror triangles and swap front and back faces. The
-    // sign of the matrix's first row is therefore reversed for rays against their axis.
+    // If the ray runs against its dominant axis, the shear would mirror triangles and swap front and back faces. To
+    // prevent this, the sign of the matrix's first row is reversed for rays that run against their dominant axis.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));

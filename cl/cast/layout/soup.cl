@@ -2,7 +2,7 @@
 // index_bits: none
 //
 // Each triangle has 26 floats (104 bytes) of its own, as in the paper: three corners (9), three normals (9), and the
-// material: k_L (3), k_G (3), s and kind (see Surface in common/rows.cl). With EMISSIVE, there are four more floats.
+// material: k_L (3), k_G (3), s and kind (see Surface in common/rows.cl). With EMISSIVE, a triangle has 30 floats.
 
 #ifndef SOUP_STRIDE
 #error "SOUP_STRIDE: floats of a triangle"
@@ -69,7 +69,7 @@ Corners corners(const Geometry *geometry, int triangle) {
     return corners;
 }
 
-// Writes a triangle's normals and material into one lane of the columns. A column is a vector: one float per lane.
+// Writes a triangle's normals and material into columns (vectors): one float per column, all in the lane `lane`.
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + (size_t)triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + (size_t)triangle * MATERIAL_STRIDE;

@@ -6,14 +6,14 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Triangles are prepared once for all rays of a tile, eight at a time, each in one lane. P and Q are the ends of an
-// edge, relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A
-// ray's direction d lies inside the edge if the dot product of d and this normal has the right sign. The neighbouring
-// triangle has the same plane for the shared edge, with the opposite sign, to the last bit. (Embree's robust mode uses
-// the same planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles therefore overlap a
-// little: after the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where e1 and e2
-// are two of the triangle's edges. The product of `a` and t is the same for all rays, and is called the height. A hit
-// lies in front of the ray's origin if `a` and the height have the same sign. The planes are multiplied by the height's
-// sign when they are prepared, not at each test.
+// edge, relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A ray
+// with the direction d lies on the edge's inner side if the dot product of d and the plane's normal has the right sign.
+// The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the last bit. (Embree's
+// robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so neighbouring triangles
+// overlap a little: after the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where
+// e1 and e2 are two of the triangle's edges. The product of `a` and t is the same for all rays, and is called the
+// triangle's height. A hit lies in front of the ray's origin if the number `a` and the triangle's height have the same
+// sign. All planes are multiplied by the sign of the triangle's height when they are prepared, not at each test.
 
 #define PREPARED TOGETHER
 
@@ -43,11 +43,11 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// Returns the numbers by which the planes of one edge of eight triangles are multiplied. `size` is the edge's size,
-// `longer` the size of the longer of two edges, and `slack` the overlap of neighbouring triangles (see
-// SHARED_EDGE_SLACK) per size of an edge, in the unit of the edges' dot products. The overlap is rounded down to a
-// power of two. The edges' planes are divided by this power of two, so that the overlap becomes 1. The division does
-// not round, because the divisor is a power of two.
+// Returns, for each of eight triangles, the factor by which the plane of one edge is multiplied. `size` is the edge's
+// size, `longer` that of the longer of the edges e1 and e2, and `slack` the overlap of neighbouring triangles (see
+// SHARED_EDGE_SLACK) divided by an edge's size, in the unit of the edges' dot products. The overlap is rounded down to
+// a power of two. Edges' planes are divided by the rounded overlap, so that the overlap of triangles becomes 1. This
+// division does not round, because the divisor is a power of two.
 float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);
@@ -65,16 +65,16 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // `height` is the distance of the origin from the triangle's plane, times the length of the triangle's normal n.
-    // The sign shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
+    // `height` is the distance of the origin from the triangle's plane, times the length of the normal n. The sign of
+    // `height` shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2), longer = max(size1, size2);
     const float8 distance = lanes_size(a), slack = SHARED_EDGE_SLACK * bundle->longest * distance;
     const float8 least = LEAST_VISIBLE(distance, longer);
-    // 1 / t = (d . n) / height. The product of n and the sign of `height` is stored, and `a` is the dot product of d
-    // and this stored vector, so 1 / t = a / |height|. `a` is positive if the ray meets the triangle's plane in front
-    // of the ray's origin.
+    // For a ray's direction d and the normal n, 1 / t = (d . n) / height. The normal is stored times the sign of
+    // `height`. The number `a` is the dot product of d and this stored normal, so 1 / t = a / |height|. `a` is positive
+    // if the ray meets the triangle's plane in front of the ray's origin.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(e1, b, a), per_overlap(slack, size1, longer, sign), prepared->edges[0]);
     store_plane(edge_plane(e3, c, b), per_overlap(slack, lanes_size(e3), longer, sign), prepared->edges[1]);
@@ -90,8 +90,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// A triangle is tested first against the ray vectors' intervals of directions if more than FEW_VECTORS of them are
-// left: a test of sixteen intervals takes about as long as the tests of six vectors of rays.
+// If more than FEW_VECTORS ray vectors are left, a triangle is first tested against the intervals of the vectors'
+// directions. Testing sixteen such intervals takes about as long as testing six vectors of rays.
 #define FEW_VECTORS (6 * PARTS)
 
 // Returns the upper bounds of the products of an edge's plane and the directions of sixteen vectors of rays.
@@ -99,15 +99,15 @@ INLINED float16 largest_inside(const Bundle *bundle, int part, const float edge[
     return largest_product(bundle, part, edge[0][lane], edge[1][lane], edge[2][lane]);
 }
 
-// Returns those of the ray vectors in `live` whose rays do not all lie outside the same edge of a prepared triangle.
+// Returns `live` without the ray vectors whose rays all lie outside the same edge of a prepared triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     uint outside = 0;
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = min(min(largest_inside(bundle, part, prepared->edges[0], lane),
                                        largest_inside(bundle, part, prepared->edges[1], lane)),
                                    largest_inside(bundle, part, prepared->edges[2], lane));
-        // The bound is -2, not 0: test_triangle adds 1 (the overlap of neighbouring triangles), and another 1 allows
-        // for rounding in the sum.
+        // `inside` is compared with -2, not with 0: test_triangle adds 1 for the overlap of neighbouring triangles, and
+        // another 1 allows for rounding in the sum.
         outside |= LANE_BITS16(inside < -2.0f) << (16 * part);
     }
     return live & ~outside;
@@ -128,13 +128,13 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // u, v and w (a dot product per edge) are at least 0 inside the triangle. Neighbouring triangles overlap by 1.
+        // u, v and w, at least 0 inside the triangle, are a dot product per edge, plus 1: the overlap of triangles.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying inv_t = a * per_height;
-        // Two minima are tested instead of six numbers, since operations on masks take longer than minima. `seen` must
-        // be above 0: of two hits at the same distance, the first one is kept.
+        // Two minima, `inside` and `seen`, are tested instead of six numbers, since operations on masks take longer.
+        // `seen` must be above 0, not 0: of two hits at the same distance, the first one is kept.
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));

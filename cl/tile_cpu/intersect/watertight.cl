@@ -1,8 +1,8 @@
 // The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. The test shears a triangle's
 // corners so that the ray becomes a coordinate axis. Here all rays of a vector use the same axis: an axis along which
-// all of them run in the same direction, their common axis. All rays also start at the same origin, so the corners
-// relative to the origin are the same for all rays, and a ray's shear takes only two products per corner. Vectors whose
-// rays have no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
+// all of them run in the same direction, their common axis. All rays start at one origin, so the corners relative to
+// the origin are the same for all rays. With a common axis, a ray's shear takes only two products per corner. Vectors
+// whose rays have no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
 
 #define NO_AXIS 3
 
@@ -12,12 +12,12 @@ varying along_axis(const Bundle *bundle, int vector, int axis) {
 }
 
 // Finds the common axis of a vector's rays: an axis along which all of them run in the same direction. If several axes
-// are possible, chooses the axis for which the smallest component of a ray is largest. Then computes the rays' shears.
+// are possible, chooses the axis with the largest `along` (explained below). Then computes the rays' shears.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
-        // `along` is the smallest absolute value of the rays' components along this axis. If rays run in both
+        // `along` is the smallest absolute value of the rays' components along the axis `axis`. If rays run in both
         // directions, `along` is 0 or negative.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
@@ -30,8 +30,8 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
-    // The shear is x' = x - (d_x / d_z) z, where z is the common axis. The factors are computed once per ray. If rays
-    // run against the axis, x' is mirrored, so that back faces stay back faces.
+    // The shear is x' = x - (d_x / d_z) z, where z is the common axis. The factors of z are computed once per ray. If
+    // rays run against the axis, the coordinate x' is mirrored, so that front and back faces are not swapped.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
@@ -81,7 +81,7 @@ typedef struct {
     float a[3], b[3], c[3];
 } Prepared;
 
-// Prepares one triangle, with the index `first` in leaf order. Returns 1, the triangle's bit: no triangle is excluded.
+// Prepares the triangle at `first` in leaf order. Returns a word with the triangle's bit: 1 (never excluded).
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
     if (any) { // rays are tested from the light: swapping two corners swaps front and back faces
@@ -97,16 +97,16 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// The triangle is tested first against the ray vectors' intervals of directions if more than FEW_VECTORS of them are
-// left: a test of sixteen intervals takes about as long as the tests of four vectors of rays.
+// If more than FEW_VECTORS ray vectors are left, the triangle is first tested against the intervals of the vectors'
+// directions. Testing sixteen such intervals takes about as long as testing four vectors of rays.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. The
-// bound also covers the errors of the sheared test, which grow if rays run at a large angle to their common axis.
+// A bound of the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. It
+// also covers the errors of the test of sheared corners, which grow with the angle between rays and their common axis.
 #define VOLUME_ROUNDING 2e-5f
 
-// Returns those of the ray vectors in `live` with a ray that may run on the positive side of a plane through the
-// origin: the side to which the plane's normal points. `size` is the product of the sizes of the two vectors whose
-// cross product the normal is.
+// Returns the ray vectors in `live` of which a ray may run on the positive side of a plane through the origin: the side
+// to which the plane's normal points. The normal is the cross product of two vectors; `size` is the product of the
+// sizes of these two vectors.
 uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = largest_product(bundle, part, normal.x, normal.y, normal.z);
@@ -115,7 +115,7 @@ uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live
     return live;
 }
 
-// Returns those of the ray vectors in `live` whose rays do not all lie outside the same edge of the triangle.
+// Returns `live` without the ray vectors whose rays all lie outside the same edge of the triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     const Uniform3 a = LOAD3(prepared->a), b = LOAD3(prepared->b), c = LOAD3(prepared->c);
     const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);

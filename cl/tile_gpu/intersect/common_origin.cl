@@ -3,27 +3,27 @@
 // loads these planes from a table. The kernel tile_prepare computes the table: once per frame for the eye, and once per
 // round of lights (see shadow.cl) for the round's lights. For each origin, the table has three rows, one for each
 // coordinate axis. A row has a quad (float4) per triangle: the components along the row's axis of the triangle's three
-// planes and of 1/z. Three loads are therefore enough, whatever the axes of the pass.
+// planes and of 1/z. Three loads, one per row, read all planes of a triangle, whatever the axes of the pass.
 
-// The table for one origin. In each row, the triangles are in leaf order, so that neighbouring lanes load neighbouring
-// quads:
+// The table of planes for one origin (the eye or a light). In each row, the triangles are in leaf order, so that
+// neighbouring lanes load neighbouring quads:
 //
 //                 triangle 0               triangle 1               ...
 //     x's row     u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
 //     y's row     u.y  v.y  w.y  (1/z).y   ...
 //     z's row     u.z  v.z  w.z  (1/z).z
 //
-// For rays that run mainly along x, the rows are used in the order y, z, x: permuting the axes costs no instruction.
+// For rays mainly along x, the table's rows serve in the order y, z, x: permuting axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// The overlap of neighbouring triangles, as a multiple of the overlap that planes_of scales to 1. As in edge_planes.cl,
-// the overlap is half as large as in other ray-triangle tests.
+// The overlap of neighbouring triangles, in units of the usual overlap, which planes_of scales to 1. As in
+// edge_planes.cl, triangles overlap half as much as in other ray-triangle tests.
 #define OVERLAP 0.5f
 
-// Evaluates four linear functions at once: a triangle's planes and 1/z. `plane` has their coefficients of one slope (x
-// or y per unit of z). Returns `rest` plus the largest value that each coefficient times the slope takes in the
-// interval from `low` to `high`. For a coefficient p, this value is p times the middle of the interval, plus |p| times
-// half the interval's width.
+// Bounds four linear functions at once: a triangle's three planes and 1/z. `plane` has the four functions' coefficients
+// of one slope (x or y per unit of z), which lies between `low` and `high`. Returns, for each function, `rest` plus the
+// largest value of the coefficient times the slope. For a coefficient p, the largest value is p times the middle of the
+// interval, plus |p| times half the interval's width.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
@@ -45,16 +45,16 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float overlap = OVERLAP * shaft->longest;
     triangle->a = across;
     triangle->b = down;
-    // A ray's direction is (x, y, 1), so a plane's third component has no factor. The overlap is added to the third
-    // component here, once for all rays.
+    // A ray's direction is (x, y, 1), so a plane's third component has no factor. The triangles' overlap is added to
+    // the third component here, once for all rays.
     triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
     triangle->c.w = shaft->sign * along.w;
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
-    // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
-    // all rays, its own hits do not matter.
+    // If all rays of the pass (the shaft) are outside the same edge, no ray hits. If the triangle is behind the nearest
+    // hits of all rays, its own hits do not matter.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
@@ -85,9 +85,9 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // The last argument of planes_of is the sign for front faces: negative for rays from the eye. A shadow ray runs
-    // towards its light, but is tested from the light, so it meets the side that faces away from the light: the sign is
-    // positive.
+    // The last argument of planes_of, the sign for front faces, is negative for rays from the eye. A shadow ray runs to
+    // its light, but is tested from the light, so it meets the side that faces away from the light. The sign for front
+    // faces is therefore positive for shadow rays.
     const Row row = planes_of(leaf_corners(&tree, index), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + index;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);

@@ -1,26 +1,26 @@
 // Prepares a leaf's triangle (computes what all rays of a pass need), and tests rays against it. Each edge spans a
 // plane with the rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share
 // the plane of their common edge, to the last bit. The edge functions and 1/z are linear in a ray's slopes x and y (see
-// entry.cl). A prepared triangle has a float4 for each of the corners a, b and c. The first three components of a
-// float4 are the plane of the edge opposite to the corner; inside this edge, the plane's edge function is not negative.
-// The fourth component is one of the three coefficients of 1/z:
+// entry.cl). A prepared triangle has a float4 for each of the corners a, b and c. The first three components of such a
+// float4 are a plane: that of the edge opposite to the corner. On the inner side of the edge, the plane's edge function
+// is not negative. The fourth component of a float4 is one of the three coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 
 // Returns the plane through the origin and an edge. `edge` is p - q; the edge's ends p and q are relative to the
-// origin. The plane is multiplied by `scale`, so that the overlap of neighbouring triangles is 1; this overlap is then
-// added. Swapping p and q changes the signs of all components without the overlap, and nothing else. The overlap is
-// half as large as in other ray-triangle tests. (Measured on a GPU: with the full overlap, one of two million pixels of
-// a terrain is wrongly dark. With half the overlap, no pixel is wrongly dark, and none of 60,516 rays aimed at edges
-// and vertices slips through.)
+// origin. The plane is multiplied by `scale`, so that the overlap of neighbouring triangles becomes 1, and this 1 is
+// added. Before the 1 is added, swapping the ends p and q only changes the signs of all components. Neighbouring
+// triangles overlap by half as much as in other ray-triangle tests. (Measured on a GPU: with the full overlap of
+// triangles, one of two million pixels of a terrain is wrongly dark. With half the overlap of triangles, no pixel is
+// wrongly dark, and none of 60,516 rays aimed at edges and vertices slips through.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
 }
 
-// Returns the number by which the plane of an edge is multiplied, without its sign: the reciprocal of the overlap,
-// after rounding the overlap down to a power of two. `size` is the edge's size, `longer` the size of the longer of two
-// edges, and `slack` the overlap per size of an edge.
+// Returns the absolute value of the factor by which an edge's plane is multiplied: 1 / the overlap of neighbouring
+// triangles, where the overlap is rounded down to a power of two. `size` is the edge's size, `longer` that of the
+// longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size.
 INLINED float per_overlap(float slack, float size, float longer) {
     const float overlap = slack * min(longer, OVERLAP_EDGES * size);
     return as_float(0x7f000000 - (as_int(overlap) & 0x7f800000));
@@ -32,8 +32,8 @@ INLINED float per_overlap(float slack, float size, float longer) {
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
 // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. The sign of
 // `height` shows which side of the triangle is visible, and 1/z = (x, y, 1) . n / height. For culling, the visible side
-// is reversed in two cases: shadow rays run towards their light, but are tested from the light; and rays that run
-// against their axis have mirrored coordinates.
+// is reversed in two cases. Shadow rays run towards their light, but are tested from the light. Rays that run towards
+// smaller coordinates along the pass's axis have mirrored coordinates.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -57,8 +57,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
-    // If all rays of the shaft are outside the same edge, no ray hits. If the triangle is behind the nearest hits of
-    // all rays, its hits do not matter.
+    // If all rays of the pass (the shaft) are outside the same edge, no ray hits. If the triangle is behind the nearest
+    // hits of all rays, its hits do not matter.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }

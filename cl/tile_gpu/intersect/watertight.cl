@@ -1,10 +1,10 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are sheared
-// along the ray, and edge functions are differences of two products, each rounded separately. The shear uses the pass's
-// axis, not the axis of the largest component of each ray's direction. The test stays watertight: a ray has the same
-// axis for all triangles, so a corner that two triangles share is sheared in the same way. A prepared triangle contains
-// the corners along the pass's axes, relative to the origin. The fourth component of `a` is the sign of `det` for front
-// faces (`det` is the sum of the three edge functions). The sign is reversed for rays that run against the axis, since
-// their coordinates are mirrored, and for shadow rays, since they are tested from their light:
+// along the ray, and edge functions are differences of two products, each rounded separately. Rays are sheared along
+// the axis of the pass, not along the axis of each direction's largest component. The test stays watertight: a ray has
+// the same axis for all triangles, so a corner that two triangles share is sheared in the same way. A prepared triangle
+// contains the corners along the pass's axes, relative to the origin. The corner `a` has a fourth component: the sign
+// that `det`, the sum of the edge functions, has for front faces. This sign is reversed for rays that run against the
+// axis, since their coordinates are mirrored, and for shadow rays, since they are tested from their light:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
