@@ -275,15 +275,3 @@ fn the_revision_is_not_that_of_another_repository() {
         assert_eq!(revision(path).as_deref(), Some("0123456789ab"), "{path}");
     }
 }
-
-/// Checking the fuzz targets takes half a minute if it shares compiled crates with the lints, and five minutes
-/// otherwise. Only programs that are built with the same profile share compiled crates.
-#[test]
-fn the_fuzz_targets_are_compiled_as_the_crate_is() {
-    let profile = |path: &str| {
-        let text = read_to_string(repository(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-        let manifest: toml::Table = text.parse().unwrap_or_else(|error| panic!("{path}: {error}"));
-        manifest["profile"]["dev"].clone()
-    };
-    assert_eq!(profile("tests/fuzz/Cargo.toml"), profile("Cargo.toml"));
-}
