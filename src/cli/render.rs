@@ -75,7 +75,8 @@ pub struct Args {
     /// bare mesh (a mesh file) is shown as with --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
-    /// With --devices: use all selected devices, even if the frame takes longer because of one of them
+    /// With --devices: use all selected devices, even if the frame takes longer because of one of them; without
+    /// this option, devices that slow the frame down or cannot be prepared are left out
     #[arg(long, requires = "devices", conflicts_with_all = ["device", "watch", "layers", "adaptive", motion::MOVING])]
     every_device: bool,
     #[command(flatten)]

@@ -49,7 +49,7 @@ pub struct Split<'a> {
     pub repeat: u32,
     /// True if the image is verified against the reference.
     pub verifies: bool,
-    /// True if devices that slow the frame down are used too.
+    /// True if devices that slow the frame down are used too, and a device that cannot be prepared is an error.
     pub every_device: bool,
 }
 
@@ -102,7 +102,8 @@ pub struct Whole {
     pub hits: usize,
     /// The part of the frame that each device has cast, with its times.
     pub shares: Vec<Share>,
-    /// Devices that were left out because they would have slowed the frame down, or because the frame has too few rows.
+    /// Devices that were left out: they could not be prepared, they would have slowed the frame down, or the frame has
+    /// too few rows.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -193,14 +194,12 @@ fn failed(error: impl std::fmt::Display) -> Error {
 }
 
 impl Split<'_> {
-    /// Casts the frame on several devices at the same time. Devices that would slow the frame down, and devices for
-    /// which the frame has too few rows, are left out.
+    /// Casts the frame on several devices at the same time. Left out are devices that cannot be prepared, devices
+    /// that would slow the frame down, and devices for which the frame has too few rows.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
-        let ready = at_once(castings, |casting| self.ready(casting))?;
-        if ready.is_empty() {
-            return Err(failed("no device was given"));
-        }
-        let (team, mut left_out) = self.team(&ready)?;
+        let (ready, mut left_out) = self.all_ready(castings)?;
+        let (team, slow) = self.team(&ready)?;
+        left_out.extend(slow);
         let rows = team.rows(self.image_size[1]);
         let (pairs, idle): (Vec<(&Ready, [u32; 2])>, Vec<_>) =
             team.ready.into_iter().zip(rows).partition(|(_, [first, end])| first < end);
@@ -210,6 +209,27 @@ impl Split<'_> {
         );
         let parts = at_once(&pairs, |(ready, rows)| self.cast_rows(ready, *rows))?;
         Ok(joined(self.image_size, parts, left_out))
+    }
+
+    /// Prepares the devices. A device that cannot be prepared is left out with the reason, unless `every_device`
+    /// is true. If no device can be prepared, returns the error of the first one.
+    fn all_ready(&self, castings: &[Casting]) -> Result<(Vec<Ready>, Vec<LeftOut>)> {
+        let (mut ready, mut left_out, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+        let results = at_once(castings, |casting| Ok(self.ready(casting)))?;
+        for (casting, result) in castings.iter().zip(results) {
+            match result {
+                Ok(one) => ready.push(one),
+                Err(error) => {
+                    let (device, reason) = (casting.device.info.label.clone(), not_ready(&error));
+                    left_out.push(LeftOut { device, reason });
+                    errors.push(error);
+                }
+            }
+        }
+        if ready.is_empty() || self.every_device && !errors.is_empty() {
+            return Err(errors.into_iter().next().unwrap_or_else(|| failed("no device was given")));
+        }
+        Ok((ready, left_out))
     }
 
     fn ready(&self, casting: &Casting) -> Result<Ready> {
@@ -297,6 +317,11 @@ impl Split<'_> {
         };
         Ok((part, hits, share))
     }
+}
+
+/// Returns the reason why a device that cannot be prepared is left out.
+fn not_ready(error: &Error) -> String {
+    format!("it cannot be prepared: {error}")
 }
 
 /// Returns why the slowest device is left out if all devices together take at least as long for a trial frame
@@ -500,6 +525,20 @@ mod tests {
         let error = split(1).cast(&[]).err().expect("there is no device");
         assert_eq!(error.to_string(), "a device failed: no device was given");
         assert!(error.remedy().contains("leave this device out of --devices"), "{}", error.remedy());
+    }
+
+    #[test]
+    fn a_device_that_cannot_be_prepared_is_left_out_with_the_reason_unless_all_are_wanted() {
+        let mut castings = castings(&[("one", "naive"), ("two", "naive")]);
+        castings[1].local_size = [1 << 20, 1];
+        let some = Split { every_device: false, ..split(1) };
+        let whole = some.cast(&castings).unwrap();
+        assert_eq!((whole.shares.len(), whole.shares[0].rows), (1, [0, SIZE[1]]));
+        assert_eq!(whole.left_out.len(), 1);
+        assert_eq!(whole.left_out[0].device, castings[1].device.info.label);
+        let reason = &whole.left_out[0].reason;
+        assert!(reason.starts_with("it cannot be prepared: ") && reason.contains("1048576"), "{reason}");
+        assert!(split(1).cast(&castings).is_err() && some.cast(&castings[1..]).is_err());
     }
 
     #[test]
