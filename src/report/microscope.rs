@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn a_listing_for_any_local_size_is_not_called_the_timed_program() {
         let timed = note(&Listing { same_as_timed: Some(true), ..listing() });
-        assert!(timed.contains("It has the same operations"), "{timed}");
+        assert!(timed.contains("The timed program has the same operations"), "{timed}");
         let other = note(&Listing { same_as_timed: Some(false), for_any_local_size: true, ..listing() });
         assert!(other.contains("for any local size. The timed program normally runs"), "{other}");
         assert!(!other.contains("compiled without a line table"), "{other}");

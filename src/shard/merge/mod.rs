@@ -503,7 +503,7 @@ mod tests {
         let [attempt] = &Attempt::all(folder.path()).unwrap()[..] else { panic!("one attempt") };
         assert_eq!(lost_samples(attempt).unwrap(), None);
         std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
-        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. The times of these samples are in records.jsonl.";
+        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. The times of the missing samples are in records.jsonl.";
         assert_eq!(lost_samples(attempt).unwrap().as_deref(), Some(note));
     }
 
