@@ -39,7 +39,7 @@ fn smooth_shadows_of_a_point_agree_with_the_reference_in_every_family() {
 #[test]
 fn smooth_shadows_of_a_ball_and_a_sky_agree_with_the_reference() {
     let folder = coarse();
-    for strategy in due(FAMILIES) {
+    for strategy in due(soon(FAMILIES.into_iter().chain(["tile-group"]))) {
         let options = [&["--verify=600", "--samples", "4", "--strategy", strategy][..], &SOFT].concat();
         picture(&folder, "scene.toml", &options);
     }
@@ -50,21 +50,6 @@ fn smooth_shadows_of_a_ball_and_a_sky_agree_with_the_reference() {
 #[test]
 fn smooth_shadows_of_sixteen_samples_agree_with_the_reference() {
     picture(&coarse(), "scene.toml", &["--verify=600", "--samples", "16", "--strategy", "tile"]);
-}
-
-/// PoCL takes long to compile the kernels of tiles that work-items share. The second picture uses the first
-/// picture's program.
-#[test]
-fn smooth_shadows_of_tiles_that_work_items_share_agree_with_the_reference() {
-    let folder = coarse();
-    let (device, cache) = (device(), folder.path("cache"));
-    let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device, "--force"];
-    let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify=600"];
-    for radius in ["light.0.radius=0.4", "light.0.radius=0"] {
-        let sky = ["--set", "sky.zenith=0.05", "--set", radius];
-        let mut command = folder.raycl(&[&usual[..], &ends, &sky].concat());
-        command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
-    }
 }
 
 /// Returns an OBJ file with a sphere that has twice as many segments as rings.
