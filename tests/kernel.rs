@@ -141,7 +141,6 @@ fn what_is_printed_casts_the_same_image() {
         ("bvh", false),
         ("raster", false),
         ("tile", false),
-        ("tile-group", false),
     ] {
         check_printed(&stand, &file, strategy);
     }
