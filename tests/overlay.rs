@@ -109,7 +109,10 @@ fn a_wrong_name_is_answered_with_the_nearest_and_a_contradiction_with_its_reason
     for strategy in refused {
         has(&mistake(strategy), &["records = once, but traversal", "records = each-test"]);
     }
-    has(&mistake("naive,records=once,triangles=local"), &["records = once", "triangles = global or tiled"]);
+    has(
+        &mistake("naive,records=once,triangles=local"),
+        &["records = once", "triangles = global, or with triangles = tiled"],
+    );
     has(
         &mistake("tiled-common-origin,records=once"),
         &["common-origin needs new data of every triangle in every frame"],
