@@ -30,7 +30,7 @@ TEST = RUST_TEST_THREADS=$$(($$(nproc) + 2)) cargo test --locked --target-dir $(
 test: setup-tests ## run the tests
 	$(TEST)
 
-test-long: setup-tests ## run all tests without sampling: every preset at every local size (half an hour)
+test-long: setup-tests ## run all tests without sampling: every preset at every local size (several times as long as `make test`)
 	RAYCL_TEST_LONG=1 $(TEST)
 
 mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; for each, a test must fail; continues where it was stopped (an hour; Python 3.11)
