@@ -274,7 +274,7 @@ fn made(
     wire.object.iter().enumerate().map(&mut one).collect()
 }
 
-/// The camera and the lights in the file of a bare mesh.
+/// The camera and the lights that the mesh file itself contains, as a glTF may.
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,

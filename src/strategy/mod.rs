@@ -27,7 +27,7 @@ pub use fastest::{Candidate, Class, Constants, Task, fastest};
 pub use header::{Contradiction, Header};
 pub use host::{Afterwards, HostNeeds};
 pub use infeasible::{Cause, Infeasible};
-pub use presets::{PRESETS, Preset, preset, preset_names, preset_of};
+pub use presets::{PRESETS, Preset, preset, preset_names, preset_of, short_name};
 pub use requirements::Requirements;
 pub use values::{FOLDERS, Values};
 pub use workload::{MOST_SUBPIXEL_BITS, Workload};

@@ -271,9 +271,39 @@ pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
     PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
 }
 
+/// Returns a strategy as the option `--strategy` accepts it, in few words: the preset that differs in the fewest axes,
+/// and the strategy's values of these axes, as in `deferred,width=4`.
+pub fn short_name(strategy: &Strategy) -> String {
+    let own = strategy.axes();
+    let differing = |preset: &Preset| -> Vec<String> {
+        let pairs = own.iter().zip(preset.strategy.axes());
+        let others = pairs.filter(|(own, of_preset)| **own != *of_preset);
+        others.map(|((axis, value), _)| format!("{axis}={value}")).collect()
+    };
+    let all = PRESETS.iter().map(|preset| (preset.name, differing(preset)));
+    match all.min_by_key(|(_, axes)| axes.len()) {
+        Some((name, axes)) => [vec![name.to_owned()], axes].concat().join(","),
+        None => strategy.to_string(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::choice::parse_strategy;
+
+    #[test]
+    fn a_strategy_is_named_by_the_nearest_preset_and_the_axes_that_differ() {
+        for preset in PRESETS {
+            assert_eq!(preset_of(&preset.strategy), Some(short_name(&preset.strategy).as_str()));
+            let mut culls = preset.strategy;
+            culls.set("culling", "back").expect("an axis");
+            let text = short_name(&culls);
+            assert_eq!(text.matches('=').count(), 1, "{text}");
+            assert!(text.ends_with(",culling=back"), "{text}");
+            assert_eq!(parse_strategy(&text).expect("a strategy"), culls, "{text}");
+        }
+    }
 
     #[test]
     fn every_preset_makes_sense() {

@@ -2,7 +2,7 @@
 
 use super::Live;
 use crate::printer;
-use crate::strategy::{PRESETS, Preset, Strategy};
+use crate::strategy::{Strategy, short_name};
 use crate::words::rate;
 
 /// Returns the line: the texts in `first`, the scene, the strategy, the local size, the speeds, the samples, the note,
@@ -17,7 +17,7 @@ pub fn line(
     let [cast, samples] = live.progress();
     let parts = [
         live.scene().name.clone(),
-        short(&live.strategy()),
+        short_name(&live.strategy()),
         format!("{across}x{down}"),
         rate(rays_per_s, "rays"),
         format!("{frames_per_s:.0} frames/s"),
@@ -31,41 +31,5 @@ pub fn line(
 
 /// Returns the line that is shown while the program of a strategy is compiled.
 pub fn compiling(strategy: &Strategy) -> String {
-    printer::line(&format!("compiling {} ...", short(strategy))).into_owned()
-}
-
-/// Returns a strategy as the option `--strategy` accepts it, in few words: the preset that differs in the fewest axes,
-/// and the strategy's values of these axes, as in `deferred,width=4`.
-fn short(strategy: &Strategy) -> String {
-    let own = strategy.axes();
-    let differing = |preset: &Preset| -> Vec<String> {
-        let pairs = own.iter().zip(preset.strategy.axes());
-        let others = pairs.filter(|(own, of_preset)| **own != *of_preset);
-        others.map(|((axis, value), _)| format!("{axis}={value}")).collect()
-    };
-    let all = PRESETS.iter().map(|preset| (preset.name, differing(preset)));
-    match all.min_by_key(|(_, axes)| axes.len()) {
-        Some((name, axes)) => [vec![name.to_owned()], axes].concat().join(","),
-        None => strategy.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cli::choice::parse_strategy;
-    use crate::strategy::preset_of;
-
-    #[test]
-    fn a_strategy_is_named_by_the_nearest_preset_and_the_axes_that_differ() {
-        for preset in PRESETS {
-            assert_eq!(preset_of(&preset.strategy), Some(short(&preset.strategy).as_str()));
-            let mut culls = preset.strategy;
-            culls.set("culling", "back").expect("an axis");
-            let text = short(&culls);
-            assert_eq!(text.matches('=').count(), 1, "{text}");
-            assert!(text.ends_with(",culling=back"), "{text}");
-            assert_eq!(parse_strategy(&text).expect("a strategy"), culls, "{text}");
-        }
-    }
+    printer::line(&format!("compiling {} ...", short_name(strategy))).into_owned()
 }

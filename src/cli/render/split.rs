@@ -12,7 +12,7 @@ use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::{Loaded, Sampling, Scene};
-use crate::strategy::{Task, preset_of};
+use crate::strategy::{Task, preset_of, short_name};
 use crate::words::counted;
 use serde::Serialize;
 use std::sync::Arc;
@@ -61,6 +61,9 @@ struct Row {
     preset: Option<&'static str>,
     /// The value of every axis of the strategy.
     strategy: String,
+    /// The nearest preset, and the values of the axes on which the strategy differs from it, for the table.
+    #[serde(skip)]
+    short_name: String,
     /// Work-items per work-group, across and down.
     local_size: [u32; 2],
     /// The device's pixel rows: the first row, and the row after the last.
@@ -81,6 +84,7 @@ impl From<Share> for Row {
             device: share.device,
             preset: preset_of(&share.strategy),
             strategy: share.strategy.to_string(),
+            short_name: short_name(&share.strategy),
             local_size: share.local_size,
             rows: share.rows,
             frame_ms: times.frame_ms,
@@ -197,9 +201,10 @@ fn text(report: &Report) -> String {
     let names = common_names(all.map(String::as_str));
     for row in &report.devices {
         let rows = format!("{} to {}", row.rows[0], row.rows[1].saturating_sub(1));
-        let strategy = row.preset.map_or_else(|| row.strategy.clone(), str::to_owned);
         let times = [row.build_ms, row.upload_ms, row.frame_ms, row.read_ms].map(ms);
-        table.add_row([names[row.device.as_str()].clone(), rows, strategy].into_iter().chain(times));
+        table.add_row(
+            [names[row.device.as_str()].clone(), rows, row.short_name.clone()].into_iter().chain(times),
+        );
     }
     let [width, height] = report.image_size;
     let mut lines = vec![format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle"))];
