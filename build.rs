@@ -52,7 +52,9 @@ fn of_repository(folder: &Path) -> Option<String> {
         return None;
     }
     git(folder, &["ls-files", "--error-unmatch", "Cargo.toml"])?;
-    git(folder, &["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"])
+    let head = git(folder, &["rev-parse", "--short=12", "HEAD"])?;
+    let changes = git(folder, &["status", "--porcelain", "--untracked-files=no"]);
+    Some(if changes.is_some() { head + "-dirty" } else { head })
 }
 
 /// Returns the version for users: "0.1.0 (0123456789ab)", "0.1.0 (0123456789ab, with uncommitted changes)",
@@ -99,7 +101,10 @@ fn exists(path: &str) -> bool {
 /// Returns the output of a git command in a folder; `None` if git is not installed, the command fails, or it
 /// prints nothing.
 fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
-    let output = Command::new("git").arg("-C").arg(folder).args(arguments).output().ok()?;
+    // Without this variable, `git status` may write the index, so that cargo would compile raycl again.
+    let mut command = Command::new("git");
+    command.env("GIT_OPTIONAL_LOCKS", "0").arg("-C").arg(folder).args(arguments);
+    let output = command.output().ok()?;
     if !output.status.success() {
         return None;
     }

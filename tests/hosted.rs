@@ -269,6 +269,15 @@ fn the_revision_is_not_that_of_another_repository() {
     git(&["commit", "--quiet", "--message", "both"]);
     assert_eq!(revision("."), Some(git(&["rev-parse", "--short=12", "HEAD"])));
     assert_eq!(revision("vendor/raycl"), None);
+    // A file that is written again with the same text is not changed. The build script does not note this in git's
+    // index, since cargo would then compile raycl again.
+    let index = || std::fs::read(folder.path(".git/index")).expect("the index");
+    let before = index();
+    folder.write("Cargo.toml", "");
+    let head = git(&["rev-parse", "--short=12", "HEAD"]);
+    assert_eq!((revision("."), index() == before), (Some(head.clone()), true));
+    folder.write("Cargo.toml", "[package]");
+    assert_eq!(revision("."), Some(head + "-dirty"));
     let package = r#"{ "git": { "sha1": "0123456789abcdef0123456789abcdef01234567" }, "path_in_vcs": "" }"#;
     for path in [".", "vendor/raycl"] {
         folder.write(&format!("{path}/.cargo_vcs_info.json"), package);
