@@ -190,7 +190,7 @@ fn a_pairwise_cover_of_all_axes() {
     let mut stand = Stand::new(scene("still-life.toml"), SIZE);
     let locals = [[4, 4], [8, 2], [5, 3], [16, 1]];
     let points = cover.iter().enumerate().map(|(i, &strategy)| (strategy, locals[i % locals.len()]));
-    // tests/oclgrind.rs verifies another third of the strategies of the pairwise cover.
+    // tests/oclgrind.rs verifies the strategies of the pairwise cover that this test leaves out.
     let own = points.enumerate().filter(|(row, _)| is_long() || row % 3 == 0).map(|(_, point)| point);
     let points = own.filter(|(strategy, _)| compiles_soon(strategy));
     all_agree(&mut stand, points, none);

@@ -279,9 +279,9 @@ fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
 
 /// Returns true if this run tests `row`, a strategy of the pairwise cover (strategies with every pair of two
 /// axes' values). `make test-long` tests all rows. `make test` tests every row in which work-items share
-/// tiles, and a third of all rows: not the third that tests/kernels.rs verifies with PoCL.
+/// tiles, and the two thirds of all rows that tests/kernels.rs does not verify with PoCL.
 fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
-    is_long() || row % 3 == 1 || strategy.shares_tiles()
+    is_long() || row % 3 != 0 || strategy.shares_tiles()
 }
 
 /// Returns a copy of `cl/` in which `to` replaces `from`; at least one file must contain `from`.

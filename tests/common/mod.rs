@@ -39,16 +39,16 @@ pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Returns the strategies, or the changes to kernel files, that this run of the tests tries. Each needs a program of its
-/// own, which takes PoCL seconds to compile and is in no cache of a new machine. `make test` therefore tries
-/// every eighth of a list; `make test-long` tries all, and `make mutants` all changes. Every family casts all
-/// features together even in `make test` (tests/all_features.rs).
+/// Returns the strategies, or the changes to kernel files, that this run of the tests tries. Each needs a
+/// program of its own, which takes PoCL seconds to compile and is in no cache of a new machine. `make test`
+/// therefore tries the first of every eight; `make test-long` tries all, and `make mutants` tries all changes.
+/// Every family casts all features together even in `make test` (tests/all_features.rs).
 pub fn due<T>(all: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
     all.into_iter().step_by(if is_long() { 1 } else { 8 })
 }
 
-/// Returns the strategies of a list that `make test` tries on PoCL: all except those that take long to compile (see
-/// [`compiles_soon`]). `make test-long` tries the whole list.
+/// Returns the names of the strategies that `make test` tries on PoCL: all of the list except those that take
+/// long to compile (see [`compiles_soon`]). `make test-long` tries the whole list.
 pub fn soon<'a>(names: impl IntoIterator<Item = &'a str>) -> impl Iterator<Item = &'a str> {
     names.into_iter().filter(|name| is_long() || !name.starts_with("tile-group"))
 }
