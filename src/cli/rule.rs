@@ -181,9 +181,8 @@ fn text(sweep: &Sweep) -> Result<String> {
     let mut table = super::table(&header, 1);
     let mut ratios = Vec::new();
     for case in &sweep.cases {
-        let constants = sweep.class.constants(case.task.watertight);
-        let verdict = constants.and_then(|constants| case.verdict(constants, sweep.compute_units));
-        let Some(verdict) = verdict else { continue };
+        let choice = sweep.class.choice(&case.task, sweep.compute_units);
+        let Some(verdict) = case.verdict(choice) else { continue };
         ratios.push(verdict.ratio());
         let ms = |ms: f64| format!("{ms:.3}");
         table.add_row([
@@ -213,7 +212,19 @@ fn text(sweep: &Sweep) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::strategy::Task;
+    use crate::strategy::{Candidate, Task};
+
+    fn sweep(class: Class, cases: Vec<Measured>) -> Sweep {
+        Sweep {
+            device: "a device".to_owned(),
+            class,
+            compute_units: 2,
+            date: "2026-01-02".to_owned(),
+            conditions: String::new(),
+            rounds: 7,
+            cases,
+        }
+    }
 
     #[test]
     fn only_cases_of_the_kind_of_device_with_the_word_in_their_name_are_wanted() {
@@ -235,24 +246,15 @@ mod tests {
         // With a million triangles, the rule never chooses exhaustive casting. In this test's made-up times, however,
         // exhaustive casting is the fastest.
         let task = Task::covering(1_000_000, 400_000);
-        let choice = class.constants(false).unwrap().choice(&task, 2).name();
+        let choice = class.choice(&task, 2).name();
         let case = |name: &str, chosen_ms: Option<f64>| {
             let chosen = chosen_ms.map(|ms| (choice.to_owned(), ms));
             let least_ms = [("exhaustive".to_owned(), 4.0)].into_iter().chain(chosen).collect();
             Measured { name: name.to_owned(), task, least_ms }
         };
-        let sweep = |cases: Vec<Measured>| Sweep {
-            device: "a device".to_owned(),
-            class,
-            compute_units: 2,
-            date: "2026-01-02".to_owned(),
-            conditions: String::new(),
-            rounds: 7,
-            cases,
-        };
         let of = |ms: f64| Some(4.0 * ms);
         let cases = [("one", of(1.05)), ("two", of(1.1)), ("three", of(1.25)), ("four", of(1.0))];
-        let printed = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
+        let printed = text(&sweep(class, cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
         let printed = printed.replace(['│', '┆'], " ");
         assert!(
             printed.starts_with("device    a device, 2026-01-02: shortest times of 7 rounds\n"),
@@ -263,10 +265,26 @@ mod tests {
         let row = printed.lines().find(|line| line.contains(" three ")).unwrap();
         let words: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(words, ["three", "1000000", "400000", choice, "5.000", "exhaustive", "4.000", "1.250"]);
-        let refused = text(&sweep(vec![case("refused", None)])).unwrap();
+        let refused = text(&sweep(class, vec![case("refused", None)])).unwrap();
         assert!(
             refused.contains(" refused ") && refused.contains("0 of 1 take at most 5% longer"),
             "{refused}"
         );
+    }
+
+    #[test]
+    fn choices_that_no_constant_decides_are_judged_too() {
+        let soft = Task { soft: true, ..Task::covering(10_000, 400_000) };
+        for (class, task, choice) in [
+            (Class::SingleRays, Task::covering(2, 400_000), Candidate::Exhaustive),
+            (Class::SingleRays, Task::covering(10_000, 400_000), Candidate::Single),
+            (Class::SharedTiles, soft, Candidate::Single),
+        ] {
+            let least_ms = std::collections::BTreeMap::from([(choice.name().to_owned(), 4.0)]);
+            let case = Measured { name: "one".to_owned(), task, least_ms };
+            let printed = text(&sweep(class, vec![case])).unwrap();
+            let count = "choices   1 of 1 take at most 5% longer";
+            assert!(printed.contains(choice.name()) && printed.contains(count), "{printed}");
+        }
     }
 }

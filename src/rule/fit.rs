@@ -52,7 +52,7 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
-        cases.filter_map(|case| case.verdict(constants, sweep.compute_units))
+        cases.filter_map(|case| case.verdict(constants.choice(&case.task, sweep.compute_units)))
     });
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::launch::{Caster, Queue, Refused, Session};
 use crate::program::Sources;
 use crate::scene::Scene;
-use crate::strategy::{Candidate, Class, Constants, Task};
+use crate::strategy::{Candidate, Class, Task};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -77,11 +77,9 @@ impl Verdict {
 }
 
 impl Measured {
-    /// Compares the strategy that the rule chooses for this case with the fastest candidate strategy.
-    /// `constants` are the rule's constants, and the device has `compute_units` compute units. Returns `None`
-    /// if no candidate has a time.
-    pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
-        let choice = constants.choice(&self.task, compute_units);
+    /// Compares `choice`, the candidate that the rule chooses for this case, with the fastest candidate.
+    /// Returns `None` if no candidate has a time.
+    pub fn verdict(&self, choice: Candidate) -> Option<Verdict> {
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
         let choice_ms = self.least_ms.get(choice.name()).copied();
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
@@ -155,14 +153,10 @@ mod tests {
 
     #[test]
     fn a_choice_is_compared_with_the_fastest_candidate() {
-        let class = Class::TilesInVectors;
-        let constants = class.constants(false).expect("constants");
-        // With a million triangles, the rule never chooses exhaustive casting.
-        let task = Task::covering(1_000_000, 400_000);
-        let choice = constants.choice(&task, 2);
+        let (task, choice) = (Task::covering(1_000_000, 400_000), Candidate::Single);
         let verdict = |times: &[(&str, f64)]| {
             let least_ms = times.iter().map(|(name, ms)| ((*name).to_owned(), *ms)).collect();
-            Measured { name: "a".into(), task, least_ms }.verdict(constants, 2)
+            Measured { name: "a".into(), task, least_ms }.verdict(choice)
         };
         let slower = verdict(&[("exhaustive", 3.0), (choice.name(), 6.0), ("another", 4.0)]).expect("times");
         assert_eq!((slower.choice, slower.choice_ms), (choice, Some(6.0)));

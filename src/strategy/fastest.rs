@@ -209,6 +209,21 @@ impl Class {
         }
     }
 
+    /// Returns the candidate that is fastest for a task. `units` is the device's number of compute units. In
+    /// soft light, neighbouring shadow rays have different directions, so that the rays of a tile share
+    /// little. On a GPU with soft light, single rays are up to 19 times as fast as tiles (measured on an H200,
+    /// docs/log.md, 2026-11-24).
+    pub fn choice(self, task: &Task, units: u32) -> Candidate {
+        if task.soft && !self.is_in_vectors() {
+            return Candidate::Single;
+        }
+        match self.constants(task.watertight) {
+            Some(constants) => constants.choice(task, units),
+            None if task.triangles < TREE_TRIANGLES => Candidate::Exhaustive,
+            None => Candidate::Single,
+        }
+    }
+
     /// Returns the ways to cast among which raycl chooses on devices of this class.
     pub fn candidates(self) -> Vec<Candidate> {
         let tiles = |large, separate| Candidate::Tiles { large, separate };
@@ -239,18 +254,9 @@ impl Candidate {
         }
     }
 
-    /// Returns the fastest candidate for a task. In soft light, neighbouring shadow rays have different
-    /// directions, so that the rays of a tile share little. On a GPU with soft light, single rays are up to
-    /// 19 times as fast as tiles (measured on an H200, docs/log.md, 2026-11-24).
+    /// Returns the fastest candidate for a task on a device with these limits.
     pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
-        if task.soft && !Class::of(limits).is_in_vectors() {
-            return Self::Single;
-        }
-        match Class::of(limits).constants(task.watertight) {
-            Some(constants) => constants.choice(task, limits.compute_units),
-            None if task.triangles < TREE_TRIANGLES => Self::Exhaustive,
-            None => Self::Single,
-        }
+        Class::of(limits).choice(task, limits.compute_units)
     }
 
     /// Returns the candidate's strategy on a device with these limits, and the local size for it.
