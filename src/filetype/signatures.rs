@@ -1,6 +1,6 @@
 //! Formats that are recognised by a signature in their first bytes.
 
-use super::{FileType, Foreign, MeshFormat, stl};
+use super::{FileType, Foreign, MeshFormat, stl, text};
 
 /// The advice for files that contain a mesh.
 pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
@@ -133,8 +133,16 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     if stl::is_whole(head, length) {
         return Some(FileType::Mesh(MeshFormat::Stl));
     }
-    let begins = |&&(at, bytes, ..): &&Signature| head.get(at..).is_some_and(|rest| rest.starts_with(bytes));
-    SIGNATURES.iter().find(begins).and_then(|&(_, _, name, remedy)| foreign(name, remedy))
+    let found = SIGNATURES.iter().find(|signature| has(head, signature));
+    found.and_then(|&(_, _, name, remedy)| foreign(name, remedy))
+}
+
+/// Returns true if a file that begins with `head` has the signature. A signature at an offset above 0 follows binary
+/// bytes. After text, the same bytes are a word of the text, such as a word of a comment.
+fn has(head: &[u8], &(at, bytes, ..): &Signature) -> bool {
+    let is_signature =
+        |(before, rest): (&[u8], &[u8])| rest.starts_with(bytes) && (at == 0 || text::is_binary(before));
+    head.split_at_checked(at).is_some_and(is_signature)
 }
 
 /// Returns true for UTF-16 text, which begins with a byte order mark, or has a zero byte after each Latin

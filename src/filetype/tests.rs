@@ -197,6 +197,34 @@ fn what_raycl_reads_is_not_taken_for_something_else() {
 }
 
 #[test]
+fn a_signature_after_text_is_a_word_of_the_text() {
+    for (at, word) in [(4, "ftyp"), (8, "WEBP"), (128, "DICM"), (208, "MAP "), (257, "ustar")] {
+        let scene = format!("{:.<at$}{word}\n[[object]]\n", "#");
+        let mesh = format!("{:.<at$}{word}\nv 0 0 0\n", "#");
+        assert_eq!([called(scene.as_bytes()), called(mesh.as_bytes())], ["toml", "an OBJ mesh"], "{word}");
+    }
+    let header = "ply\nformat binary_little_endian 1.0\ncomment ";
+    let binary_ply = format!("{header:.<208}MAP of a town\nend_header\n\0\0");
+    assert_eq!(called(binary_ply.as_bytes()), "a PLY mesh");
+}
+
+#[test]
+fn a_signature_after_binary_bytes_is_not_a_word() {
+    let after = |bytes: &[u8], at: usize, signature: &[u8]| [&padded(bytes, at)[..], signature].concat();
+    let cases: [(Vec<u8>, &str); 6] = [
+        (b"RIFF\x24\x01\x02\x03WEBPVP8 ".to_vec(), "a WebP picture"),
+        (b"\0\0\0\x20ftypheic".to_vec(), "a film or a picture (MP4, HEIC or AVIF)"),
+        (b"FORM\0\x12AALWO2TAGS".to_vec(), "a LightWave object"),
+        (after(b"", 128, b"DICM\x02\0"), "a volume (DICOM)"),
+        (after(b"\x40\0\0\0", 208, b"MAP \x44\x44"), "a volume (MRC or CCP4)"),
+        (after(b"mesh.obj", 257, b"ustar\x0000"), "a tar archive"),
+    ];
+    for (bytes, name) in cases {
+        assert_eq!(called(&bytes), name);
+    }
+}
+
+#[test]
 fn every_signature_is_recognised_and_named_in_two_short_lines() {
     for &(at, bytes, name, _) in signatures::SIGNATURES {
         let mut file = padded(b"", at);

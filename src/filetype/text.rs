@@ -208,7 +208,7 @@ fn are_numbers(line: &[u8]) -> bool {
 
 /// Returns true if the bytes are binary: at least one byte is 0, or more than a tenth of the bytes are
 /// control characters that texts do not contain.
-fn is_binary(head: &[u8]) -> bool {
+pub(super) fn is_binary(head: &[u8]) -> bool {
     let controls = head.iter().filter(|&&byte| byte < b' ' && !b"\t\n\r\x0c\x1b".contains(&byte)).count();
     head.contains(&0) || controls * 10 > head.len()
 }
