@@ -229,17 +229,32 @@ pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
     line.split_at(end)
 }
 
-/// Returns the words of a line of numbers, up to a comment. No number contains a `#`, so a comment
-/// may begin right after a number.
+/// Returns the words of a line of numbers, up to a comment. A comment may begin right after a number.
 pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = line;
     std::iter::from_fn(move || {
         let token = &rest[rest.iter().position(|byte| !byte.is_ascii_whitespace())?..];
-        let is_end = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'#';
-        let (token, after) = token.split_at(token.iter().position(is_end).unwrap_or(token.len()));
+        let (token, after) = token.split_at(token_length(token));
         rest = if after.starts_with(b"#") { &[] } else { after };
         (!token.is_empty()).then_some(token)
     })
+}
+
+/// Returns the length of the word at the beginning of a text, up to a blank or a comment.
+fn token_length(text: &[u8]) -> usize {
+    let is_end = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'#';
+    let length = |text: &[u8]| text.iter().position(is_end).unwrap_or(text.len());
+    let (before, after) = text.split_at(length(text));
+    let more = if is_in_number(before, after) { 1 + length(&after[1..]) } else { 0 };
+    before.len() + more
+}
+
+/// Returns true if the `#` at the beginning of `after` begins no comment, but belongs to a number that is not finite,
+/// as old Windows programs write such numbers: `1.#INF`, `-1.#IND`, `1.#QNAN`.
+fn is_in_number(before: &[u8], after: &[u8]) -> bool {
+    const WORDS: [&[u8]; 4] = [b"#QNAN", b"#SNAN", b"#IND", b"#INF"];
+    let begins = |word: &&[u8]| after.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word));
+    before.ends_with(b"1.") && WORDS.iter().any(begins)
 }
 
 /// Returns the words of a line with a name, up to a word that is only `#`: from there on, the line is a
@@ -491,6 +506,24 @@ mod tests {
             let numbers: Vec<&[u8]> = tokens(line.as_bytes()).collect();
             assert_eq!(numbers, [&b"1"[..], b"2.5"], "{line}");
         }
+    }
+
+    #[test]
+    fn infinities_and_nans_of_old_windows_programs_are_words_but_no_finite_numbers() {
+        for word in ["1.#QNAN", "-1.#IND", "1.#INF00", "1.#snan0", "-1.#INFe+000"] {
+            for line in [format!(" {word} 2"), format!("{word}\t2# left"), format!("{word} 2 #QNAN")] {
+                let words: Vec<&[u8]> = tokens(line.as_bytes()).collect();
+                assert_eq!(words, [word.as_bytes(), b"2"], "{line}");
+            }
+            assert_eq!(number(word.as_bytes()), None, "{word}");
+        }
+        for line in ["1.#INF# left", "1.#INF#INF", "1.#INF #left"] {
+            assert_eq!(tokens(line.as_bytes()).collect::<Vec<_>>(), [b"1.#INF"], "{line}");
+        }
+        for line in ["1.# INF", "1.#left", "1.#", "1.#IN", "1.#2 2"] {
+            assert_eq!(tokens(line.as_bytes()).collect::<Vec<_>>(), [b"1."], "{line}");
+        }
+        assert_eq!(tokens(b"2#INF 3").collect::<Vec<_>>(), [b"2"]);
     }
 
     #[test]

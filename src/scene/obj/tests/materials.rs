@@ -196,6 +196,11 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     assert_eq!(read(text, false).notes, [format!("{withheld}: {ignored}"), unmapped.to_owned()]);
     // No triangle uses the second texture coordinate, so the only note is that this coordinate is ignored.
     assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
+    let windows = read("vt 1.#QNAN 1.#QNAN\nf 1/1 2/1 3/1\n", true);
+    assert_eq!(
+        windows.notes[0],
+        format!("line 6: `1.#QNAN` {expected}: 1 such texture coordinate is ignored")
+    );
 }
 
 /// Reads a mesh file with the lines `obj` and then one triangle. Returns the red channel of the triangle's
@@ -353,6 +358,7 @@ fn a_material_has_its_three_channels_or_the_default() {
         ("Kd", "Kd with 0 numbers", colour, grey),
         ("Kd 0.5 -1 0", "`-1` in Kd", colour, grey),
         ("Kd nan nan nan", "`nan` in Kd", colour, grey),
+        ("Kd 1.#QNAN 0 0", "`1.#QNAN` in Kd", colour, grey),
         ("Kd 3e38", "`3e38` in Kd", colour, grey),
         (
             "Kd spectral a.rfl 1",
@@ -364,6 +370,7 @@ fn a_material_has_its_three_channels_or_the_default() {
         ("Ks x", "`x` in Ks", colour, dull),
         ("Ks 1\nNs -1", "`-1` in Ns", shininess, &usual),
         ("Ks 1\nNs 1e39", "`1e39` in Ns", shininess, &usual),
+        ("Ks 1\nNs 1.#INF", "`1.#INF` in Ns", shininess, &usual),
         ("Ks 1\nNs", "Ns with 0 numbers", shininess, &usual),
     ] {
         let (material, notes) = read(line);

@@ -2,9 +2,10 @@
 
 use super::*;
 
-const BAD: [(&str, &str); 6] = [
+const BAD: [(&str, &str); 7] = [
     ("v nan nan nan 9 9 255", "`nan` in a vertex; expected a finite decimal number"),
     ("v inf -inf inf", "`inf` in a vertex; expected a finite decimal number"),
+    ("v 0 0 -1.#IND", "`-1.#IND` in a vertex; expected a finite decimal number"),
     ("v 1e30 1e30 1e30", "vertex (1e30, 1e30, 1e30) is out of range; expected coordinates within +-1e12, "),
     ("v 1e300 0 0", "`1e300` in a vertex; expected a number within +-1e12"),
     ("v 0 0", "a vertex with 2 numbers; expected three: x y z"),
@@ -85,6 +86,7 @@ fn a_normal_that_is_not_valid_counts_as_missing() {
     for (line, found) in [
         ("vn nan nan nan", "`nan` in a normal; expected a finite decimal number"),
         ("vn inf 0 0", "`inf` in a normal; expected a finite decimal number"),
+        ("vn 1.#QNAN 0 0", "`1.#QNAN` in a normal; expected a finite decimal number"),
         ("vn 0 0 1e300", "`1e300` in a normal; expected a number within +-1e12"),
         ("vn 0 x 1", "`x` in a normal; expected a finite decimal number"),
         ("vn 0", "a normal with 1 number; expected three: x y z"),
