@@ -18,7 +18,7 @@ use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{MAX_CONCAVE_CORNERS, quoted, triangulate};
 use crate::words::{counted, counted_are};
-use colour::{CHANNELS, Colour};
+use colour::{Colour, channels, with_known_channels};
 use elements::{ColouredFace, Face, Skipped, Vertex};
 use glam::{DVec3, Vec3};
 use header::Tidied;
@@ -152,7 +152,7 @@ fn has(header: &Header, element: &str, names: [&str; 3]) -> bool {
 
 /// Returns true if elements of the type `element` have colours.
 fn have_colours(header: &Header, element: &str) -> bool {
-    CHANNELS.into_iter().any(|names| has(header, element, names))
+    header.elements.get(element).is_some_and(|element| channels(element).is_some())
 }
 
 /// Returns true if triangles get the colours of their faces: if faces have colours and vertices have none.
@@ -237,9 +237,9 @@ impl Parts {
         elements: &mut Elements<'_>,
     ) -> std::result::Result<(), Flaw> {
         match name {
-            "vertex" => self.vertices = elements.next(element, header)?,
+            "vertex" => self.vertices = elements.next(&with_known_channels(element), header)?,
             "face" if use_face_colours(header) => {
-                let coloured: Vec<ColouredFace> = elements.next(element, header)?;
+                let coloured: Vec<ColouredFace> = elements.next(&with_known_channels(element), header)?;
                 let parts = coloured.into_iter().map(|ColouredFace { face, colour }| (face, colour));
                 (self.faces, self.face_colours) = parts.unzip();
             }

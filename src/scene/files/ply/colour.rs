@@ -1,15 +1,18 @@
 //! Colours of vertices and faces.
 
+use super::needed::has_number;
 use crate::scene::files::colours;
 use glam::Vec3;
-use ply_rs_bw::ply::Property;
+use ply_rs_bw::ply::{ElementDef, Property};
 
 /// The names of the colour channels of vertices and faces. Each row of this table has a name for red, green
-/// and blue; a file uses the names of one row.
+/// and blue; the colour of an element has the names of the first row that is complete.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
-/// The names of the alpha channel.
+/// The name of the alpha channel that belongs to each row of [`CHANNELS`].
 const ALPHA: [&str; 3] = ["alpha", "diffuse_alpha", "a"];
+/// The names of red, green, blue and alpha by which [`Colour::set`] knows them.
+const KNOWN: [&str; 4] = ["red", "green", "blue", "alpha"];
 
 /// Returns the name of a property. The name of a colour channel is converted to lower case, since some
 /// programs write `Red`.
@@ -17,6 +20,30 @@ pub(super) fn with_lower_case(name: String) -> String {
     let is_channel =
         CHANNELS.as_flattened().iter().chain(&ALPHA).any(|channel| channel.eq_ignore_ascii_case(&name));
     if is_channel { name.to_ascii_lowercase() } else { name }
+}
+
+/// Returns the names of red, green, blue and alpha in an element's definition; `None` if the element has no colour.
+/// The element may lack alpha.
+pub(super) fn channels(element: &ElementDef) -> Option<[&'static str; 4]> {
+    let is_complete = |names: &[&str; 3]| names.iter().all(|name| has_number(element, name));
+    let row = CHANNELS.iter().position(is_complete)?;
+    let [red, green, blue] = CHANNELS[row];
+    Some([red, green, blue, ALPHA[row]])
+}
+
+/// Returns the element's definition with the names of `KNOWN` for the channels of its colour. All other properties
+/// have other names, so that no reader takes a radius `r` for red.
+pub(super) fn with_known_channels(element: &ElementDef) -> ElementDef {
+    let channels = channels(element);
+    let known = |name: String| match channels.and_then(|all| all.iter().position(|own| *own == name)) {
+        Some(channel) => KNOWN[channel].to_owned(),
+        // No name in a header contains a blank, so the new name occurs only once.
+        None if KNOWN.contains(&name.as_str()) => format!("other {name}"),
+        None => name,
+    };
+    let properties = element.properties.clone().into_iter();
+    let properties = properties.map(|(name, property)| (known(name), property)).collect();
+    ElementDef { properties, ..element.clone() }
 }
 
 /// The colour of a vertex or a face, as displayed; each channel is from 0 to 1.
@@ -32,13 +59,13 @@ impl Colour {
     }
 
     /// Sets the channel `name` from the value `value` of the property `property`. Returns true if a channel
-    /// has this name.
+    /// has this name. Only elements that were read with [`with_known_channels`] have channels of these names.
     pub fn set(&mut self, name: &str, property: &Property, value: f64) -> bool {
         let channel = match name {
-            "red" | "diffuse_red" | "r" => &mut self.channels.x,
-            "green" | "diffuse_green" | "g" => &mut self.channels.y,
-            "blue" | "diffuse_blue" | "b" => &mut self.channels.z,
-            "alpha" | "diffuse_alpha" | "a" => &mut self.alpha,
+            "red" => &mut self.channels.x,
+            "green" => &mut self.channels.y,
+            "blue" => &mut self.channels.z,
+            "alpha" => &mut self.alpha,
             _ => return false,
         };
         *channel = (value / full_channel(property)) as f32;

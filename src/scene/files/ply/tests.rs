@@ -331,9 +331,15 @@ fn a_line_that_is_not_plys_is_ignored_with_a_note() {
 
 #[test]
 fn alpha_of_vertices_is_noted() {
-    for name in ["alpha", "diffuse_alpha", "Diffuse_Alpha", "a"] {
-        let channels = format!("property uchar blue\nproperty uchar {name}\n");
-        let alpha = SQUARE.replace("property uchar blue\n", &channels);
+    for [red, green, blue, name] in [
+        ["red", "green", "blue", "alpha"],
+        ["diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"],
+        ["diffuse_red", "diffuse_green", "diffuse_blue", "Diffuse_Alpha"],
+        ["r", "g", "b", "a"],
+    ] {
+        let alpha = SQUARE.replace("uchar red", &format!("uchar {red}"));
+        let alpha = alpha.replace("uchar green", &format!("uchar {green}"));
+        let alpha = alpha.replace("uchar blue", &format!("uchar {blue}\nproperty uchar {name}"));
         let alpha = alpha.replace("255 0 0\n", "255 0 0 128\n").replacen("128", "255", 1);
         let notes = parse("a.ply", alpha.as_bytes()).unwrap().notes;
         assert!(
@@ -341,6 +347,26 @@ fn alpha_of_vertices_is_noted() {
             "{name}: {notes:?}"
         );
     }
+}
+
+#[test]
+fn a_property_with_a_name_of_another_row_is_no_channel() {
+    let read = |text: &str| parse("a.ply", text.as_bytes()).unwrap();
+    for other in ["r", "b", "a", "diffuse_alpha"] {
+        let blue = format!("property uchar blue\nproperty float {other}\n");
+        for plain in [SQUARE, PAINTED] {
+            let text = plain.replace("property uchar blue\n", &blue);
+            let text = text.replace("255 0 0\n", "255 0 0 0.5\n").replace("0 188 0\n", "0 188 0 0.5\n");
+            let [actual, expected] = [text.as_str(), plain].map(read);
+            assert_eq!((actual.mesh, actual.notes), (expected.mesh, expected.notes), "{other}");
+        }
+    }
+    // The row of `red` is not complete, so `r`, `g` and `b` are the channels.
+    let text = SQUARE.replace("uchar red", "uchar r").replace("uchar green", "uchar g");
+    let text = text.replace("uchar blue", "uchar b\nproperty uchar red\nproperty uchar alpha");
+    let file = read(&text.replace("255 0 0\n", "255 0 0 7 7\n"));
+    assert_eq!(file.mesh, read(SQUARE).mesh);
+    assert!(!file.notes.iter().any(|note| note.contains("alpha")), "{:?}", file.notes);
 }
 
 #[test]
