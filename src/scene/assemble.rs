@@ -251,6 +251,7 @@ fn join(
             .error(0..0, "the scene has no triangles", "no [[object]] in this file")
             .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
+    mesh.darken_unused_materials();
     Ok(Joined { mesh: mesh.into(), origin, seen, starts })
 }
 

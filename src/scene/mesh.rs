@@ -76,6 +76,25 @@ impl Mesh {
         self.materials.iter().any(Material::is_emissive)
     }
 
+    /// Removes the emitted light of materials that no triangle uses, so that [`Mesh::is_emissive`] returns true
+    /// only if a surface emits light. Files may contain materials that they do not use.
+    pub(super) fn darken_unused_materials(&mut self) {
+        if !self.is_emissive() {
+            return;
+        }
+        let used = self.materials_of_triangles();
+        for (material, _) in self.materials.iter_mut().zip(used).filter(|(_, is_used)| !is_used) {
+            (material.emitted, material.emission_texture) = (Vec3::ZERO, None);
+        }
+    }
+
+    /// Returns one value for each material: true if a triangle has the material.
+    pub(super) fn materials_of_triangles(&self) -> Vec<bool> {
+        let mut is_used = vec![false; self.materials.len()];
+        self.triangles.iter().for_each(|triangle| is_used[triangle.material as usize] = true);
+        is_used
+    }
+
     /// Removes all textures.
     pub(super) fn leave_out_textures(&mut self) {
         self.textures = Textures::default();
@@ -183,6 +202,20 @@ mod tests {
         let count = lamp().triangles.len();
         let expected = [vec![WHITE; count], coloured.corner_colours, vec![WHITE; count]].concat();
         assert_eq!(all.corner_colours, expected);
+    }
+
+    #[test]
+    fn materials_that_no_triangle_uses_emit_no_light() {
+        let mut mesh = lamp();
+        mesh.materials[0].emitted = Vec3::X;
+        let [used, unused] = [0_usize, 1];
+        mesh.materials.push(mesh.materials[used]);
+        mesh.darken_unused_materials();
+        let emission = |index: usize| (mesh.materials[index].emitted, mesh.materials[index].emission_texture);
+        assert_eq!([used, unused].map(emission), [(Vec3::X, Some(0)), (Vec3::ZERO, None)]);
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.material = unused as u32);
+        mesh.darken_unused_materials();
+        assert!(!mesh.is_emissive());
     }
 
     #[test]

@@ -106,6 +106,20 @@ fn a_note_on_a_mesh_with_a_long_path_says_what_is_wrong_and_what_to_do() {
 }
 
 #[test]
+fn a_mesh_emits_light_only_if_a_triangle_does() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl wall\nKd 1 1 1\nnewmtl lamp\nKe 1 1 1\n").unwrap();
+    let path = folder.path().join("a.obj");
+    for (material, emits) in [("wall", false), ("lamp", true)] {
+        let text = format!("mtllib m.mtl\nusemtl {material}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        std::fs::write(&path, text).unwrap();
+        let loaded = load_scene_with(&path, &[]).unwrap();
+        let is_noted = loaded.notes.iter().any(|note| note.contains("surfaces that emit light do not"));
+        assert_eq!((loaded.scene.mesh.is_emissive(), is_noted), (emits, emits), "{:?}", loaded.notes);
+    }
+}
+
+#[test]
 fn a_sky_replaces_the_lights_of_a_bare_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");

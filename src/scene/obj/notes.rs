@@ -32,8 +32,7 @@ pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool,
     if asked.iter().all(Asked::is_empty) {
         return;
     }
-    let mut used = vec![false; asked.len()];
-    mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
+    let used = mesh.materials_of_triangles();
     let mut all = Asked::default();
     asked.iter().zip(used).filter(|(_, used)| *used).for_each(|(asked, _)| all.add_material(asked));
     notes.extend(all.notes("material", quotes));
