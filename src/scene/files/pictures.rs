@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// Largest width and height of a texture in texels.
 const MOST_ACROSS: u32 = 1 << 14;
-/// Largest total number of texels in a mesh's textures; this many texels take 1 GiB.
+/// Largest total number of texels in the pictures of a mesh's textures; this many texels take 1 GiB.
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: enough for the largest picture with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
@@ -55,11 +55,11 @@ impl Usage {
 #[derive(Default)]
 pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
-    /// The decoded pictures, and the reasons why pictures cannot be decoded.
+    /// The decoded pictures, and the reasons why pictures cannot be used.
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
     /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
-    /// The number of texels of all textures in `list`.
+    /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels.
     texels: usize,
 }
 
@@ -102,23 +102,27 @@ impl Pictures {
         if let Some(number) = self.known.get(&(key.clone(), usage)) {
             return Ok(*number);
         }
-        let picture = self.decoded.entry(key.clone()).or_insert_with(picture).clone()?;
-        let number = self.add(picture, usage)?;
+        let sum = &mut self.texels;
+        let picture = || picture().and_then(|picture| within_limit(picture, sum));
+        let (size, texels) = self.decoded.entry(key.clone()).or_insert_with(picture).clone()?;
+        let number = self.list.len() as u32;
+        self.list.push(Texture { size, wrap: usage.wrap, least_alpha: usage.least_alpha, texels });
         self.known.insert((key, usage), number);
         Ok(number)
     }
+}
 
-    fn add(&mut self, (size, texels): Decoded, Usage { wrap, least_alpha }: Usage) -> Parsed<u32> {
-        self.texels += texels.len();
-        if self.texels > MOST_TEXELS {
-            self.texels -= texels.len();
-            return Err(format!(
-                "makes the textures of the mesh too large together: they may have at most {MOST_TEXELS} texels"
-            ));
-        }
-        self.list.push(Texture { size, wrap, least_alpha, texels });
-        Ok(self.list.len() as u32 - 1)
+/// Adds the number of a picture's texels to `sum`, which is the number of texels of the pictures before. Returns an
+/// error, and leaves `sum` unchanged, if the pictures together have too many texels.
+fn within_limit(picture: Decoded, sum: &mut usize) -> Parsed<Decoded> {
+    let all = *sum + picture.1.len();
+    if all > MOST_TEXELS {
+        return Err(format!(
+            "makes the textures of the mesh too large together: they may have at most {MOST_TEXELS} texels"
+        ));
     }
+    *sum = all;
+    Ok(picture)
 }
 
 /// Sets the alpha of each texel to the texel's brightness, unless some texels are already transparent.
@@ -250,6 +254,15 @@ mod tests {
         let expected =
             "makes the textures of the mesh too large together: they may have at most 268435456 texels";
         assert_eq!(message, expected);
+    }
+
+    #[test]
+    fn a_picture_of_several_textures_counts_once() {
+        let colour = Usage::colour([Wrap::Repeat; 2]);
+        // There is room for one picture of 3 x 2 texels.
+        let mut pictures = Pictures { texels: MOST_TEXELS - 6, ..Pictures::default() };
+        let mut added = |usage| pictures.bytes("0", || Ok(Cow::Owned(png(3, 2))), usage);
+        assert_eq!([added(colour), added(Usage::mask(colour.wrap, 0.5))], [Ok(0), Ok(1)]);
     }
 
     #[test]
