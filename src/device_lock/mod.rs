@@ -17,7 +17,7 @@ use claim::Claim;
 use folder::Folder;
 use holder::Holder;
 use std::fs::{File, TryLockError};
-use std::io::{Error as IoError, ErrorKind};
+use std::io::{Error as IoError, ErrorKind, Result as IoResult};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -37,6 +37,11 @@ pub struct Held {
     /// only in tests in which this process takes the lock in the role of another process.
     _claim: Option<Claim>,
 }
+
+/// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
+/// On a file system that changes the inode numbers of its files, a file always seems to have been removed.
+/// The last attempt to lock a file therefore does not check whether the file was removed.
+pub const LOCK_ATTEMPTS: u32 = 10;
 
 /// What a process reports while it waits for a lock. A process that waits for another of its own threads
 /// reports only `Still` (the wait goes on).
@@ -100,11 +105,10 @@ impl Locks {
         let mut reported = None;
         loop {
             let failed = |error| self.folder.unusable(device.file(), &error);
-            let file = self.folder.open(device.file()).map_err(failed)?;
-            match self.try_hold(file, device).map_err(failed)? {
-                Attempt::Held(file) => return Ok(Held { file, _claim: Some(claim) }),
-                Attempt::Removed => continue,
-                Attempt::Busy => {}
+            let attempt =
+                |must_be_there| self.try_hold(self.folder.open(device.file())?, device, must_be_there);
+            if let Attempt::Held(file) = unless_removed(attempt).map_err(failed)? {
+                return Ok(Held { file, _claim: Some(claim) });
             }
             let holder = Holder::read(&self.folder.path(device.file()));
             if !self.wait {
@@ -146,7 +150,7 @@ impl Locks {
     #[cfg(test)]
     pub(crate) fn held_by_another_process(&self, device: &LockName) -> Held {
         let file = self.folder.open(device.file()).expect("a lock's file");
-        match self.try_hold(file, device).expect("a lock") {
+        match self.try_hold(file, device, true).expect("a lock") {
             Attempt::Held(file) => Held { file, _claim: None },
             Attempt::Busy | Attempt::Removed => panic!("the lock is not free"),
         }
@@ -183,8 +187,9 @@ impl Locks {
         devices.iter().map(|device| self.take(device, tells, interrupted)).collect()
     }
 
-    /// Makes one attempt to lock `file`, the file of the device's lock.
-    fn try_hold(&self, mut file: File, device: &LockName) -> std::io::Result<Attempt> {
+    /// Makes one attempt to lock `file`, the file of the device's lock. If `must_be_there` is true, the
+    /// attempt fails if somebody has removed the file after it was opened.
+    fn try_hold(&self, mut file: File, device: &LockName, must_be_there: bool) -> IoResult<Attempt> {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Ok(Attempt::Busy),
@@ -194,7 +199,7 @@ impl Locks {
         }
         // If the lock's file was removed after this process opened it, this process's lock does not stop
         // other processes, since other processes lock a new file. The next attempt opens the new file.
-        if !self.folder.still_has(device.file(), &file) {
+        if must_be_there && !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }
         // The holder's description in the lock's file is only for messages of waiting processes, and a full
@@ -202,6 +207,18 @@ impl Locks {
         let _ = Holder::of_this_process().write(&mut file);
         Ok(Attempt::Held(file))
     }
+}
+
+/// Makes up to [`LOCK_ATTEMPTS`] attempts to lock a file, until the file has not been removed meanwhile. The
+/// argument of `attempt` says whether the file must still be there, which is false only for the last attempt.
+fn unless_removed(attempt: impl Fn(bool) -> IoResult<Attempt>) -> IoResult<Attempt> {
+    for _ in 1..LOCK_ATTEMPTS {
+        match attempt(true)? {
+            Attempt::Removed => {}
+            held_or_busy => return Ok(held_or_busy),
+        }
+    }
+    attempt(false)
 }
 
 /// Waits for a moment for a device's lock. An interruption causes an error.
@@ -234,6 +251,7 @@ fn refused(holder: &Holder, device: &LockName) -> Error {
 mod tests {
     use super::*;
     use crate::device::{DeviceKind, tests::example};
+    use std::cell::Cell;
     use std::sync::atomic::AtomicUsize;
 
     static OFF: AtomicBool = AtomicBool::new(false);
@@ -318,7 +336,7 @@ mod tests {
         // The test opens the lock's file only for reading. The file can then be locked but not written, like
         // a file on a full disk.
         let file = File::open(locks.folder.path(cpu().file())).unwrap();
-        let Attempt::Held(_file) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
+        let Attempt::Held(_file) = locks.try_hold(file, &cpu(), true).unwrap() else { panic!("it is free") };
         let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();
         assert!(refused.to_string().starts_with("another process is measuring"), "{refused}");
     }
@@ -421,7 +439,22 @@ mod tests {
         let locks = Locks::in_folder(folder.path(), false);
         let file = locks.folder.open(cpu().file()).unwrap();
         std::fs::remove_file(locks.folder.path(cpu().file())).unwrap();
-        assert!(matches!(locks.try_hold(file, &cpu()).unwrap(), Attempt::Removed));
+        assert!(matches!(locks.try_hold(file, &cpu(), true).unwrap(), Attempt::Removed));
         assert!(locks.take(&cpu(), &mut |_| {}, &OFF).is_ok());
+    }
+
+    /// On a file system that changes the inode numbers of its files, every file seems to have been removed.
+    #[test]
+    fn a_lock_whose_file_always_seems_to_be_removed_is_taken_all_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let (locks, attempts) = (Locks::in_folder(folder.path(), false), Cell::new(0));
+        let attempt = |must_be_there| {
+            attempts.set(attempts.get() + 1);
+            let file = locks.folder.open(cpu().file())?;
+            std::fs::remove_file(locks.folder.path(cpu().file()))?;
+            locks.try_hold(file, &cpu(), must_be_there)
+        };
+        assert!(matches!(unless_removed(attempt).unwrap(), Attempt::Held(_)));
+        assert_eq!(attempts.get(), LOCK_ATTEMPTS);
     }
 }

@@ -1,6 +1,6 @@
 //! A lock that allows one run at a time in a folder.
 
-use crate::device_lock::lacks_locks;
+use crate::device_lock::{LOCK_ATTEMPTS, lacks_locks};
 use crate::error::{Error, Result};
 use crate::existing;
 use crate::printer;
@@ -12,10 +12,6 @@ use std::path::Path;
 
 /// The name of the file in a folder of results that is locked while a run uses the folder.
 const LOCK: &str = ".lock";
-/// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
-/// On a file system that changes the inode numbers of its files, a file always seems to have been removed.
-/// The last attempt to lock a file therefore does not check whether the file was removed.
-const ATTEMPTS: u32 = 10;
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
 /// process is killed.
@@ -40,7 +36,7 @@ impl Lock {
         loop {
             attempts += 1;
             let file = open(&path).map_err(|error| Error::unwritable(&path, &error))?;
-            if let Some(lock) = Self::of_file(file, &path, attempts < ATTEMPTS)? {
+            if let Some(lock) = Self::of_file(file, &path, attempts < LOCK_ATTEMPTS)? {
                 return Ok(lock);
             }
         }
