@@ -1,13 +1,39 @@
 //! Waits for child processes, up to a time limit or until the caller no longer needs a process's output.
 
-use std::io::Read;
-use std::process::{Child, Output};
+use std::io::{Read, Result as IoResult};
+use std::process::{Child, ExitStatus, Output};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+/// The longest wait for the end of a process that was killed. Linux does not end a process while a driver in
+/// Linux's kernel keeps the process in uninterruptible sleep, which may last for ever.
+const KILLED: Duration = Duration::from_secs(10);
+
+/// Calls `ended` until it returns a process's status, and returns this status. Returns `None` if the process
+/// has not ended within `limit`.
+pub fn status_within<T>(
+    limit: Duration,
+    mut ended: impl FnMut() -> IoResult<Option<T>>,
+) -> IoResult<Option<T>> {
+    let start = Instant::now();
+    loop {
+        match ended()? {
+            None if start.elapsed() < limit => sleep(Duration::from_millis(2)),
+            status => return Ok(status),
+        }
+    }
+}
+
+/// Kills a process, and returns its status when it has ended. Returns `None` if the process has not ended
+/// within [`KILLED`]; the process then stays behind.
+pub fn kill(child: &mut Child) -> IoResult<Option<ExitStatus>> {
+    child.kill()?;
+    status_within(KILLED, || child.try_wait())
+}
+
 /// Waits until a process ends, and returns its output. If the process runs for longer than `limit`, kills it
 /// and returns `None`.
-pub fn output_within(child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
+pub fn output_within(child: Child, limit: Duration) -> IoResult<Option<Output>> {
     let start = Instant::now();
     output_unless(child, Duration::from_millis(5), &mut || start.elapsed() > limit)
 }
@@ -20,7 +46,7 @@ pub fn output_unless(
     mut child: Child,
     interval: Duration,
     is_over: &mut dyn FnMut() -> bool,
-) -> std::io::Result<Option<Output>> {
+) -> IoResult<Option<Output>> {
     let stdout = child.stdout.take().map(reading).transpose();
     let stderr = child.stderr.take().map(reading).transpose();
     let (stdout, stderr) = match (stdout, stderr) {
@@ -28,8 +54,7 @@ pub fn output_unless(
         // The system refused a thread that would read an output stream. Without this `kill`, the process
         // would run on after the function has returned.
         (Err(error), _) | (_, Err(error)) => {
-            child.kill()?;
-            child.wait()?;
+            kill(&mut child)?;
             return Err(error);
         }
     };
@@ -38,8 +63,7 @@ pub fn output_unless(
             return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
         }
         if is_over() {
-            child.kill()?;
-            child.wait()?;
+            kill(&mut child)?;
             return Ok(None);
         }
         sleep(interval);
@@ -47,7 +71,7 @@ pub fn output_unless(
 }
 
 /// Reads a stream to its end in another thread, so that the child process never waits because its pipe is full.
-fn reading(mut from: impl Read + Send + 'static) -> std::io::Result<JoinHandle<Vec<u8>>> {
+fn reading(mut from: impl Read + Send + 'static) -> IoResult<JoinHandle<Vec<u8>>> {
     Builder::new().spawn(move || {
         let mut bytes = Vec::new();
         let _ = from.read_to_end(&mut bytes);
@@ -77,6 +101,18 @@ mod tests {
         let spoke = shell("head -c 300000 /dev/zero; echo no >&2; exit 3", Duration::from_secs(120)).unwrap();
         assert_eq!((spoke.stdout.len(), spoke.status.code()), (300_000, Some(3)));
         assert_eq!(spoke.stderr, b"no\n");
+    }
+
+    #[test]
+    fn a_process_that_not_even_a_kill_ends_is_waited_for_only_until_the_limit() {
+        let never = || Ok(None::<ExitStatus>);
+        assert_eq!(status_within(Duration::from_millis(5), never).unwrap(), None);
+        let mut looks = 0;
+        let third = || {
+            looks += 1;
+            Ok((looks == 3).then_some("ended"))
+        };
+        assert_eq!(status_within(Duration::from_secs(120), third).unwrap(), Some("ended"));
     }
 
     #[test]

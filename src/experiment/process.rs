@@ -2,9 +2,11 @@
 
 use super::protocol::{Job, Reply, Request};
 use super::waiting::{Death, Spawner, Wait, Worker};
+use crate::child::{kill, status_within};
 use crate::device::{folder_advice, is_pocl};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
+use crate::printer;
 use crate::program::{AFRESH, CACHE_DISABLE};
 use serde::Serialize;
 use std::ffi::OsString;
@@ -12,12 +14,14 @@ use std::io::{BufRead as _, BufReader, Read, Result as IoResult, Write as _};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::{Builder, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The number of bytes that are stored from the end of a worker's standard error.
 const LAST_WORDS_BYTES: usize = 2000;
 /// The longest time that a worker may take to end when the run no longer needs the worker.
 const FAREWELL: Duration = Duration::from_secs(1);
+/// What happened to a worker that the system cannot end.
+const NOT_ENDED: &str = "was killed, but did not end";
 
 /// Starts workers as processes of this program.
 pub struct Processes {
@@ -160,29 +164,34 @@ impl WorkerProcess {
 
     /// Waits for the end of a worker that has closed its standard output, and returns how the worker died.
     fn death(&mut self) -> Death {
-        let cause = match self.end() {
-            Ok(status) => cause(status),
-            Err(error) => format!("was lost ({error})"),
-        };
+        let Death { cause, last_words } = death_of(self.end(), self.last_words.take());
         // PoCL ends the process if it cannot store a compiled kernel, for example because the disk is full.
         let advice = self.uses_pocl.then(folder_advice).flatten();
         let cause = std::iter::once(cause).chain(advice).collect::<Vec<_>>().join("; ");
-        let last_words = self.last_words.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         Death { cause, last_words }
     }
 
-    /// Waits for the process's end. A process that has not ended within [`FAREWELL`] is killed.
-    fn end(&mut self) -> IoResult<ExitStatus> {
-        let start = Instant::now();
-        while matches!(self.child.try_wait(), Ok(None)) {
-            if start.elapsed() >= FAREWELL {
-                let _ = self.child.kill();
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(2));
+    /// Waits for the process's end. A process that has not ended within [`FAREWELL`] is killed. Returns `None`
+    /// if the process does not end even then.
+    fn end(&mut self) -> IoResult<Option<ExitStatus>> {
+        match status_within(FAREWELL, || self.child.try_wait())? {
+            None => kill(&mut self.child),
+            status => Ok(status),
         }
-        self.child.wait()
     }
+}
+
+/// Returns how a worker died. `end` is the result of [`WorkerProcess::end`]. The thread `last_words` reads the
+/// worker's standard error, which stays open if the worker has not ended, so this function then does not wait
+/// for the thread.
+fn death_of(end: IoResult<Option<ExitStatus>>, last_words: Option<JoinHandle<String>>) -> Death {
+    let cause = match end {
+        Ok(Some(status)) => cause(status),
+        Ok(None) => return Death { cause: NOT_ENDED.to_owned(), last_words: String::new() },
+        Err(error) => format!("was lost ({error})"),
+    };
+    let last_words = last_words.and_then(|thread| thread.join().ok()).unwrap_or_default();
+    Death { cause, last_words }
 }
 
 impl Worker for WorkerProcess {
@@ -210,11 +219,14 @@ impl Worker for WorkerProcess {
 }
 
 /// Dropping a `WorkerProcess` closes the worker's standard input, so that the worker ends by itself. A worker
-/// that has not ended within [`FAREWELL`] is killed.
+/// that has not ended within [`FAREWELL`] is killed. A worker that does not end even then stays behind.
 impl Drop for WorkerProcess {
     fn drop(&mut self) {
         self.requests = None;
-        let _ = self.end();
+        if let Ok(None) = self.end() {
+            let who = format!("a worker process (process {})", self.child.id());
+            printer::tell(format!("note: {who} {NOT_ENDED}; it may disturb later measurements"));
+        }
     }
 }
 
@@ -270,6 +282,17 @@ mod tests {
         let replies = read_replies(&b"{\"star\n\n\"started\"\nready\n{\"built\":null}"[..]).unwrap();
         let next = || replies.recv_timeout(Duration::from_secs(120)).ok();
         assert_eq!([next(), next(), next()], [Some(Reply::Started), Some(Reply::Built(None)), None]);
+    }
+
+    #[test]
+    fn the_last_words_of_a_process_that_does_not_end_are_not_waited_for() {
+        let (end, until_the_end) = channel::<()>();
+        let speaks = Builder::new().spawn(move || {
+            let _ = until_the_end.recv_timeout(Duration::from_secs(120));
+            "it ended".to_owned()
+        });
+        assert_eq!(death_of(Ok(None), speaks.ok()).describe(), "was killed, but did not end");
+        drop(end);
     }
 
     #[test]
