@@ -4,9 +4,12 @@
 use crate::binary::{copy_program, finish, run, until};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use raycl::experiment::{Job, Phase, Reply, Request};
 use raycl::record::{Outcome, Record, Sample, read_lines};
 use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit};
 use std::collections::{HashMap, HashSet};
+use std::fs::File;
+use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -177,6 +180,35 @@ fn every_way_to_die_costs_its_point_only() {
         assert!(ground.run(&["--resume", "--retry-failed"]).status.success());
         assert_eq!((ground.records().len(), ground.count(Outcome::Measured)), (POINTS + 1, POINTS));
     }
+}
+
+/// A run does not limit the time in which a worker loads a scene, so the worker says when it does.
+#[test]
+fn a_worker_says_when_it_begins_and_ends_to_load_a_scene() {
+    let ground = Ground::new(3);
+    let text = std::fs::read_to_string(&ground.config).expect("a config");
+    let job = Job { config: ground.config.clone(), text, device_count: 1, ..Job::default() };
+    let request = Request::Build { point: 0 };
+    let file = ground.folder.path().join("replies");
+    let mut command = crate::binary::program();
+    command.arg("worker").env("RAYCL_WORKER", "1").stdin(Stdio::piped());
+    command.stdout(File::create(&file).expect("a file"));
+    let mut worker = command.spawn().expect("it starts");
+    let mut input = worker.stdin.take().expect("standard input");
+    let lines =
+        [serde_json::to_string(&job), serde_json::to_string(&request)].map(|line| line.expect("JSON"));
+    writeln!(input, "{}", lines.join("\n")).expect("the worker reads");
+    let replies = || -> Vec<Reply> {
+        let text = std::fs::read_to_string(&file).expect("replies");
+        text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+    };
+    // The first point is a caster on the host, which has no program.
+    until("the worker replies", || replies().contains(&Reply::Built(None)));
+    // The worker ends when its standard input ends.
+    drop(input);
+    assert!(finish(worker).status.success());
+    let [loads, casts] = [Phase::Host, Phase::Cast].map(Reply::Begins);
+    assert_eq!(replies(), [Reply::Started, loads, casts, Reply::Built(None)]);
 }
 
 #[test]

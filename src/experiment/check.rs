@@ -2,7 +2,7 @@
 //! must be right.
 
 use super::draft::Drafter;
-use super::protocol::Built;
+use super::protocol::{Built, Phase};
 use super::ready::{Ready, cast_frames};
 use super::reference_cache::ReferenceCache;
 use super::{Pictures, Point, PointFailure, Work, host, views};
@@ -28,6 +28,8 @@ pub struct Checker<'a> {
     session: Option<Session>,
     pictures: Pictures,
     references: ReferenceCache,
+    /// Is called when another phase of the work on a request begins.
+    tells: Box<dyn Fn(Phase)>,
 }
 
 /// The image of a point of the experiment, and the caster that made the image.
@@ -47,7 +49,19 @@ impl<'a> Checker<'a> {
             Some(device) => Some((device, Queue::open(device)?)),
             None => None,
         };
-        Ok(Self { drafter, device, session: None, pictures, references: ReferenceCache::default() })
+        let references = ReferenceCache::default();
+        Ok(Self { drafter, device, session: None, pictures, references, tells: Box::new(|_| {}) })
+    }
+
+    /// Lets the checker call `tells` whenever another phase of the work on a request begins.
+    #[must_use]
+    pub fn telling(self, tells: impl Fn(Phase) + 'static) -> Self {
+        Self { tells: Box::new(tells), ..self }
+    }
+
+    /// Tells the run that another phase of the work on a request begins.
+    pub fn begin(&self, phase: Phase) {
+        (self.tells)(phase);
     }
 
     /// Returns the properties of the device on which points are checked; `None` if there is no device.
@@ -136,6 +150,7 @@ impl<'a> Checker<'a> {
         scene: &Scene,
         record: &mut Record,
     ) -> Result<std::result::Result<(), PointFailure>> {
+        self.begin(Phase::Host);
         record.image_hash = Some(Pictures::hash(&cast.image));
         let sampled = (scene, &self.sampling(point));
         let expected = self.references.reference(point.scene, sampled, record.image_size, cast.culling);

@@ -64,7 +64,7 @@ pub use pictures::Pictures;
 pub use plan::{Plan, Point, Work};
 pub use point_failure::PointFailure;
 pub use process::Processes;
-pub use protocol::{Built, Job, Listed, Reply, Request};
+pub use protocol::{Built, Job, Listed, Phase, Reply, Request};
 pub use results::Results;
 pub use run::{Run, keeps_moved_samples};
 pub use scenes::distinct_scenes;

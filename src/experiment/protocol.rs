@@ -192,6 +192,18 @@ impl Request {
     }
 }
 
+/// A part of a worker's work on a request. Each request begins with the phase `Cast`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    /// The worker builds a program or casts frames. The run limits the time of this phase, since a driver may
+    /// hang.
+    Cast,
+    /// The worker loads a scene, or compares a picture with the reference and saves pictures. The run does not
+    /// limit the time of this phase: it uses no driver, and large scenes and pictures need long.
+    Host,
+}
+
 /// A reply of a worker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -199,6 +211,8 @@ pub enum Reply {
     /// Reply to the first line that the run sends, which describes the worker's job: the worker's device is
     /// open.
     Started,
+    /// A sign of life before the reply to a request: the worker begins another phase of its work.
+    Begins(Phase),
     /// Reply to a request to build a program; `None` if the program cannot be built. The point's check will
     /// report the error.
     Built(Option<Built>),
@@ -241,9 +255,8 @@ mod tests {
     fn what_is_sent_arrives() {
         let times =
             FrameTimes { primary_ms: Some(0.07), batch: Some(7), ..FrameTimes::whole(0.1, 1.0 / 3.0) };
-        for reply in
-            [Reply::Started, Reply::Sample(times), Reply::Checked { record: Box::default(), ready: true }]
-        {
+        let checked = Reply::Checked { record: Box::default(), ready: true };
+        for reply in [Reply::Started, Reply::Begins(Phase::Host), Reply::Sample(times), checked] {
             let line = serde_json::to_string(&reply).unwrap();
             assert!(!line.contains('\n'));
             assert_eq!(serde_json::from_str::<Reply>(&line).unwrap(), reply);

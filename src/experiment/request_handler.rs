@@ -4,7 +4,7 @@
 use super::check::Checker;
 use super::draft::{Drafter, HeldScene};
 use super::point_failure::PointFailure;
-use super::protocol::{Reply, Request};
+use super::protocol::{Phase, Reply, Request};
 use super::ready::Ready;
 use super::{Plan, Point};
 use crate::anchor::Anchor;
@@ -80,14 +80,14 @@ impl<'a> RequestHandler<'a> {
 
     fn build(&mut self, number: usize) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        self.turn_to(point);
+        self.turn_to(point)?;
         let at = self.scene.of(self.drafter.experiment, &point)?;
         Ok(Reply::Built(self.checker.build(&point, &at.scene)))
     }
 
     fn check(&mut self, number: usize, key: &str, verified: Option<&str>) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        self.turn_to(point);
+        self.turn_to(point)?;
         let at = self.scene.of(self.drafter.experiment, &point)?;
         if self.watch.is_none() {
             self.watch = self.checker.device().map(|device| watch(&device.hardware));
@@ -117,15 +117,19 @@ impl<'a> RequestHandler<'a> {
 
     /// Prepares the worker for requests about a point of the experiment. If the point has another scene or
     /// image size than the points in `entries`, drops the entries. If the point needs another scene than the
-    /// current one, or another camera, frees the current scene on the device.
-    fn turn_to(&mut self, point: Point) {
+    /// current one, or another camera, frees the current scene on the device and loads the other one.
+    fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }
         if !self.scene.is_of(&point) {
             self.checker.leave_scene();
+            self.checker.begin(Phase::Host);
+            self.scene.of(self.drafter.experiment, &point)?;
+            self.checker.begin(Phase::Cast);
         }
+        Ok(())
     }
 
     fn anchor(&mut self) -> Result<Reply> {
@@ -274,8 +278,9 @@ mod tests {
     use crate::device::discover;
     use crate::program::Sources;
     use crate::record::{HOST, Record};
-    use std::cell::Cell;
+    use std::cell::{Cell, RefCell};
     use std::path::Path;
+    use std::rc::Rc;
 
     /// Lets a new worker check a caster on the host. The request has the key `key`, or the point's
     /// own key if `key` is `None`.
@@ -477,6 +482,32 @@ mod tests {
             let cast = handler.answer(&Request::Cast { point: 0 });
             assert!(matches!(cast, Ok(Reply::Sample(_))), "block {block}: {cast:?}");
         }
+    }
+
+    #[test]
+    fn the_run_is_told_when_a_check_loads_a_scene_casts_and_compares() {
+        let experiment = fixtures::experiment_of("scenes = ['scenes/triangle.toml']\nbaselines = ['serial']");
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let plan = Plan::new(&experiment, 0);
+        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
+        let key = drafter.draft(&plan.points[0], None, &at).unwrap().key;
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let phases = Rc::new(RefCell::new(Vec::new()));
+        let told = Rc::clone(&phases);
+        let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
+        let checker = checker.telling(move |phase| told.borrow_mut().push(phase));
+        let mut handler = RequestHandler::new(drafter, plan, checker, None);
+        let mut check = |verified: Option<String>| {
+            let checked = handler.answer(&Request::Check { point: 0, key: key.clone(), verified });
+            let Ok(Reply::Checked { record, ready: true }) = checked else { panic!("{checked:?}") };
+            (record.image_hash, phases.take())
+        };
+        let (hash, of_the_first_check) = check(None);
+        assert_eq!(of_the_first_check, [Phase::Host, Phase::Cast, Phase::Host]);
+        // The scene is loaded already, and the picture has been compared.
+        assert!(check(hash).1.is_empty());
+        assert_eq!(check(None).1, [Phase::Host]);
     }
 
     #[test]

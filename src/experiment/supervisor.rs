@@ -60,7 +60,8 @@ pub type Checked = (Box<Record>, bool);
 pub struct Supervisor<'a> {
     spawner: &'a mut dyn Spawner,
     interrupted: &'a AtomicBool,
-    /// The time limit for one step of a point: its check, or one of its samples.
+    /// The time limit for the first frame of a point, including the build of its program, and for each of its
+    /// samples.
     limit: Duration,
     /// The running workers, by the numbers of their jobs and scenes.
     posts: HashMap<(usize, usize), Post>,

@@ -2,7 +2,7 @@
 //! Workers are processes that cast the images of a run's measured points. The wait also ends if the worker
 //! dies or hangs.
 
-use super::protocol::{Reply, Request};
+use super::protocol::{Phase, Reply, Request};
 use crate::clock::LOOK_UP;
 use crate::error::Result;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ pub trait Spawner {
 pub trait Worker {
     /// Sends a request. If the worker is dead, the next call of `wait` reports the death.
     fn send(&mut self, request: &Request);
-    /// Waits for the reply to the last request, for at most `limit`.
+    /// Waits for the reply to the last request, or for a [`Reply::Begins`] before it, for at most `limit`.
     fn wait(&mut self, limit: Duration) -> Wait;
     /// Tells the worker that no request will follow, so that it ends. The call does not wait for the end, so
     /// several workers can end at the same time.
@@ -32,7 +32,7 @@ pub trait Worker {
 /// The result of waiting for a worker's reply.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wait {
-    /// The worker's reply to the last request.
+    /// The worker's reply to the last request, or a [`Reply::Begins`] before it.
     Reply(Reply),
     /// No reply came within the limit.
     Silence,
@@ -49,17 +49,19 @@ pub struct Death {
     pub last_words: String,
 }
 
-/// Waits for a worker's reply. Returns the inner error if the worker dies, or does not reply within `limit`.
-/// Returns `None` if the flag `interrupted` becomes true while the worker is silent. If `interrupted` is
-/// `None`, an interruption of the run does not end the wait.
+/// Waits for a worker's reply. Returns the inner error if the worker dies, or if a phase of its work takes
+/// longer than `limit`. The phase [`Phase::Host`] has no limit. Returns `None` if the flag `interrupted`
+/// becomes true while the worker is silent. If `interrupted` is `None`, an interruption of the run does not
+/// end the wait.
 pub fn reply_of(
     worker: &mut dyn Worker,
     limit: Duration,
     interrupted: Option<&AtomicBool>,
 ) -> Option<std::result::Result<Reply, Loss>> {
-    let mut quiet = Quiet { limit, so_far: Duration::ZERO };
+    let mut quiet = Quiet { limit, phase: Phase::Cast, so_far: Duration::ZERO };
     loop {
         match quiet.wait(worker) {
+            Wait::Reply(Reply::Begins(phase)) => quiet.begin(phase),
             Wait::Reply(reply) => return Some(Ok(reply)),
             Wait::Dead(death) => return Some(Err(Loss::Died(death))),
             Wait::Silence if quiet.is_over() => return Some(Err(Loss::HungFor(limit))),
@@ -69,13 +71,14 @@ pub fn reply_of(
     }
 }
 
-/// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
-/// `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, raycl and its workers must
-/// have been stopped for a while, by Ctrl-Z or by a scheduler that suspends jobs. Of such a long wait, only
-/// twice `LOOK_UP` is added.
+/// Adds up how long raycl has waited in the current phase of a worker's work. A single wait should end after
+/// `LOOK_UP` (or `limit`, if `limit` is shorter). If a wait takes longer than twice `LOOK_UP`, raycl and its
+/// workers must have been stopped for a while, by Ctrl-Z or by a scheduler that suspends jobs. Of such a long
+/// wait, only twice `LOOK_UP` is added.
 struct Quiet {
-    /// The longest time that a worker may take to reply.
+    /// The longest time that the phase [`Phase::Cast`] may take.
     limit: Duration,
+    phase: Phase,
     so_far: Duration,
 }
 
@@ -88,10 +91,16 @@ impl Quiet {
         reply
     }
 
-    /// Returns true if the sum of all waits has reached the limit. The sum of the waits also includes waits
-    /// that ended with a reply, so callers use this function only after [`Wait::Silence`].
+    /// Begins another phase, whose waits are added up anew.
+    fn begin(&mut self, phase: Phase) {
+        (self.phase, self.so_far) = (phase, Duration::ZERO);
+    }
+
+    /// Returns true if the phase has a limit, and the sum of the phase's waits has reached this limit. The sum
+    /// of the waits also includes waits that ended with a reply, so callers use this function only after
+    /// [`Wait::Silence`].
     fn is_over(&self) -> bool {
-        self.so_far >= self.limit
+        self.phase == Phase::Cast && self.so_far >= self.limit
     }
 }
 

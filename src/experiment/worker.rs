@@ -5,7 +5,7 @@ use super::asleep::Asleep;
 use super::check::Checker;
 use super::draft::Drafter;
 use super::point_failure::PointFailure;
-use super::protocol::{Job, Reply, Request};
+use super::protocol::{Job, Phase, Reply, Request};
 use super::request_handler::RequestHandler;
 use super::{Pictures, Plan};
 use crate::cache::Cache;
@@ -46,7 +46,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
         return answer(job, lines, |request| asleep.answer(request));
     }
     let device = job.device.as_deref().map(|identity| find(identity, &job.hardware, &sources)).transpose()?;
-    let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
+    let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?.telling(tell);
     let mut handler = RequestHandler::new(drafter, plan, checker, job.stands_for.clone());
     answer(job, lines, |request| handler.answer(request))
 }
@@ -134,6 +134,12 @@ fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
 /// Sends a reply to the process that started this worker.
 fn reply(reply: &Reply) -> Result<()> {
     send(reply, &mut std::io::stdout().lock())
+}
+
+/// Tells the run that another phase of the work on the current request begins.
+fn tell(phase: Phase) {
+    // An error of sending is ignored: the reply to the request will report it.
+    let _ = reply(&Reply::Begins(phase));
 }
 
 /// Replies to the current request that the device failed. The crate `ocl` has panicked, and this process will

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::clock::LOOK_UP;
+use crate::experiment::protocol::Phase;
 use crate::experiment::waiting::{Death, Wait};
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -299,6 +300,23 @@ fn time_in_which_raycl_was_stopped_does_not_count_and_a_worker_that_hangs_is_giv
     passes(&mut supervisor, task(0, 0, 0));
     noting.instead.borrow_mut().extend([Wait::Silence, Wait::Silence]);
     let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
+    assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
+}
+
+/// A wait of more than twice `LOOK_UP` counts as twice `LOOK_UP`, so a phase is over after its second silence.
+#[test]
+fn the_limit_holds_for_each_phase_in_which_a_worker_casts_and_for_no_other_work() {
+    let limit = LOOK_UP * 5 / 2;
+    let (noting, never) = (Noting { silence: limit, ..Noting::default() }, AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, limit);
+    let [casts, works_on_the_host] =
+        [Phase::Cast, Phase::Host].map(|phase| Wait::Reply(Reply::Begins(phase)));
+    let in_time = [Wait::Silence, works_on_the_host.clone(), Wait::Silence, Wait::Silence, casts.clone()];
+    noting.instead.borrow_mut().extend(in_time.into_iter().chain([Wait::Silence]));
+    passes(&mut supervisor, task(0, 0, 0));
+    noting.instead.borrow_mut().extend([works_on_the_host, casts, Wait::Silence, Wait::Silence]);
+    let failure = supervisor.check(task(1, 0, 0)).unwrap().unwrap_err();
     assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
 }
 
