@@ -47,7 +47,7 @@ impl Simulation<'_> {
     fn command(&self, folder: &Path) -> Command {
         let [width, height] = self.size;
         let mut command = Command::new("oclgrind");
-        command.args(["--build-options", OPTIONS, self.plugin, "--log"]).arg(folder.join("log"));
+        command.env("OCLGRIND_BUILD_OPTIONS", OPTIONS).args([self.plugin, "--log"]).arg(folder.join("log"));
         command.arg(env!("CARGO_BIN_EXE_raycl")).arg("render");
         command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(self.scene));
         // In Oclgrind, a work-group that shares a tile must have 32 work-items, which exchange data by barriers.
@@ -61,25 +61,10 @@ impl Simulation<'_> {
         command
     }
 
-    /// Returns all reports of Oclgrind. Returns `None` if the simulated device (32 KiB of `__local` memory)
-    /// cannot hold the strategy, or if the program does not build.
-    fn reports(&self) -> Option<String> {
+    /// Returns all reports of Oclgrind, as `reports_of` does.
+    fn reports(&self) -> String {
         let folder = tempfile::tempdir().expect("a folder");
-        let output = crate::binary::run(&mut self.command(folder.path()));
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let is_refused =
-            ["cannot cast this frame", "cannot cast the scene"].iter().any(|part| said.contains(part));
-        let does_not_fit = output.status.code() == Some(2) && is_refused;
-        // A program that does not build is skipped here, since tests/kernels.rs reports programs that no compiler
-        // accepts.
-        if does_not_fit || said.contains("the build of the kernels failed") {
-            return None;
-        }
-        // Oclgrind exits with the program's exit code, so only the log shows its reports.
-        let logged = std::fs::read_to_string(folder.path().join("log")).unwrap_or_default();
-        let failed =
-            if output.status.success() { String::new() } else { format!("{}: {said}", output.status) };
-        Some(logged + &failed)
+        reports_of(&mut self.command(folder.path()), folder.path())
     }
 
     /// Returns true if Oclgrind reports a race. Ends the simulation at the first report, since a kernel
@@ -102,15 +87,28 @@ impl Simulation<'_> {
     }
 }
 
-/// Casts a picture under Oclgrind with each strategy that fits on the simulated device, and returns the
-/// number of pictures. Panics with a list of the strategies for which Oclgrind reports a fault.
-fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
-    all_clean_at(SIZE, scene, strategies, local, plugin)
+/// Returns all reports of Oclgrind about a command that writes its log to `folder`, and the message of a command that
+/// fails. A strategy that does not fit on the simulated device (32 KiB of `__local` memory), or whose program does not
+/// build, is such a failure, since `make test` casts many strategies nowhere else.
+fn reports_of(command: &mut Command, folder: &Path) -> String {
+    let output = crate::binary::run(command);
+    // Oclgrind exits with the program's exit code, so only the log shows its reports.
+    let logged = std::fs::read_to_string(folder.join("log")).unwrap_or_default();
+    if output.status.success() {
+        return logged;
+    }
+    format!("{logged}{}: {}", output.status, String::from_utf8_lossy(&output.stderr))
+}
+
+/// Casts a picture under Oclgrind with each strategy. Panics with a list of the strategies for which Oclgrind reports a
+/// fault, or with which raycl casts no picture.
+fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) {
+    all_clean_at(SIZE, scene, strategies, local, plugin);
 }
 
 /// Casts pictures under Oclgrind and reports faults, like `all_clean`, but with this width and height.
-fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
-    all_clean_with(&[], size, scene, strategies, local, plugin)
+fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) {
+    all_clean_with(&[], size, scene, strategies, local, plugin);
 }
 
 /// Casts pictures under Oclgrind and reports faults, like `all_clean_at`, but with more arguments of the
@@ -122,21 +120,18 @@ fn all_clean_with(
     strategies: &[Strategy],
     local: &str,
     plugin: &str,
-) -> usize {
+) {
+    assert!(!strategies.is_empty(), "no strategy for {scene}");
     let mut wrong = Vec::new();
-    let mut run = 0;
     for strategy in strategies {
-        let simulation = Simulation { size, scene, strategy, local, options, plugin, cl: None };
-        let Some(report) = simulation.reports() else { continue };
-        run += 1;
+        let report = Simulation { size, scene, strategy, local, options, plugin, cl: None }.reports();
         if !report.is_empty() {
             let start: String = report.chars().take(600).collect();
             wrong.push(format!("{strategy} at {local}: {start}"));
         }
     }
-    assert!(wrong.is_empty(), "{} of {run}:\n{}", wrong.len(), wrong.join("\n"));
-    eprintln!("{run} strategies with {plugin}: 0 reports");
-    run
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), strategies.len(), wrong.join("\n"));
+    eprintln!("{} strategies with {plugin}: 0 reports", strategies.len());
 }
 
 fn presets() -> Vec<Strategy> {
@@ -146,8 +141,7 @@ fn presets() -> Vec<Strategy> {
 #[test]
 fn presets_have_no_race_and_stay_in_bounds() {
     // The work-groups have 3 x 2 work-items, and their height does not divide the image's height.
-    let run = all_clean("pyramid-lower.toml", &presets(), "3x2", RACES);
-    assert_eq!(run, PRESETS.len());
+    all_clean("pyramid-lower.toml", &presets(), "3x2", RACES);
 }
 
 /// `make test` runs only the presets that hold triangles in __local memory.
@@ -157,7 +151,7 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
     assert!((257..=275).contains(&triangles), "{triangles}");
     let all: Vec<_> =
         presets().into_iter().filter(|s| is_long() || s.triangles.copied() != Copied::Nothing).collect();
-    assert_eq!(all_clean_at(["9", "6"], TILES, &all, "4x4", RACES), all.len());
+    all_clean_at(["9", "6"], TILES, &all, "4x4", RACES);
 }
 
 /// The work-groups of this picture have no work-item outside the picture. In the heap (the buffer from which
@@ -165,15 +159,21 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
 #[test]
 fn the_last_vector_in_the_heap_has_memory_of_its_own() {
     let naive = preset("naive").expect("a preset").strategy;
-    assert_eq!(all_clean_at(["18", "12"], "pyramid-lower.toml", &[naive], "3x2", RACES), 1);
+    all_clean_at(["18", "12"], "pyramid-lower.toml", &[naive], "3x2", RACES);
+}
+
+/// Returns the presets whose work-items share tiles.
+fn presets_that_share_tiles() -> Vec<Strategy> {
+    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
+    assert_eq!(shared.len(), 2);
+    shared
 }
 
 /// PoCL takes half a minute to compile each of these strategies, so that only `make test-long` casts this scene on PoCL
 /// with them (tests/near.rs).
 #[test]
 fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
-    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
-    assert_eq!(all_clean("../tests/data/near.toml", &shared, "32x1", RACES), 2);
+    all_clean("../tests/data/near.toml", &presets_that_share_tiles(), "32x1", RACES);
 }
 
 /// In this scene, a light is nearer to a wall than the shadow bias, so it does not reach the nearest part of
@@ -181,8 +181,7 @@ fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
 /// reference is therefore certain that this pixel is dark.
 #[test]
 fn tiles_that_work_items_share_leave_dark_what_is_nearer_to_a_light_than_the_bias() {
-    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
-    assert_eq!(all_clean_at(["19", "10"], "../tests/data/lights.toml", &shared, "32x1", RACES), 2);
+    all_clean_at(["19", "10"], "../tests/data/lights.toml", &presets_that_share_tiles(), "32x1", RACES);
 }
 
 /// Tiles test a shadow ray from the light to the hit. With culling, however, a triangle blocks the light only
@@ -200,7 +199,7 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
         let usual = preset(name).expect("a preset").strategy;
         Strategy { intersector, culling: Culling::Back, ..usual }
     });
-    assert_eq!(all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES), 4);
+    all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES);
 }
 
 /// Neighbouring triangles overlap by about a rounding error, so that no ray slips between them. Such an
@@ -210,7 +209,7 @@ fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
 fn tiles_that_work_items_share_make_a_needle_no_longer() {
     let usual = preset("tile-group").expect("a preset").strategy;
     let planes = Strategy { intersector: Intersector::EDGE_PLANES, ..usual };
-    assert_eq!(all_clean_at(["61", "43"], "../tests/data/needle.toml", &[planes], "32x1", RACES), 1);
+    all_clean_at(["61", "43"], "../tests/data/needle.toml", &[planes], "32x1", RACES);
 }
 
 /// In a picture whose width is a multiple of four pixels, `tile` stores four pixels of a row at a time. The last blocks
@@ -218,7 +217,7 @@ fn tiles_that_work_items_share_make_a_needle_no_longer() {
 #[test]
 fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
     let tile = preset("tile").expect("a preset").strategy;
-    assert_eq!(all_clean_at(["16", "11"], "pyramid-lower.toml", &[tile], "1x1", RACES), 1);
+    all_clean_at(["16", "11"], "pyramid-lower.toml", &[tile], "1x1", RACES);
 }
 
 /// The scenes of all other tests in this file need no code for soft light, several samples, pictures of skies
@@ -239,7 +238,7 @@ fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
         ("tile", "../tests/data/stripes.toml", ["9", "6"], &[][..]),
     ] {
         let strategy = preset(name).expect("a preset").strategy;
-        assert_eq!(all_clean_with(options, size, scene, &[strategy], "1x1", RACES), 1, "{scene}");
+        all_clean_with(options, size, scene, &[strategy], "1x1", RACES);
     }
 }
 
@@ -266,15 +265,14 @@ fn presets_of_one_ray_read_nothing_unwritten() {
     // reports values that clEnqueueFillBuffer wrote, such as the rasteriser's depths, as unwritten.
     let checkable = |s: &Strategy| s.width == Width::W1 && s.traversal != Traversal::Raster;
     let narrow: Vec<_> = presets().into_iter().filter(checkable).collect();
-    assert_eq!(all_clean("pyramid-lower.toml", &narrow, "4x2", UNINITIALISED), narrow.len());
+    all_clean("pyramid-lower.toml", &narrow, "4x2", UNINITIALISED);
 }
 
 #[test]
 fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
     let cover: Vec<_> =
         pairwise_cover().into_iter().enumerate().filter(in_this_run).map(|(_, s)| s).collect();
-    let run = all_clean("figure-4.toml", &cover, "4x2", RACES);
-    assert!(run * 10 > cover.len() * 8, "only {run} of {} fit", cover.len());
+    all_clean("figure-4.toml", &cover, "4x2", RACES);
 }
 
 /// Returns true if this run tests `row`, a strategy of the pairwise cover (strategies with every pair of two
@@ -307,21 +305,29 @@ fn spoiled(from: &str, to: &str) -> tempfile::TempDir {
     folder
 }
 
+/// Returns a simulation of `strategy` with the kernel files of the folder `cl`, or with the built-in ones.
+fn simulation<'a>(strategy: &'a Strategy, cl: Option<&'a Path>) -> Simulation<'a> {
+    let (scene, local) = ("pyramid-lower.toml", "4x4");
+    Simulation { size: SIZE, scene, strategy, local, options: &[], plugin: RACES, cl }
+}
+
 #[test]
 fn a_kernel_without_its_barriers_is_reported() {
     let cl = spoiled("barrier(CLK_LOCAL_MEM_FENCE)", "(void)0");
     let tiled = preset("tiled").expect("a preset").strategy;
-    let simulation = Simulation {
-        size: SIZE,
-        scene: "pyramid-lower.toml",
-        strategy: &tiled,
-        local: "4x4",
-        options: &[],
-        plugin: RACES,
-        cl: Some(cl.path()),
-    };
-    let report = simulation.reports().expect("it fits");
+    let report = simulation(&tiled, Some(cl.path())).reports();
     assert!(report.contains("race"), "{report}");
+}
+
+/// A definition in the build options spoils the built-in kernels.
+#[test]
+fn a_program_that_does_not_build_is_reported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let naive = preset("naive").expect("a preset").strategy;
+    let mut command = simulation(&naive, None).command(folder.path());
+    command.env("OCLGRIND_BUILD_OPTIONS", format!("{OPTIONS} -Dfloat=unknown"));
+    let report = reports_of(&mut command, folder.path());
+    assert!(report.contains("the build of the kernels failed"), "{report}");
 }
 
 /// Returns every barrier of the kernels that presets use: the file, the position and the text of the call.
