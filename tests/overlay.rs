@@ -3,6 +3,7 @@
 
 use crate::binary::{TRIANGLE, WorkFolder, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
+use crate::schemas::table;
 use raycl::strategy::{Records, Strategy, preset};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -310,20 +311,29 @@ fn records_once_and_at_each_test_give_the_same_certain_pixels() {
     }
 }
 
-/// Returns the text of a kernel file without comments, with the files that it includes.
+const PAGE: &str = "docs/own-kernels.md";
+
+/// The files that values of axes share: the text of such a file belongs to each file that includes it.
+const SHARED: [&str; 2] = ["cast/indexed.cl", "cast/working_in_memory.cl"];
+
+/// Returns the text of a kernel file without comments, with the shared files that it includes.
 fn code(name: &str) -> String {
     let text = read_to_string(repository("cl").join(name)).expect("a kernel file");
     let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
     let lines =
         lines.map(|line| match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
-            Some(inner) if !inner.contains('{') => code(inner),
+            Some(inner) if SHARED.contains(&inner) => code(inner),
             _ => line.to_owned(),
         });
     lines.collect::<Vec<_>>().join("\n")
 }
 
+fn is_in_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
 fn words(code: &str) -> BTreeSet<String> {
-    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).map(str::to_owned).collect()
+    code.split(|c: char| !is_in_word(c)).map(str::to_owned).collect()
 }
 
 /// Returns the macros, types and functions that a file defines.
@@ -335,23 +345,17 @@ fn defined(code: &str) -> BTreeSet<String> {
             _ if line.starts_with(char::is_alphabetic) => line.split_once('(')?.0.rsplit(' ').next()?,
             _ => return None,
         };
-        Some(start.split(|c: char| !(c.is_alphanumeric() || c == '_')).next()?.to_owned())
+        Some(start.split(|c: char| !is_in_word(c)).next()?.to_owned())
     };
     code.lines().filter_map(name).collect()
 }
 
+/// Returns the kernel files of a folder, except shared ones.
 fn kernel_files(folder: &str) -> Vec<String> {
     let entries = read_dir(repository("cl").join(folder)).expect("a folder");
     let names = entries.map(|entry| entry.expect("an entry").file_name().into_string().expect("UTF-8"));
-    names.filter(|name| name.ends_with(".cl")).map(|name| format!("{folder}/{name}")).collect()
-}
-
-/// Returns the rows of the table after a heading of a page.
-fn table<'a>(page: &'a str, heading: &str) -> Vec<Vec<&'a str>> {
-    let section = page.split_once(&format!("\n### {heading}\n")).expect("the heading").1;
-    let table = section.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
-    let rows = table.take_while(|line| line.starts_with('|'));
-    rows.map(|row| row.trim_matches('|').split('|').collect()).collect()
+    let files = names.filter(|name| name.ends_with(".cl")).map(|name| format!("{folder}/{name}"));
+    files.filter(|file| !SHARED.contains(&file.as_str())).collect()
 }
 
 /// Returns the names that stand between backticks in a table's cell, without the parameters in brackets.
@@ -364,45 +368,73 @@ fn named(cell: &str) -> Vec<&str> {
 /// these files contains its helper.
 #[test]
 fn the_page_lists_helpers_with_their_files() {
-    let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");
-    let rows = table(&page, "Helpers");
+    let rows = table(PAGE, "\n### Helpers\n");
     assert!(rows.len() > 10);
     for row in rows {
-        let (names, files) = (named(row[0]), named(row[2]));
+        let (names, files) = (named(&row[0]), named(&row[2]));
         let words = words(&code(files[0]));
         assert!(names.iter().all(|name| words.contains(*name)), "{}: {names:?}", files[0]);
     }
 }
 
-/// Some axes have no example file on the page docs/own-kernels.md. For each of these axes, the page lists
-/// exactly the names that meet two conditions: all files of the axis define the name, and files outside the
-/// axis use it. For each name, the page also lists files; each of these files must really use the name.
-#[test]
-fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
-    let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");
-    let axes = ["vectors", "triangles", "layout", "shading"];
-    for axis in axes {
-        let files: Vec<_> = kernel_files(&format!("cast/{axis}")).iter().map(|name| code(name)).collect();
-        let own = |name: &String| files.iter().all(|file| defined(file).contains(name));
-        let included = ["cast/indexed.cl", "cast/working_in_memory.cl"].map(str::to_owned);
-        let others = axes.iter().filter(|other| **other != axis).map(|other| format!("cast/{other}"));
-        let outside: Vec<_> = others.chain(["cast".to_owned(), "raster".to_owned()]).collect();
-        let outside: Vec<_> = outside.iter().flat_map(|folder| kernel_files(folder)).collect();
-        let is_included = |name: &&String| included.contains(name);
-        let users: BTreeSet<_> =
-            outside.iter().filter(|name| !is_included(name)).flat_map(|name| words(&code(name))).collect();
-        let expected: BTreeSet<_> = defined(&files[0]).into_iter().filter(own).collect();
-        let expected: BTreeSet<_> = expected.intersection(&users).cloned().collect();
+/// Returns true if a kernel file uses the name in a table's cell. A name with parameters is used where it is called.
+fn uses(file: &str, cell: &str) -> bool {
+    let (code, name) = (code(file), named(cell)[0]);
+    if !cell.contains('(') {
+        return words(&code).contains(name);
+    }
+    code.match_indices(&format!("{name}(")).any(|(at, _)| !code[..at].ends_with(is_in_word))
+}
 
-        let rows = table(&page, &format!("`{axis}`"));
-        let name = |row: &Vec<&str>| named(row[0])[0].to_owned();
-        assert_eq!(rows.iter().map(name).collect::<BTreeSet<_>>(), expected, "{axis}");
-        for row in &rows {
-            for user in named(row[2]).into_iter().filter(|user| user.ends_with(".cl")) {
-                let file = outside.iter().find(|file| file.ends_with(&format!("/{user}")) || *file == user);
-                let file = file.unwrap_or_else(|| panic!("{axis}: there is no {user}"));
-                assert!(words(&code(file)).contains(&name(row)), "{file} does not use {}", name(row));
-            }
+/// Returns those of the kernel files `files` that a table's cell lists. A name such as `shading/` stands for all files
+/// of a folder.
+fn listed<'a>(cell: &str, files: &'a [String]) -> BTreeSet<&'a str> {
+    let mut all = BTreeSet::new();
+    for name in named(cell) {
+        let ending = format!("/{name}");
+        if name.ends_with('/') {
+            all.extend(files.iter().filter(|file| file.contains(&ending)).map(String::as_str));
+        } else if name.ends_with(".cl") {
+            let file = files.iter().find(|file| file.ends_with(&ending) || *file == name);
+            all.insert(file.unwrap_or_else(|| panic!("there is no {name}")).as_str());
         }
     }
+    all
+}
+
+/// Checks the first table of docs/own-kernels.md after a text. The table must list exactly the names that meet two
+/// conditions: all files of the folder `own` define the name, and files of the folders `outside` use it. Each row of
+/// the table must list exactly the files that use its name.
+fn lists_names_with_their_users(after: &str, own: &str, outside: &[String]) {
+    let files: Vec<_> = kernel_files(own).iter().map(|name| code(name)).collect();
+    let is_own = |name: &String| files.iter().all(|file| defined(file).contains(name));
+    let outside: Vec<_> = outside.iter().flat_map(|folder| kernel_files(folder)).collect();
+    let used: BTreeSet<_> = outside.iter().flat_map(|file| words(&code(file))).collect();
+    let expected = defined(&files[0]).into_iter().filter(|name| is_own(name) && used.contains(name));
+
+    let rows = table(PAGE, after);
+    let names = rows.iter().map(|row| named(&row[0])[0].to_owned());
+    assert_eq!(names.collect::<BTreeSet<_>>(), expected.collect::<BTreeSet<_>>(), "{own}");
+    for row in &rows {
+        let users = outside.iter().map(String::as_str).filter(|file| uses(file, &row[0]));
+        assert_eq!(listed(&row[2], &outside), users.collect::<BTreeSet<_>>(), "{own}: {}", row[0]);
+    }
+}
+
+/// Some axes have no example file on the page docs/own-kernels.md. For each of these axes, the page lists the names
+/// that a file of the axis must define, and the files that use each name.
+#[test]
+fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
+    let axes = ["vectors", "triangles", "layout", "shading"];
+    for axis in axes {
+        let others = axes.iter().filter(|other| **other != axis).map(|other| format!("cast/{other}"));
+        let outside: Vec<_> = others.chain(["cast", "raster"].map(str::to_owned)).collect();
+        lists_names_with_their_users(&format!("\n### `{axis}`\n"), &format!("cast/{axis}"), &outside);
+    }
+    let outside = ["tile_cpu", "tile_cpu/intersect"].map(str::to_owned);
+    lists_names_with_their_users(
+        "\nIn the following table, a triangle's *index*",
+        "tile_cpu/layout",
+        &outside,
+    );
 }
