@@ -63,7 +63,7 @@ lint: setup ## check format, lints and documentation, as CI does
 	cargo clippy --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --locked
 
-licences: ## check licences, bans and sources of all crates against deny.toml, without cargo-deny (Python 3.11)
+licences: ## check licences, bans, sources and Rust versions of all crates, without cargo-deny (Python 3.11)
 	@.ci/setup --licences
 	@.ci/licences
 	@.ci/licences --texts >/dev/null

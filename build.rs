@@ -69,7 +69,7 @@ fn version(revision: Option<&str>) -> String {
 }
 
 /// Returns the profile, target, options and compiler of this build: "profile release, opt-level 3,
-/// x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.89.0". Parts that
+/// x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.90.0". Parts that
 /// cargo does not report are empty.
 fn build() -> String {
     let variable = |name: &str| std::env::var(name).unwrap_or_default();

@@ -173,6 +173,16 @@ fn the_citation_is_of_this_version() {
     assert!(citation["authors"][0]["name"].as_str().is_some());
 }
 
+/// `.ci/licences` checks that no crate needs a later version of Rust than Cargo.toml names.
+#[test]
+fn documents_name_the_version_of_rust_that_cargo_demands() {
+    let version = concat!("Rust ", env!("CARGO_PKG_RUST_VERSION"), " or later");
+    for page in ["README.md", "CONTRIBUTING.md"] {
+        let text = read_to_string(repository(page)).expect("a page");
+        has(&text.replace("[Rust](https://rustup.rs)", "Rust"), &[version]);
+    }
+}
+
 /// Packs an archive, and returns the names of its files and folders, without the archive's own folder.
 #[cfg(unix)]
 fn archived() -> BTreeSet<String> {

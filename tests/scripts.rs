@@ -123,7 +123,7 @@ fn fuzzing_names_a_missing_compiler() {
 #[test]
 fn a_release_has_only_its_own_notes() {
     let folder = WorkFolder::with(&[
-        ("Cargo.toml", "[package]\nrust-version = \"1.89\"\nversion = \"0.2.0\"\n"),
+        ("Cargo.toml", "[package]\nrust-version = \"1.90\"\nversion = \"0.2.0\"\n"),
         ("CHANGELOG.md", "# Changelog\n\n## 0.2.0 - 2026-12-24\n\n- new\n\n## 0.1.0\n\n- old\n"),
     ]);
     let notes = |tag: &str| format!("mkdir -p .ci; cp \"$REPOSITORY/.ci/notes\" .ci; .ci/notes {tag}");
