@@ -7,13 +7,18 @@
 use std::path::Path;
 use std::process::Command;
 
+/// The files and folders from which the program is built. The program embeds the kernels of cl/, the scenes of scenes/
+/// and some files of configs/.
+pub(crate) const SOURCES: [&str; 7] =
+    ["build.rs", "Cargo.toml", "Cargo.lock", "src", "cl", "configs", "scenes"];
+
 fn main() {
     // Cargo runs this program in the folder of Cargo.toml.
     let folder = Path::new(".");
     // Cargo runs this program again if one of these files changes. A commit changes HEAD's log; staging and
     // most git commands change the index. An edit changes neither, so the sources are included: otherwise
     // `-dirty` would only be set at the next commit.
-    for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "cl"] {
+    for path in SOURCES {
         println!("cargo:rerun-if-changed={path}");
     }
     for name in ["HEAD", "index", "logs/HEAD"] {

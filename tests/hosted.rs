@@ -12,7 +12,7 @@ use yaml_rust2::{Yaml, YamlLoader};
 
 /// The crate's build script.
 #[path = "../build.rs"]
-#[allow(dead_code, reason = "the test calls only one of its functions")]
+#[allow(dead_code, reason = "tests use only a part of it")]
 mod build_script;
 
 fn yaml(path: &str) -> Yaml {
@@ -257,6 +257,29 @@ fn the_package_has_the_scripts_that_its_makefile_starts() {
         assert!(repository(script).is_file(), "there is no {script}");
         let left_out = excluded.iter().filter_map(toml::Value::as_str).any(|path| script.starts_with(path));
         assert!(!left_out, "Cargo.toml excludes {script} from the package");
+    }
+}
+
+/// If an edit of an embedded file did not start the build script, the revision would lack `-dirty`.
+#[test]
+fn the_build_script_watches_all_files_that_the_program_embeds() {
+    let root = repository("").canonicalize().expect("the repository");
+    let mut embedded = BTreeSet::new();
+    for file in crate::microscope::files(&root.join("src")) {
+        // Some folders contain other files than Rust's.
+        let text = read_to_string(&file).unwrap_or_default();
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for start in ["include_str!(\"", "include_bytes!(\"", "include_dir!(\"$CARGO_MANIFEST_DIR/"] {
+            let folder = if start.contains('$') { root.as_path() } else { file.parent().expect("a folder") };
+            let names = code.split(start).skip(1).filter_map(|rest| rest.split('"').next());
+            let paths = names.map(|name| folder.join(name).canonicalize().expect("an embedded file"));
+            embedded.extend(paths.map(|path| path.strip_prefix(&root).expect("a file of raycl").to_owned()));
+        }
+    }
+    assert!(embedded.len() > 10, "{embedded:?}");
+    for path in embedded {
+        let is_watched = build_script::SOURCES.iter().any(|source| path.starts_with(source));
+        assert!(is_watched, "build.rs does not name {}", path.display());
     }
 }
 

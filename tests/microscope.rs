@@ -157,7 +157,7 @@ fn rendered(folder: &WorkFolder, kernel: &str, local_size: &str, options: &[&str
 }
 
 /// Returns the files of a folder and of all folders in it.
-fn files(folder: &Path) -> Vec<PathBuf> {
+pub fn files(folder: &Path) -> Vec<PathBuf> {
     let paths = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     paths.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
 }
