@@ -50,6 +50,45 @@ fn a_missing_folder_for_temporary_files_is_named() {
     has(&fails(&WorkFolder::new(), lines), &["/nowhere/"]);
 }
 
+/// Returns lines of bash that start `.ci/setup --test` as a user on a system that lacks only Oclgrind, and whose apt
+/// knows no package of it. apt fails to install the package of another system.
+fn setup_without_oclgrind(sudo: &str) -> String {
+    format!(
+        r#"
+        mkdir bin temporary
+        for program in cat chmod env grep mkdir mktemp rm; do ln -s "$(command -v $program)" bin; done
+        printf '#!/bin/sh\ncase "$*" in *oclgrind*) exit 100; esac\n' >bin/apt-get
+        chmod +x bin/apt-get
+        for program in cargo cc tmux Xvfb; do eval "$program() {{ :; }}; export -f $program"; done
+        ldconfig() {{ echo libOpenCL.so.1 libX11.so.6 libXcursor.so.1; }}
+        grep() {{ [ "${{2-}}" = pocl ] || command grep "$@"; }}
+        apt-cache() {{ [ "$2" = oclgrind ] || echo "Candidate: 1"; }}
+        id() {{ echo 1000; }}
+        {sudo}
+        export -f ldconfig grep apt-cache id
+        PATH=$PWD/bin TMPDIR=$PWD/temporary "$BASH" "$REPOSITORY/.ci/setup" --test"#
+    )
+}
+
+#[test]
+fn without_root_and_a_package_of_oclgrind_no_package_is_advised() {
+    let said = fails(&WorkFolder::new(), &setup_without_oclgrind(""));
+    has(&said, &["Oclgrind is missing", "as root", "  .ci/setup --test\n"]);
+    assert!(!said.contains("apt-get install"), "{said}");
+}
+
+/// apt stores files of root in the temporary folder, so root removes this folder, even if apt fails.
+#[test]
+fn the_list_of_another_systems_packages_is_removed() {
+    let folder = WorkFolder::new();
+    let sudo = "sudo() { echo \"sudo $*\" >>log; \"$@\"; }; export -f sudo";
+    fails(&folder, &setup_without_oclgrind(sudo));
+    let log = std::fs::read_to_string(folder.path("log")).expect("what was done as root");
+    has(&log, &["apt-get -qy -o Dir::Etc::SourceList=", " oclgrind\n", "sudo rm -rf "]);
+    let left = std::fs::read_dir(folder.path("temporary")).expect("the temporary folder");
+    assert_eq!(left.count(), 0);
+}
+
 /// `PATH=/none` hides the programs of this machine, which may include Slurm.
 #[test]
 fn slurm_is_installed_as_root_and_without_questions() {
