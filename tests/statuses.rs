@@ -223,6 +223,14 @@ fn a_picture_is_cast_again_without_a_stored_program_that_crashes_the_driver() {
 }
 
 #[test]
+fn frames_for_an_encoder_are_not_cast_again_after_a_crash() {
+    let stream = [&PICTURE[..3], &["-", "--turntable", "2"], &PICTURE[4..]].concat();
+    let (_folder, said) = with_a_bad_stored_program("", 1, &stream);
+    has(&said, &["each driver alone", "`raycl cache clear`"]);
+    assert!(!said.contains("runs again"), "{said}");
+}
+
+#[test]
 fn if_the_second_attempt_fails_without_a_crash_its_message_is_the_last_one() {
     let faults = "int clFinish(void *queue) {
         int (*next)(void *) = dlsym(RTLD_NEXT, \"clFinish\");

@@ -34,6 +34,14 @@ use std::process::ExitStatus;
 /// may end any other process, but not the process with this number.
 const FIRST_PROCESS: u32 = 1;
 
+/// The remedy if a command that reads its scene from standard input cannot run again.
+const SCENE_AS_FILE: &str = "give the scene as a file instead of `-`; raycl can then restart the command itself, \
+    without the drivers that fail";
+/// The remedy if a command that writes frames to standard output cannot run again.
+const FRAMES_AS_FILES: &str = "set the environment variable OCL_ICD_VENDORS to a folder that contains only the .icd \
+    files of the other drivers; or let `render` write its frames to files (`-o NAME.png`), since it can then restart \
+    itself, without the drivers that fail";
+
 /// Returns true if this process is the child process that [`run`] starts.
 pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
@@ -45,6 +53,9 @@ pub struct Guarded<'a> {
     /// True if the command reads standard input. A command that reads standard input cannot run again, since
     /// standard input can be read only once.
     pub reads_standard_input: bool,
+    /// True if the command writes frames to standard output, one by one. Such a command cannot run again, since the
+    /// reader of the frames would get the frames of both runs in one stream.
+    pub streams: bool,
     /// True for `raycl render` and `raycl view`: the allocator of the child process uses huge pages, unless the user
     /// has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes of `raycl
     /// run` do.
@@ -72,6 +83,21 @@ pub enum Screen {
 impl Guarded<'_> {
     fn opens_window(&self) -> bool {
         self.screen == Screen::Window
+    }
+
+    /// Returns why the command cannot run a second time, and the remedy; `None` if it can.
+    fn runs_once(&self) -> Option<[&'static str; 2]> {
+        if self.reads_standard_input {
+            return Some(["standard input cannot be read again", SCENE_AS_FILE]);
+        }
+        self.streams.then_some(["frames may have been written to standard output already", FRAMES_AS_FILES])
+    }
+
+    /// Returns true if the command may run a second time after a driver has crashed that had listed its devices.
+    /// `raycl view` may not: its window may have crashed instead of the driver, and a view that its user has seen end
+    /// must not begin again by itself.
+    fn may_run_again(&self) -> bool {
+        self.runs_once().is_none() && self.screen == Screen::None
     }
 }
 
@@ -119,11 +145,8 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
     if good.is_empty() {
         return Err(Error::run(format!("{cause}, and no other driver is left")).with_help(crash_advice(0)));
     }
-    if command.reads_standard_input {
-        return Err(Error::run(format!("{cause}, and standard input cannot be read again")).with_help(
-            "give the scene as a file instead of `-`; raycl can then restart the command itself, without the \
-             drivers that fail",
-        ));
+    if let Some([why, remedy]) = command.runs_once() {
+        return Err(Error::run(format!("{cause}, and {why}")).with_help(remedy));
     }
     let folder = tempfile::tempdir().map_err(no_list)?;
     let status = attempt(&only(&good, folder.path()).map_err(no_list)?, parent)?;
@@ -158,15 +181,14 @@ fn with_all_drivers(
     if let Some(error) = kernels_doing(status, command.cl_dir, opens_window) {
         return Err(error);
     }
-    let may_run_again = !command.reads_standard_input && !opens_window && !parent.lends_terminal();
-    if may_run_again
+    if command.may_run_again()
         && crash(status).is_some()
         && let Some(status) = ended_afresh(&cause, parent)?
     {
         return Ok(status);
     }
     let error = no_driver_alone(status, &cause, opens_window, drivers);
-    let may_be_cache = !may_run_again && crash(status).is_some() && Cache::of_user().is_usable();
+    let may_be_cache = !command.may_run_again() && crash(status).is_some() && Cache::of_user().is_usable();
     Err(if may_be_cache { or_clear_cache(error) } else { error })
 }
 
@@ -211,10 +233,6 @@ struct Parent;
 impl Parent {
     fn new(_: Screen) -> Result<Self> {
         Ok(Self)
-    }
-
-    fn lends_terminal(&self) -> bool {
-        false
     }
 
     fn run(&self, command: &mut std::process::Command) -> Result<ExitStatus> {
@@ -281,6 +299,21 @@ mod tests {
     fn a_process_whose_parent_is_not_the_one_that_started_it_is_an_orphan() {
         assert!(is_orphan(Some("7"), 1) && !is_orphan(Some("7"), 7));
         assert!(!is_orphan(None, 1) && !is_orphan(Some("yes"), 1));
+    }
+
+    #[test]
+    fn a_command_runs_again_only_if_its_input_and_output_are_not_used_up() {
+        let command = |reads_standard_input, streams, screen| {
+            let command =
+                Guarded { reads_standard_input, streams, shows_pictures: true, screen, cl_dir: None };
+            (command.runs_once().is_none(), command.may_run_again())
+        };
+        assert_eq!(command(false, false, Screen::None), (true, true));
+        assert_eq!(command(true, false, Screen::None), (false, false));
+        assert_eq!(command(false, true, Screen::None), (false, false));
+        for screen in [Screen::Terminal, Screen::Window] {
+            assert_eq!(command(false, false, screen), (true, false));
+        }
     }
 
     #[test]

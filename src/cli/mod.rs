@@ -181,6 +181,7 @@ impl Command {
     fn guarded(&self) -> Guarded<'_> {
         Guarded {
             reads_standard_input: self.reads_standard_input(),
+            streams: self.streams(),
             shows_pictures: matches!(self, Self::Render(_) | Self::View(_)),
             screen: match self {
                 Self::View(args) if args.uses_terminal() => Screen::Terminal,
@@ -197,6 +198,15 @@ impl Command {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
                 subject.reads_standard_input()
             }
+            _ => false,
+        }
+    }
+
+    /// Returns true if the command writes frames to standard output, one by one.
+    fn streams(&self) -> bool {
+        match self {
+            Self::Render(args) => args.streams(),
+            Self::View(args) => args.streams(),
             _ => false,
         }
     }
@@ -627,5 +637,17 @@ mod tests {
             assert_eq!(command.guarded().cl_dir, Some(Path::new("mine")), "{words}");
         }
         assert_eq!(command("raycl peak").guarded().cl_dir, None);
+    }
+
+    #[test]
+    fn only_frames_on_standard_output_are_a_stream() {
+        let streams = |words: &str| command(&format!("raycl {words}")).guarded().streams;
+        for words in ["render a.toml --turntable 2 -o -", "render a.toml --animate -o -"] {
+            assert!(streams(words), "{words}");
+        }
+        // A single picture is written only when it is complete.
+        for words in ["render a.toml -o -", "render a.toml --turntable 2 -o a.png", "view a.toml", "peak"] {
+            assert!(!streams(words), "{words}");
+        }
     }
 }

@@ -126,6 +126,11 @@ impl Args {
     pub(super) fn repeats(&self) -> bool {
         self.repeat > 1
     }
+
+    /// Returns true if the frames of a moving picture go to standard output.
+    pub(super) fn streams(&self) -> bool {
+        self.motion.moves() && target(self).is_standard_output()
+    }
 }
 
 /// Renders one picture, or the frames of a moving picture. With `--watch`, renders the picture again after every

@@ -51,7 +51,7 @@ impl Args {
     }
 
     /// Returns true if raycl writes the pictures to standard output, and standard output is a pipe or a file.
-    fn streams(&self) -> bool {
+    pub(super) fn streams(&self) -> bool {
         self.uses_terminal() && !std::io::stdout().is_terminal()
     }
 }

@@ -42,11 +42,6 @@ impl Parent {
         Ok(Self { terminal, is_alone })
     }
 
-    /// Returns true if the child processes use a terminal that must be restored after each of them.
-    pub fn lends_terminal(&self) -> bool {
-        self.terminal.is_some()
-    }
-
     /// Runs a child process to its end, then restores the terminal. If this process has handlers of the
     /// signals in [`ENDING`], and gets one of these signals while the child process runs, this process ends
     /// the child process and continues. In the returned status, the signal that this process got counts as
