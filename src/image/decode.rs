@@ -3,6 +3,7 @@
 //! crate `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
+use image::codecs::png::PngDecoder;
 use image::{ImageError, ImageFormat, ImageReader};
 use std::io::{Cursor, ErrorKind};
 
@@ -35,6 +36,13 @@ pub fn picture_reader(
     }
     let format = shown.or(by_name).ok_or("its first bytes are those of no known format")?;
     Ok(ImageReader::with_format(Cursor::new(bytes), format))
+}
+
+/// Returns true if a picture is an animated PNG. The reader of [`picture_reader`] decodes only one of its pictures. Call
+/// this function only after [`picture_reader`], which refuses files at which the decoder panics.
+pub fn is_animated(bytes: &[u8]) -> bool {
+    let decoder = PngDecoder::new(Cursor::new(bytes));
+    decoder.and_then(|decoder| decoder.is_apng()).unwrap_or(false)
 }
 
 /// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png`

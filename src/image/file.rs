@@ -1,6 +1,6 @@
 //! Reads and writes picture files; a file is written completely or not at all.
 
-use super::decode::{decoder_message, picture_reader};
+use super::decode::{decoder_message, is_animated, picture_reader};
 use super::encode::{exr, frame_png, hdr, jpeg, png, shown_png};
 use super::hdr_header::{HdrExposure, with_usual_signature};
 use super::{Frame, Radiance, to_rgb8};
@@ -32,6 +32,9 @@ const EXTENSIONS: [(&str, Format); 5] = [
 
 /// The advice to a user who names a device or a pipe as the path of a picture.
 const TO_STANDARD_OUTPUT: &str = "`-o -` writes a PNG to standard output";
+
+/// The advice to a user who names an animated picture where a single picture is expected.
+const NUMBERED: &str = "compare numbered pictures, which `raycl render` writes with `-o NAME.png`";
 
 /// Bytes per pixel that reading a picture needs in addition to the decoded picture: two copies of at most
 /// four floats.
@@ -141,7 +144,8 @@ pub enum Values {
 /// the picture is opaque. The returned colours are the colours in the file, so the colours of a transparent
 /// PNG are not multiplied by alpha.
 ///
-/// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
+/// A missing file, a file that is not a picture, an animated picture, or a picture that does not fit into memory is a
+/// user error.
 pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
     read_within(path, Available::read)
 }
@@ -160,6 +164,9 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     let exposure = HdrExposure::of(&bytes).map_err(|why| unreadable(&format!("it {why}")))?;
     let by_name = image::ImageFormat::from_path(path).ok();
     let mut picture = picture_reader(&bytes, by_name).map_err(|why| unreadable(&why))?;
+    if is_animated(&bytes) {
+        return Err(unreadable(&"it is an animated picture").with_help(NUMBERED));
+    }
     // The limit of the crate `image`, 512 MiB by default, is switched off, since this limit does not depend
     // on the memory of this machine. Instead, `room_for` compares the picture's size with the free memory.
     picture.no_limits();
@@ -591,6 +598,20 @@ mod tests {
                 "{error}"
             );
         }
+    }
+
+    #[test]
+    fn an_animated_picture_is_refused_since_only_one_of_its_frames_would_be_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.apng");
+        let film = crate::image::Movie::apng(target(&path, false), [2, 1], 30, 2);
+        let frames = [0_u8, 255].map(|grey| Frame::Shown(RgbImage::from_pixel(2, 1, [grey; 3].into())));
+        film.write(frames.into_iter()).unwrap();
+        let refused = read_picture(&path).unwrap_err();
+        assert!(refused.to_string().ends_with("a.apng': it is an animated picture"), "{refused}");
+        assert_eq!((refused.exit_code(), refused.remedy()), (2, NUMBERED));
+        // A texture may be an animated picture; its first frame is used.
+        assert!(picture_reader(&std::fs::read(&path).unwrap(), None).unwrap().decode().is_ok());
     }
 
     #[test]
