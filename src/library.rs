@@ -235,9 +235,9 @@ impl Picture {
     ///
     /// Fails if the extension names no supported format, if the file cannot be written, or if `path` names an
     /// existing file that must not be replaced. Also fails if the format cannot hold the picture: a JPEG has
-    /// at most 65,535 pixels in each direction, an HDR has only finite numbers, and JPEG and HDR have no
-    /// alpha channel, which a transparent background needs. Also fails if the program has changed `radiance`
-    /// so that its lists do not match its size.
+    /// at most 65,535 pixels in each direction, an HDR has only finite numbers and no row of 32,768 pixels, and
+    /// JPEG and HDR have no alpha channel, which a transparent background needs. Also fails if the program has
+    /// changed `radiance` so that its lists do not match its size.
     pub fn save(&self, path: &Path) -> Result<()> {
         let target = Target::new(path, Choice::without_force("save(OTHER_PATH)"));
         check_target(&target, [self.radiance.width, self.radiance.height])?;

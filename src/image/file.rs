@@ -43,6 +43,10 @@ const CONVERTING_BYTES: u64 = 32;
 /// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
+/// The only width in pixels that an HDR file cannot have. The crate `image` 0.25.10 compresses rows of this width,
+/// although the number of pixels of a compressed row has only 15 bits: no program could read the file.
+const NO_HDR_WIDTH: u32 = 1 << 15;
+
 /// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that `display`
 /// shows; EXR and HDR have linear radiance. The file is written completely or not at all. A file that raycl did not
 /// make is replaced only if the user allows it (`--force`).
@@ -61,16 +65,25 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
 
 /// Returns an error, before any work is done, if [`save`] would refuse a picture of this size. The reason can
 /// be the size, the file's extension, a folder that is missing or cannot be written to, or an existing file.
-pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
-    if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
-        let name = target.path().display();
-        let message = format!(
-            "cannot write '{name}': the picture has {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} in each direction"
-        );
-        let png = target.path().with_extension("png");
-        return Err(Error::input(message).with_help(format!("name the file '{}'", png.display())));
-    }
+pub fn check_target(target: &Target, size: [u32; 2]) -> Result<()> {
+    check_size(target, size)?;
     target.check()
+}
+
+/// Returns an error if the file's format cannot hold a picture of this size.
+fn check_size(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
+    let (why, ending) = match format_of(target)? {
+        Format::Jpeg if across.max(down) > MOST_OF_JPEG => {
+            (format!("a JPEG has at most {MOST_OF_JPEG} in each direction"), "png")
+        }
+        Format::Hdr if across == NO_HDR_WIDTH => {
+            (format!("an HDR cannot have exactly {NO_HDR_WIDTH} in a row"), "exr")
+        }
+        _ => return Ok(()),
+    };
+    let (name, other) = (target.path().display(), target.path().with_extension(ending));
+    let message = format!("cannot write '{name}': the picture has {across} x {down} pixels; {why}");
+    Err(Error::input(message).with_help(format!("name the file '{}'", other.display())))
 }
 
 /// Returns an error if an image has no pixels, if its lists of pixels do not match its size, or if the file's
@@ -459,6 +472,27 @@ mod tests {
         assert!(refused.remedy().ends_with("a.png'") && refused.exit_code() == 2);
         assert!(check("a.jpg", [1, 65_536]).is_err());
         assert!(check("a.jpg", [65_535, 65_535]).is_ok() && check("a.png", [65_536, 1]).is_ok());
+    }
+
+    #[test]
+    fn the_only_width_of_which_no_hdr_can_be_read_is_refused_before_any_work() {
+        for width in [32_767, 32_768, 32_769] {
+            let image = gradient(width, 1);
+            let (_folder, path) = saved("a.hdr", &image);
+            let is_near = |read: &Radiance| {
+                let mut values = read.pixels.as_flattened().iter().zip(image.pixels.as_flattened());
+                values.all(|(a, b)| (a - b).abs() < 0.06 / 128.0)
+            };
+            let is_readable = read_picture(&path).is_ok_and(|(read, _)| is_near(&read));
+            assert_eq!(check_target(&target(&path, false), [width, 1]).is_ok(), is_readable, "{width}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let check = |size| check_target(&target(&folder.path().join("a.hdr"), false), size);
+        let refused = check([32_768, 1]).unwrap_err();
+        let why = "32768 x 1 pixels; an HDR cannot have exactly 32768 in a row";
+        assert!(refused.exit_code() == 2 && refused.to_string().ends_with(why), "{refused}");
+        assert!(refused.remedy().ends_with("a.exr'"), "{}", refused.remedy());
+        assert!(check([1, 32_768]).is_ok());
     }
 
     /// Saves an image to the existing file `path`. Returns the error's message if raycl refuses to replace
