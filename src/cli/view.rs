@@ -4,7 +4,7 @@ use super::choice::{parse_seconds, whole};
 use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::device::common_name;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::INPUTS;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
@@ -116,21 +116,38 @@ pub fn run(args: Args) -> Result<()> {
 fn show(args: Args, screen: impl Screen) -> Result<()> {
     let streams = args.streams();
     let Args { subject, samples, spin, frames, seconds, json, quiet, .. } = args;
-    let mut watched = watched(&subject)?;
+    let (mut watched, note) = watched(&subject)?;
     let has_changed = || watched.as_mut().is_some_and(Watched::has_changed);
-    let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
+    let mut live = Live::open(subject, samples)?;
+    live.add_notes(note);
+    let viewer = Viewer::new(live, screen, spin);
     let (live, total) = viewer.run(Until { frames, time: seconds }, has_changed)?;
     let ended = report(&live, total);
     super::print_report(&ended, || text(&ended), streams, (json, quiet))
 }
 
-/// Begins to watch the folders of a scene's file and of `--cl-dir`. Returns `None` if the scene comes from standard
-/// input: such a scene cannot be read again, so nothing is watched.
-fn watched(subject: &Subject) -> Result<Option<Watched>> {
+/// The files that are watched and, if the system refuses to watch them, a note that says why.
+type WatchedOrNote = (Option<Watched>, Option<String>);
+
+/// Begins to watch the folders of a scene's file and of `--cl-dir`. Watches nothing if the scene comes from standard
+/// input, since such a scene cannot be read again.
+fn watched(subject: &Subject) -> Result<WatchedOrNote> {
     if subject.reads_standard_input() {
-        return Ok(None);
+        return Ok((None, None));
     }
-    Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS).map(Some)
+    or_note(Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS))
+}
+
+/// Turns the system's refusal to watch files into a note, since a view is of use without watched files too. A mistake of
+/// the user, such as a missing folder, stays an error.
+fn or_note(watched: Result<Watched>) -> Result<WatchedOrNote> {
+    match watched {
+        Ok(watched) => Ok((Some(watched), None)),
+        Err(refused @ Error::Run { .. }) => {
+            Ok((None, Some(format!("changed files are not read again: {refused}; {}", refused.remedy()))))
+        }
+        Err(mistake) => Err(mistake),
+    }
 }
 
 fn report(live: &Live, total: Total) -> Report {
@@ -219,6 +236,15 @@ mod tests {
         assert!(two_of_nine.contains(" 1.50 ms, the median of 2 frames\n"), "{two_of_nine}");
         assert!(!none_of_nine.contains("kernel"), "{none_of_nine}");
         assert!(none_of_nine.ends_with("speed     2.0 frames/s"), "{none_of_nine}");
+    }
+
+    #[test]
+    fn files_that_the_system_does_not_watch_are_a_note_and_a_missing_folder_is_a_mistake() {
+        let (watched, note) = or_note(Err(Error::run("no room").with_help("make room"))).expect("a note");
+        assert!(watched.is_none());
+        assert_eq!(note.as_deref(), Some("changed files are not read again: no room; make room"));
+        let mistake = or_note(Err(Error::input("no folder"))).err().expect("a mistake");
+        assert_eq!(mistake.exit_code(), 2);
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Repeats an action whenever a file changes.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, is_forbidden, limit_advice};
 use crate::printer;
 use crate::reader::{folder_of, in_canonical_folder};
 use crate::scene::Inputs;
 use notify::RecursiveMode;
-use notify::{EventKind, Watcher as _};
+use notify::{ErrorKind, EventKind, Watcher as _};
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,17 @@ const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", 
 /// A changed file counts as complete if this much time has passed since its last change, since editors write
 /// a file in several steps.
 const QUIET: Duration = Duration::from_millis(80);
+/// The remedy if the system watches no further folders for this user.
+const MORE_WATCHES: &str = "the system may limit the number of watched files; on Linux, raise \
+    fs.inotify.max_user_watches with sysctl";
+/// The remedy if the system allows this user or this process no further watcher.
+const MORE_WATCHERS: &str = "the system may limit the number of programs that watch files; on Linux, raise \
+    fs.inotify.max_user_instances with sysctl";
+/// The remedy if this process may not watch a folder.
+const READABLE: &str = "a folder can be watched only if you may read it";
+/// The remedy if a folder cannot be watched for another reason.
+const BY_HAND: &str =
+    "run the command again after each change of a file; `render` can do this without --watch";
 /// The interval at which a waiting command checks whether watched folders have been replaced.
 const LOOK_UP: Duration = Duration::from_millis(500);
 
@@ -58,11 +69,6 @@ impl Watched {
         written: &[PathBuf],
         inputs: &'static Inputs,
     ) -> Result<Self> {
-        let failed = |error: notify::Error| {
-            Error::run(format!("files cannot be watched: {error}")).with_help(
-                "the system may limit the number of watched files; on Linux, raise fs.inotify.max_user_watches with sysctl",
-            )
-        };
         let mut folders: Vec<_> = folders
             .iter()
             .map(|(folder, depth)| Ok(Folder::new(resolved(folder)?, *depth)))
@@ -75,14 +81,14 @@ impl Watched {
                 let _ = sender.send(Instant::now());
             }
         };
-        let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
+        let mut watcher = notify::recommended_watcher(tell).map_err(unwatchable)?;
         if let Err(error) = check_thread(&changes) {
             // A watcher whose thread was refused panics when it is dropped, so this watcher is never dropped.
             std::mem::forget(watcher);
             return Err(error);
         }
         for folder in &mut folders {
-            folder.watch(&mut watcher).map_err(failed)?;
+            folder.watch(&mut watcher).map_err(unwatchable)?;
         }
         let (given, of_inputs) = (folders.len(), BTreeSet::new());
         Ok(Self { changes, changed_at: None, watcher, folders, given, of_inputs, inputs })
@@ -191,6 +197,24 @@ fn resolved(folder: &Path) -> Result<PathBuf> {
     })
 }
 
+/// Returns the error for files that cannot be watched. The remedy fits the reason, which `error` states.
+fn unwatchable(mut error: notify::Error) -> Error {
+    let what = match std::mem::take(&mut error.paths).first() {
+        Some(folder) => format!("the folder `{}`", folder.display()),
+        None => "files".to_owned(),
+    };
+    let remedy = match &error.kind {
+        ErrorKind::MaxFilesWatch => MORE_WATCHES.to_owned(),
+        ErrorKind::Io(refused) if is_forbidden(refused) => READABLE.to_owned(),
+        ErrorKind::Io(refused) => {
+            limit_advice(refused).map_or(BY_HAND.to_owned(), |advice| format!("{MORE_WATCHERS}; or {advice}"))
+        }
+        _ => BY_HAND.to_owned(),
+    };
+    let why = error.to_string();
+    Error::run(format!("{what} cannot be watched: {}", why.trim_end_matches('.'))).with_help(remedy)
+}
+
 /// Returns the folders that are watched from the start: the scene's folder without its subfolders, and the
 /// folder of kernels with its subfolders.
 pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveMode)> {
@@ -292,6 +316,28 @@ mod tests {
         let expected = "the thread that watches files could not be started: the system refused it";
         assert_eq!(error.to_string(), expected);
         assert!(error.exit_code() == 1 && error.remedy().contains("`ulimit -u`"), "{}", error.remedy());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_cannot_be_watched_is_named_with_the_remedy_for_the_reason() {
+        use rustix::io::Errno;
+        let refused =
+            |errno: Errno| notify::Error::io(std::io::Error::from_raw_os_error(errno.raw_os_error()));
+        let of = |error: notify::Error| {
+            let error = unwatchable(error);
+            (error.to_string(), error.remedy().to_owned())
+        };
+        let (message, remedy) = of(refused(Errno::MFILE));
+        assert!(message.starts_with("files cannot be watched: ") && message.ends_with("24)"), "{message}");
+        assert!(remedy.contains("max_user_instances") && remedy.contains("`ulimit -n 1024`"), "{remedy}");
+        let (message, remedy) = of(refused(Errno::ACCESS).add_path("a/b".into()));
+        assert!(message.starts_with("the folder `a/b` cannot be watched: "), "{message}");
+        assert_eq!(remedy, READABLE);
+        let (message, remedy) = of(notify::Error::new(ErrorKind::MaxFilesWatch).add_path("a".into()));
+        assert_eq!(message, "the folder `a` cannot be watched: OS file watch limit reached");
+        assert_eq!(remedy, MORE_WATCHES);
+        assert_eq!(of(refused(Errno::NOSYS)).1, BY_HAND);
     }
 
     #[test]

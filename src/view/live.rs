@@ -123,6 +123,11 @@ impl Live {
         &self.loaded
     }
 
+    /// Adds notes for the user to those about the scene.
+    pub fn add_notes(&mut self, notes: impl IntoIterator<Item = String>) {
+        self.loaded.notes.extend(notes);
+    }
+
     /// Returns the device.
     pub fn device(&self) -> &DeviceInfo {
         &self.casting.device.info
