@@ -292,20 +292,32 @@ impl Live {
 
     /// Changes to the next device, with the strategy and the local size that the user has named on the
     /// command line. If the user has named no strategy or no local size, the next device's usual strategy or
-    /// local size is used.
+    /// local size is used. If the next device cannot be opened or cannot cast the scene, changes to the first
+    /// usable device after it that can.
     ///
     /// # Errors
     ///
-    /// Fails if there is no other usable device, or if the next device cannot be opened or cannot cast the scene.
+    /// Fails if no other usable device can cast the scene. The message states why the last device that was
+    /// tried cannot.
     pub fn next_device(&mut self) -> Result<()> {
-        let Some(mut device) = after(self.device(), &discover(&self.sources)?).cloned() else {
-            return Err(only(self.device()));
-        };
-        device.test_lanes(&self.sources)?;
-        self.move_to(device)
+        let devices = others(self.device(), discover(&self.sources)?);
+        self.move_to_first(devices)
     }
 
-    fn move_to(&mut self, device: Device) -> Result<()> {
+    /// Changes to the first device in `devices` that can cast the scene.
+    fn move_to_first(&mut self, devices: Vec<Device>) -> Result<()> {
+        let mut last = only(self.device());
+        for device in devices {
+            match self.move_to(device) {
+                Ok(()) => return Ok(()),
+                Err(error) => last = error,
+            }
+        }
+        Err(last)
+    }
+
+    fn move_to(&mut self, mut device: Device) -> Result<()> {
+        device.test_lanes(&self.sources)?;
         let Self { subject, sources, scene, samples, .. } = &*self;
         let wanted = Wanted { subject, sources, scene, samples: *samples };
         self.casting = Casting::usual_on(device, &wanted)?;
@@ -343,13 +355,16 @@ impl Live {
     }
 }
 
-/// Returns the usable device that follows the device `current`, or the first usable device if `current` is
-/// the last; `None` if there is no other usable device.
-fn after<'a>(current: &DeviceInfo, devices: &'a [Device]) -> Option<&'a Device> {
-    let usable: Vec<&Device> = devices.iter().filter(|device| device.info.unusable.is_none()).collect();
-    let same = |device: &&Device| device.info.identity() == current.identity();
-    let next = usable.iter().position(same).map_or(0, |index| index + 1);
-    usable.get(next % usable.len().max(1)).copied().filter(|device| !same(device))
+/// Returns the usable devices other than `current`: first those that follow `current` in `devices`, then those before
+/// it.
+fn others(current: &DeviceInfo, devices: Vec<Device>) -> Vec<Device> {
+    let is_current = |device: &Device| device.info.identity() == current.identity();
+    let mut usable = devices;
+    usable.retain(|device| device.info.unusable.is_none());
+    let next = usable.iter().position(is_current).map_or(0, |index| index + 1);
+    usable.rotate_left(next);
+    usable.retain(|device| !is_current(device));
+    usable
 }
 
 /// Returns the error for the case that there is no other usable device. The message names the device as the
@@ -535,22 +550,18 @@ mod tests {
         let devices =
             ["a", "b", "c", "d"].map(|name| named(name, (name == "c").then_some("its driver is old")));
         let next = |current: &str, devices: &[Device]| {
-            after(&named(current, None).info, devices).map(|device| device.info.name.clone())
+            let others = others(&named(current, None).info, devices.to_vec());
+            others.into_iter().map(|device| device.info.name).collect::<String>()
         };
-        assert_eq!(
-            ["a", "b", "d"].map(|name| next(name, &devices)),
-            ["b", "d", "a"].map(|name| Some(name.to_owned()))
-        );
-        assert_eq!(next("unplugged", &devices).as_deref(), Some("a"));
+        assert_eq!(["a", "b", "d"].map(|name| next(name, &devices)), ["bd", "da", "ab"]);
+        assert_eq!(next("unplugged", &devices), "abd");
         // A twin is a second device with the same properties as another device; only `twins_before`
         // distinguishes the two.
         let mut twin = named("a", None);
         twin.info.twins_before = 1;
-        assert_eq!(
-            after(&twin.info, &[devices[0].clone(), twin.clone()]).map(|next| next.info.twins_before),
-            Some(0)
-        );
-        assert_eq!((next("a", &devices[..1]), next("b", &devices[1..3]), next("a", &[])), (None, None, None));
+        let of_twin = others(&twin.info, vec![devices[0].clone(), twin.clone()]);
+        assert_eq!(of_twin.iter().map(|next| next.info.twins_before).collect::<Vec<_>>(), [0]);
+        assert_eq!([next("a", &devices[..1]), next("b", &devices[1..3]), next("a", &[])], [""; 3]);
     }
 
     #[test]
@@ -574,7 +585,7 @@ mod tests {
         let mut small = live.casting.device.clone();
         small.info.limits.allocation_bytes = 1;
         small.info.name = "small".into();
-        let error = live.move_to(small).expect_err("nothing fits into a byte");
+        let error = live.move_to_first(vec![small.clone()]).expect_err("nothing fits into a byte");
         assert_eq!(
             ((live.strategy(), live.local_size()), live.device().name.clone(), live.progress()),
             (chosen, own, [1, 2]),
@@ -582,7 +593,7 @@ mod tests {
         );
         let mut other = live.casting.device.clone();
         other.info.name = "other".into();
-        live.move_to(other).expect("it can cast");
+        live.move_to_first(vec![small, other]).expect("the second device can cast");
         assert_eq!(
             ((live.strategy(), live.local_size()), live.device().name.as_str(), live.progress()),
             (usual, "other", [0, 2])
