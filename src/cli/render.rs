@@ -363,18 +363,18 @@ fn refuse_scene_file(target: &Target) -> Result<()> {
     target.check_unread("a file of the scene", |path| INPUTS.contains(path))
 }
 
-/// Returns true if the command renders a moving picture and may thereby replace a file. `frames` is the
-/// number of frames of the scene's animation.
+/// Returns true if the command may replace a file. `frames` is the number of frames of the scene's animation.
 fn may_replace(args: &Args, frames: u32) -> bool {
-    args.motion.moves() && motion::may_replace(args, frames)
+    if args.motion.moves() {
+        return motion::may_replace(args, frames);
+    }
+    targets(args).iter().any(|target| target.path().exists())
 }
 
 /// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame. For a still
-/// picture, fails if a file of the picture is a file of the scene. For a moving picture that may replace
-/// files, also finds the image files (such as textures) that only later frames of the scene use, so that
-/// `motion` can check that no frame replaces one of these image files. For a still picture, raycl does not
-/// look for the image files of later frames: these files may be large, and with `--watch`, raycl would have
-/// to read them before every picture.
+/// picture, fails if a file of the picture is a file of the scene. If the command may replace a file, also finds the
+/// image files (such as textures) that only later frames of the scene use, so that none of them is replaced. If the
+/// command replaces nothing, raycl does not look for the image files of later frames, since these files may be large.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation
@@ -505,7 +505,7 @@ mod tests {
         for name in ["f.png", "f.apng"] {
             std::fs::write(folder.path().join(name), "").expect("a file");
         }
-        assert_eq!(all.map(|(name, more)| replaces(name, more)), [false, false, true]);
+        assert_eq!(all.map(|(name, more)| replaces(name, more)), [true, false, true]);
         std::fs::write(folder.path().join("f-0002.png"), "").expect("a file");
         for (more, expected) in [
             ("--animate --force", true),
@@ -520,6 +520,25 @@ mod tests {
             assert_eq!(replaces("f.png", more), expected, "{more}");
         }
         assert!(!may_replace(&args(&["a.toml", "--animate", "--force", "-o", "-"]), 3));
+    }
+
+    #[test]
+    fn a_still_picture_replaces_no_file_that_only_a_later_frame_uses() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        let sky = Radiance { pixels: vec![[1.0; 3]; 2], ..Radiance::new(2, 1) };
+        for name in ["day.hdr", "night.hdr"] {
+            let target = Target::new(path(name), Choice::new(false, "-o FILE"));
+            save(&sky, Display::default(), &target).expect("a picture");
+        }
+        let scene = "[sky]\npicture = \"day.hdr\"\n[[object]]\nshape = \"sphere\"\ntriangles = 20\n";
+        let track = "[[animation.track]]\npath = \"sky.picture\"\nvalues = [\"day.hdr\", \"night.hdr\"]\n";
+        std::fs::write(path("a.toml"), format!("{scene}[animation]\nframes = 3\n{track}")).expect("a file");
+        let scene = path("a.toml");
+        let loaded = |name: &str| load(&args(&[scene.as_str(), "-o", path(name).as_str(), "--force"]));
+        let refused = loaded("night.hdr").err().expect("a file of the scene").to_string();
+        assert!(refused.ends_with("night.hdr' is a file of the scene, and is not replaced"), "{refused}");
+        assert!(loaded("evening.hdr").is_ok(), "nothing is replaced");
     }
 
     #[test]
