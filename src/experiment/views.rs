@@ -81,7 +81,8 @@ fn keep_costs(
     }
     if record.tests_every_triangle() {
         let name = format!("{prefix}-tests-exhaustive{sides}");
-        let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
+        let costs = || cost::exhaustive(scene, cost::Grid::all(size), culling);
+        let draw = || counts(size, costs().iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
         // The rays' costs are counted only if the picture of tests or the picture of nodes is missing, and

@@ -29,13 +29,41 @@ pub struct Cost {
     pub nodes: u32,
 }
 
-/// Returns the cost (numbers of tests and nodes) of every pixel if each ray tests triangles in the mesh's
+/// The pixels of an image whose costs are counted: one pixel of each block of pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    /// The image's size in pixels, across and down.
+    pub size: [u32; 2],
+    /// Pixels across and down in a block. Blocks at the image's right and lower edges may be smaller.
+    pub block: u32,
+}
+
+impl Grid {
+    /// Returns all pixels of an image.
+    pub fn all(size: [u32; 2]) -> Self {
+        Self { size, block: 1 }
+    }
+
+    /// Returns the number of blocks across and down.
+    pub fn blocks(&self) -> [u32; 2] {
+        self.size.map(|side| side.div_ceil(self.block))
+    }
+
+    /// Returns the column and the row of a block's middle pixel or, if the middle lies outside the image, of the image's
+    /// last pixel in this direction. `index` counts the blocks row by row.
+    fn pixel(&self, index: usize) -> [u32; 2] {
+        let at = pixel_at(index, self.blocks()[0]);
+        [0, 1].map(|axis| (at[axis] * self.block + self.block / 2).min(self.size[axis] - 1))
+    }
+}
+
+/// Returns the cost (numbers of tests and nodes) of every pixel in `grid` if each ray tests triangles in the mesh's
 /// order. A primary ray tests all triangles; a shadow ray stops at the first occluder. In a scene with
 /// cut-outs, a shadow ray is counted as if it tested all triangles.
-pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
+pub fn exhaustive(scene: &Scene, grid: Grid, culling: Culling) -> Vec<Cost> {
     let tree = Tree::new(&scene.mesh, culling);
     let count = scene.mesh.triangles.len() as u32;
-    each_pixel(scene, size, |tally| InOrder { tree: &tree, count, tally })
+    each_pixel(scene, grid, |tally| InOrder { tree: &tree, count, tally })
 }
 
 /// Returns the cost (numbers of tests and nodes) of every pixel if each ray traverses a tree, nearer boxes first.
@@ -44,7 +72,7 @@ pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> 
 ///
 /// Fails if the scene has more triangles than a tree can index.
 pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Cost>> {
-    Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
+    Ok(in_built(scene, &tree_of(&scene.mesh)?, Grid::all(size), culling))
 }
 
 /// Builds the tree for which costs (numbers of tests and nodes) are counted.
@@ -56,9 +84,9 @@ pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     WideBvh::new(Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }
 
-/// Returns the cost (numbers of tests and nodes) of every pixel if each ray traverses this tree.
-pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling) -> Vec<Cost> {
-    each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
+/// Returns the cost (numbers of tests and nodes) of every pixel in `grid` if each ray traverses this tree.
+pub fn in_built(scene: &Scene, tree: &WideBvh, grid: Grid, culling: Culling) -> Vec<Cost> {
+    each_pixel(scene, grid, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
 /// The numbers of tests and nodes of one pixel's rays. A single thread counts these tests and nodes. The
@@ -70,24 +98,24 @@ struct Tally {
     nodes: AtomicU32,
 }
 
-/// Casts each pixel at its centre. For each pixel, a separate `Finder` (a search for hits) counts tests and
+/// Casts each pixel in `grid` at its centre. For each pixel, a separate `Finder` (a search for hits) counts tests and
 /// nodes. Returns these counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
-    [width, height]: [u32; 2],
+    grid: Grid,
     finder: impl Fn(Arc<Tally>) -> F + Sync,
 ) -> Vec<Cost> {
     let cost = |index: usize| {
-        let [x, y] = pixel_at(index, width);
+        let [x, y] = grid.pixel(index);
         let tally = Arc::<Tally>::default();
-        let caster = Caster::new(scene, [width, height], finder(Arc::clone(&tally)));
+        let caster = Caster::new(scene, grid.size, finder(Arc::clone(&tally)));
         let (ray, hit) = caster.look(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let seen = Seen::of(scene, Sample::CENTRE, [x, y]);
         caster.radiance(&seen, &ray, hit.as_ref(), f64::from(scene.shadow_bias));
         let read = |count: &AtomicU32| count.load(Ordering::Relaxed);
         Cost { tests: read(&tally.tests), nodes: read(&tally.nodes) }
     };
-    (0..count([width, height])).into_par_iter().map(cost).collect()
+    (0..count(grid.blocks())).into_par_iter().map(cost).collect()
 }
 
 /// Returns the column and the row of the pixel with this index. The index is not a `u32`, since the largest
@@ -174,15 +202,15 @@ mod tests {
     fn exhaustive_costs_are_those_of_the_search_itself() {
         // In the second scene, shadow rays have several occluders.
         for scene in [fixtures::pyramid_lower(), fixtures::random(60, 3)] {
-            let size = [40, 25];
             let corners: Vec<_> =
                 scene.mesh.triangles.iter().map(|t| scene.mesh.corners(t).map(|c| c.as_dvec3())).collect();
-            let plain = each_pixel(&scene, size, |tally| Plain {
+            let grid = Grid::all([40, 25]);
+            let plain = each_pixel(&scene, grid, |tally| Plain {
                 inner: Exhaustive::new(&scene.mesh, Culling::None),
                 corners: corners.clone(),
                 tally,
             });
-            let costs = exhaustive(&scene, size, Culling::None);
+            let costs = exhaustive(&scene, grid, Culling::None);
             assert_eq!(costs, plain);
             let count = scene.mesh.triangles.len() as u32;
             assert!(costs.iter().all(|cost| cost.tests >= count && cost.nodes == 0));
@@ -197,7 +225,7 @@ mod tests {
         let total = |costs: &[Cost]| costs.iter().map(|cost| u64::from(cost.tests)).sum::<u64>();
         let tree = in_tree(&scene, size, Culling::None).expect("a small scene");
         assert!(tree.iter().any(|cost| cost.nodes > 1));
-        assert!(10 * total(&tree) < total(&exhaustive(&scene, size, Culling::None)));
+        assert!(10 * total(&tree) < total(&exhaustive(&scene, Grid::all(size), Culling::None)));
     }
 
     #[test]
@@ -207,8 +235,26 @@ mod tests {
     }
 
     #[test]
+    fn a_block_has_the_cost_of_its_middle_pixel_in_the_whole_image() {
+        let (scene, size) = (fixtures::random(60, 3), [41, 23]);
+        let tree = tree_of(&scene.mesh).expect("a small scene");
+        let costs = |block| in_built(&scene, &tree, Grid { size, block }, Culling::None);
+        let all = costs(1);
+        for block in [2_u32, 4, 8] {
+            let middles = |side: u32| {
+                (0..side).step_by(block as usize).map(move |begin| (begin + block / 2).min(side - 1))
+            };
+            let pixels = middles(23).flat_map(|y| middles(41).map(move |x| [x, y]));
+            let expected: Vec<Cost> = pixels.map(|[x, y]| all[(41 * y + x) as usize]).collect();
+            assert_eq!(costs(block), expected, "{block}");
+        }
+        let last = Grid { size, block: 8 };
+        assert_eq!((last.blocks(), last.pixel(17)), ([6, 3], [40, 20]));
+    }
+
+    #[test]
     fn each_pixel_has_its_cost_in_the_order_of_rows() {
-        let costs = exhaustive(&fixtures::single_triangle(), [40, 25], Culling::None);
+        let costs = exhaustive(&fixtures::single_triangle(), Grid::all([40, 25]), Culling::None);
         let tests = |[x, y]: [usize; 2]| costs[40 * y + x].tests;
         assert_eq!(costs.len(), 40 * 25);
         // A ray that hits the triangle is followed by a shadow ray, which is also tested against the triangle.

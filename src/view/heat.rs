@@ -4,13 +4,13 @@ use super::Live;
 use crate::accel::WideBvh;
 use crate::error::Result;
 use crate::image::viridis;
-use crate::reference::cost::{self, Cost};
+use crate::reference::cost::{self, Cost, Grid};
 use crate::scene::{Camera, Light, Scene};
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
-/// The sides, in pixels, of the blocks into which the map divides the picture. All pixels of a block show the
-/// same number of tests. The first heat map has large blocks. While nothing in the picture moves, the heat
+/// The sides, in pixels, of the blocks into which the map divides the picture. All pixels of a block show the number of
+/// tests of the block's middle pixel. The first heat map has large blocks. While nothing in the picture moves, the heat
 /// map is computed again with smaller blocks.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
@@ -59,26 +59,21 @@ impl Heat {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
         (self.scene.camera, self.scene.lights) = (camera, lights);
-        let size = live.size();
-        let coarse = blocks(size, block);
+        let grid = Grid { size: live.size(), block };
         let strategy = live.strategy();
         let costs = if strategy.tests_every_triangle() {
-            cost::exhaustive(&self.scene, coarse, strategy.culling)
+            cost::exhaustive(&self.scene, grid, strategy.culling)
         } else {
-            cost::in_built(&self.scene, &self.tree, coarse, strategy.culling)
+            cost::in_built(&self.scene, &self.tree, grid, strategy.culling)
         };
-        Some(map(&costs, coarse[0], size, block))
+        Some(map(&costs, grid))
     }
-}
-
-/// Returns the number of blocks across and down that cover a picture.
-fn blocks(size: [u32; 2], block: u32) -> [u32; 2] {
-    size.map(|side| side.div_ceil(block))
 }
 
 /// Returns a picture with one block of pixels for each element of `costs`, and the largest number of tests.
 /// The colour of a block shows its number of tests.
-fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
+fn map(costs: &[Cost], grid: Grid) -> Map {
+    let (block, [width, height], [across, _]) = (grid.block, grid.size, grid.blocks());
     let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
     let colours: Vec<_> =
         costs.iter().map(|cost| Rgb(viridis(f64::from(cost.tests) / f64::from(most.max(1))))).collect();
@@ -124,8 +119,7 @@ mod tests {
     #[test]
     fn a_count_is_a_block_and_the_most_is_the_lightest() {
         let costs = [0, 1, 2, 4, 3, 0].map(|tests| Cost { tests, nodes: 9 });
-        assert_eq!(blocks([5, 4], 2), [3, 2]);
-        let Map { picture, most } = map(&costs, 3, [5, 4], 2);
+        let Map { picture, most } = map(&costs, Grid { size: [5, 4], block: 2 });
         assert_eq!((most, picture.dimensions()), (4, (5, 4)));
         assert_eq!(picture.get_pixel(0, 2).0, viridis(1.0));
         assert_eq!(picture.get_pixel(1, 3), picture.get_pixel(0, 2));
