@@ -138,8 +138,8 @@ fn watched(subject: &Subject) -> Result<WatchedOrNote> {
     or_note(Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS))
 }
 
-/// Turns the system's refusal to watch files into a note, since a view is of use without watched files too. A mistake of
-/// the user, such as a missing folder, stays an error.
+/// Turns the system's refusal to watch files into a note, since a view is of use without watched files too. A mistake
+/// of the user, such as a missing folder, stays an error.
 fn or_note(watched: Result<Watched>) -> Result<WatchedOrNote> {
     match watched {
         Ok(watched) => Ok((Some(watched), None)),

@@ -49,8 +49,8 @@ impl Grid {
         self.size.map(|side| side.div_ceil(self.block))
     }
 
-    /// Returns the column and the row of a block's middle pixel or, if the middle lies outside the image, of the image's
-    /// last pixel in this direction. `index` counts the blocks row by row.
+    /// Returns the column and the row of a block's middle pixel. If the middle of a block at an edge lies outside the
+    /// image, the image's last column or row takes its place. `index` counts the blocks row by row.
     fn pixel(&self, index: usize) -> [u32; 2] {
         let at = pixel_at(index, self.blocks()[0]);
         [0, 1].map(|axis| (at[axis] * self.block + self.block / 2).min(self.size[axis] - 1))

@@ -25,7 +25,7 @@ pub use axis::{
 pub use facts::{Copied, WorkingMemory};
 pub use fastest::{Candidate, Class, Constants, Task, fastest};
 pub use header::{Contradiction, Header};
-pub use host::{Afterwards, HostNeeds};
+pub use host::{Afterwards, HostNeeds, REFERENCE_BYTES};
 pub use infeasible::{Cause, Infeasible};
 pub use presets::{PRESETS, Preset, preset, preset_names, preset_of, short_name};
 pub use requirements::Requirements;

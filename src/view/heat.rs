@@ -1,9 +1,11 @@
 //! The heat map of tests: how many triangles each pixel's rays are tested against, counted by the reference.
 
 use super::Live;
+use super::room::check_room;
 use crate::accel::WideBvh;
 use crate::error::Result;
 use crate::image::viridis;
+use crate::memory::Available;
 use crate::reference::cost::{self, Cost, Grid};
 use crate::scene::{Camera, Light, Scene};
 use image::{Rgb, RgbImage};
@@ -13,6 +15,10 @@ use std::sync::Arc;
 /// tests of the block's middle pixel. The first heat map has large blocks. While nothing in the picture moves, the heat
 /// map is computed again with smaller blocks.
 const BLOCKS: [u32; 3] = [8, 4, 2];
+
+/// The number of trees in memory while tests are counted: the tree of [`Heat`] and, for a strategy that casts
+/// exhaustively, a second tree.
+const MOST_TREES: u64 = 2;
 
 /// The heat map of one scene, which becomes finer step by step.
 pub struct Heat {
@@ -34,8 +40,9 @@ impl Heat {
     ///
     /// # Errors
     ///
-    /// Fails if the scene has more triangles than a tree can index.
-    pub fn new(scene: &Arc<Scene>) -> Result<Self> {
+    /// Fails if the scene has more triangles than a tree can index, or if the maps need more memory than is `available`.
+    pub fn new(scene: &Arc<Scene>, available: &Available) -> Result<Self> {
+        check_room(&scene.mesh, MOST_TREES, "counting the tests of a heat map", available)?;
         let tree = cost::tree_of(&scene.mesh)?;
         Ok(Self { of: Arc::clone(scene), scene: scene.as_ref().clone(), tree, steps: 0 })
     }
@@ -93,7 +100,7 @@ mod tests {
         let path = folder.path().join("a.obj");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("a file");
         let live = live_of(&path, ["8", "8"], &["--plain"], 1);
-        let mut heat = Heat::new(live.scene()).expect("a small scene");
+        let mut heat = Heat::new(live.scene(), &Available::read()).expect("a small scene");
         let view = live.view(&Pose { turn: 1.0, ..Pose::START });
         assert_ne!(view.1, live.scene().lights);
         heat.next(&live, view.clone()).expect("a map");
@@ -107,7 +114,7 @@ mod tests {
         let most = |strategy: &str, culling: &str| {
             let options = ["--strategy", strategy, "--set", culling];
             let live = live_of(&path, ["40", "20"], &options, 1);
-            let mut heat = Heat::new(live.scene()).expect("a small scene");
+            let mut heat = Heat::new(live.scene(), &Available::read()).expect("a small scene");
             heat.next(&live, live.view(&Pose::START)).expect("a map").most
         };
         // The primary ray is tested against the only triangle. A shadow ray is cast only if the primary ray
@@ -128,9 +135,22 @@ mod tests {
     }
 
     #[test]
+    fn a_map_that_needs_more_memory_than_is_available_is_refused() {
+        let scene = Arc::new(crate::reference::fixtures::single_triangle());
+        let refused = |bytes| {
+            let available = Available { bytes, source: "a test".to_owned() };
+            Heat::new(&scene, &available).err().map(|error| error.to_string())
+        };
+        let expected =
+            "counting the tests of a heat map needs about 304 B of memory (304 B x 1 triangles = 304 B)";
+        assert!(refused(303).is_some_and(|message| message.starts_with(expected)), "{:?}", refused(303));
+        assert_eq!(refused(304), None);
+    }
+
+    #[test]
     fn a_map_is_of_the_scene_it_was_made_for_and_of_no_equal_one() {
         let scene = Arc::new(crate::reference::fixtures::single_triangle());
-        let heat = Heat::new(&scene).expect("a small scene");
+        let heat = Heat::new(&scene, &Available::read()).expect("a small scene");
         assert!(heat.is_of(&scene) && !heat.is_of(&Arc::new(scene.as_ref().clone())));
     }
 }

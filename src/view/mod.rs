@@ -12,11 +12,13 @@ pub mod keys;
 mod live;
 mod pick;
 mod rate;
+mod room;
 pub mod screen;
 mod sum;
 mod title;
 
 use crate::error::Result;
+use crate::memory::Available;
 use crate::strategy::Strategy;
 use crate::words::counted;
 use camera::{Pose, elevation};
@@ -258,16 +260,20 @@ impl<S: Screen> Viewer<S> {
         false
     }
 
-    /// Shows the heat map of triangle tests or, if the heat map is shown, the picture again. If the heat map
-    /// cannot be made, the line beside the picture states the reason.
+    /// Shows the heat map of triangle tests or, if the heat map is shown, the picture again.
     fn turn_heat(&mut self) {
         let is_shown = self.heat.take().is_some();
         self.live.moved();
         if !is_shown {
-            match Heat::new(self.live.scene()) {
-                Ok(heat) => self.heat = Some(heat),
-                Err(error) => self.answer = Some(error.in_a_line()),
-            }
+            self.make_heat();
+        }
+    }
+
+    /// Makes the heat map. If the heat map cannot be made, the line beside the picture states the reason.
+    fn make_heat(&mut self) {
+        match Heat::new(self.live.scene(), &Available::read()) {
+            Ok(heat) => self.heat = Some(heat),
+            Err(error) => self.answer = Some(error.in_a_line()),
         }
     }
 
@@ -337,7 +343,9 @@ impl<S: Screen> Viewer<S> {
             Err(error) => self.answer = Some(error.in_a_line()),
         }
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
-            self.heat = Heat::new(self.live.scene()).ok();
+            // The tree of the old map is freed before a new one is built.
+            self.heat = None;
+            self.make_heat();
         }
         self.changed();
         self.stale = true;
@@ -365,6 +373,7 @@ impl<S: Screen> Viewer<S> {
     }
 
     /// Finds the triangle at the pointer. Does nothing if the triangle at this pixel is known and cannot have changed.
+    /// If the search needs more memory than is available, the line beside the picture states this.
     fn point(&mut self, pointer: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.pointer, pointer);
         let Some(pixel) = pointer else {
@@ -374,7 +383,12 @@ impl<S: Screen> Viewer<S> {
         if known == pointer && self.picked.is_some() && !self.picker.is_building() {
             return;
         }
-        let picked = self.picker.pick(&self.live, &self.live.camera(&self.pose), pixel);
+        let picked =
+            self.picker.pick(&self.live, &self.live.camera(&self.pose), pixel).unwrap_or_else(|error| {
+                self.answer = Some(error.in_a_line());
+                self.stale = true;
+                None
+            });
         self.stale |= picked != self.picked;
         self.picked = picked;
     }

@@ -1,6 +1,9 @@
 //! Finds the triangle at the pointer, with a ray of the reference through the pixel, in double precision.
 
 use super::Live;
+use super::room::check_room;
+use crate::error::Result;
+use crate::memory::Available;
 use crate::reference::cutouts::Solid;
 use crate::reference::layers::{normal_at, object_of};
 use crate::reference::ray::Frame;
@@ -56,19 +59,25 @@ pub fn pick(
 /// is over the picture for the first time, and again after the scene or the strategy's culling has changed.
 #[derive(Default)]
 pub struct Picker {
-    /// The scene and the culling of the tree that is built or being built; `None` before the first tree.
+    /// The scene and the culling of the tree that was built, is being built or was refused last; `None` before the
+    /// first tree.
     of: Option<(Arc<Scene>, Culling)>,
     building: Option<JoinHandle<Tree>>,
     tree: Option<Tree>,
 }
 
 impl Picker {
-    /// Returns the triangle at a pixel of the picture; `None` if the pixel shows no triangle, or if the tree is not
-    /// built yet.
-    pub fn pick(&mut self, live: &Live, camera: &Camera, pixel: [u32; 2]) -> Option<Picked> {
-        self.ask_for_tree(live.scene(), live.strategy().culling);
-        let tree = self.tree.as_ref()?;
-        pick(live.scene(), tree, camera, live.size(), pixel, &live.loaded().object_starts)
+    /// Returns the triangle at a pixel of the picture; `None` if the pixel shows no triangle, or if there is no tree
+    /// (yet).
+    ///
+    /// # Errors
+    ///
+    /// Fails if the tree needs more memory than is available. Only the first call fails; later calls return `None`
+    /// until the scene or the culling changes.
+    pub fn pick(&mut self, live: &Live, camera: &Camera, pixel: [u32; 2]) -> Result<Option<Picked>> {
+        self.ask_for_tree(live.scene(), live.strategy().culling, Available::read)?;
+        let found = |tree| pick(live.scene(), tree, camera, live.size(), pixel, &live.loaded().object_starts);
+        Ok(self.tree.as_ref().and_then(found))
     }
 
     /// Returns true if a tree is being built.
@@ -76,19 +85,29 @@ impl Picker {
         self.building.is_some()
     }
 
-    fn ask_for_tree(&mut self, scene: &Arc<Scene>, culling: Culling) {
-        let is_same = |(known, faces): &(Arc<Scene>, Culling)| Arc::ptr_eq(known, scene) && *faces == culling;
-        if !self.of.as_ref().is_some_and(is_same) {
-            let of = Arc::clone(scene);
-            self.of = Some((Arc::clone(scene), culling));
-            self.tree = None;
-            // If no thread can be started, there is no tree, and `pick` finds no triangle.
-            self.building = Builder::new().spawn(move || Tree::new(&of.mesh, culling)).ok();
-        }
+    /// Begins to build the tree of a scene, unless this tree was asked for last. Begins only after the tree before is
+    /// complete: if a scene changes quickly, the trees of its versions would otherwise be in memory together.
+    fn ask_for_tree(
+        &mut self,
+        scene: &Arc<Scene>,
+        culling: Culling,
+        available: impl FnOnce() -> Available,
+    ) -> Result<()> {
         if let Some(done) = self.building.take_if(|building| building.is_finished()) {
             // If the thread that builds the tree panicked, there is no tree, and `pick` finds no triangle.
             self.tree = done.join().ok();
         }
+        let is_same = |(known, faces): &(Arc<Scene>, Culling)| Arc::ptr_eq(known, scene) && *faces == culling;
+        if self.is_building() || self.of.as_ref().is_some_and(is_same) {
+            return Ok(());
+        }
+        let of = Arc::clone(scene);
+        self.of = Some((Arc::clone(scene), culling));
+        self.tree = None;
+        check_room(&scene.mesh, 1, "finding the triangle at the pointer", &available())?;
+        // If no thread can be started, there is no tree, and `pick` finds no triangle.
+        self.building = Builder::new().spawn(move || Tree::new(&of.mesh, culling)).ok();
+        Ok(())
     }
 }
 
@@ -99,6 +118,7 @@ mod tests {
     use super::*;
     use crate::reference::fixtures;
     use crate::reference::layers::{NOTHING, layers};
+    use std::sync::mpsc::channel;
     use std::time::{Duration, Instant};
 
     #[test]
@@ -127,7 +147,7 @@ mod tests {
     fn in_the_middle(picker: &mut Picker, live: &Live) -> Option<Picked> {
         let deadline = Instant::now() + Duration::from_secs(120);
         loop {
-            let picked = picker.pick(live, &live.camera(&Pose::START), [20, 10]);
+            let picked = picker.pick(live, &live.camera(&Pose::START), [20, 10]).expect("room for a tree");
             if !picker.is_building() {
                 return picked;
             }
@@ -148,6 +168,50 @@ mod tests {
         assert_eq!(live.strategy().culling, Culling::None);
         let picked = in_the_middle(&mut picker, &live);
         assert_eq!(picked.map(|picked| picked.triangle), Some(0));
+    }
+
+    /// Returns an `Available` that states the given number of free bytes.
+    fn memory(bytes: u64) -> Available {
+        Available { bytes, source: "a test".to_owned() }
+    }
+
+    #[test]
+    fn a_tree_that_needs_more_memory_than_is_available_is_refused_once() {
+        let scene = Arc::new(fixtures::single_triangle());
+        let mut picker = Picker::default();
+        let mut refused = |culling| {
+            let asked = picker.ask_for_tree(&scene, culling, || memory(151));
+            assert!(!picker.is_building());
+            asked.err().map(|error| error.to_string()).unwrap_or_default()
+        };
+        let expected = "finding the triangle at the pointer needs about 152 B of memory";
+        assert!(refused(Culling::None).starts_with(expected) && refused(Culling::None).is_empty());
+        assert!(refused(Culling::Back).starts_with(expected), "another tree");
+        assert!(picker.ask_for_tree(&scene, Culling::None, || memory(152)).is_ok() && picker.is_building());
+    }
+
+    #[test]
+    fn a_second_tree_is_built_only_after_the_first() {
+        let [first, second] = [0; 2].map(|_| Arc::new(fixtures::single_triangle()));
+        let mut picker = Picker { of: Some((Arc::clone(&first), Culling::None)), ..Picker::default() };
+        // This thread, which waits until `sender` is dropped, builds the first tree.
+        let (sender, receiver) = channel::<()>();
+        let mesh = Arc::clone(&first.mesh);
+        let slow = move || {
+            let _ = receiver.recv();
+            Tree::new(&mesh, Culling::None)
+        };
+        picker.building = Builder::new().spawn(slow).ok();
+        let is_of = |picker: &Picker, scene| picker.of.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, scene));
+        let mut sender = Some(sender);
+        let deadline = Instant::now() + Duration::from_secs(120);
+        while !is_of(&picker, &second) || picker.is_building() {
+            picker.ask_for_tree(&second, Culling::None, || memory(152)).expect("room for a tree");
+            assert!(sender.take().is_none() || is_of(&picker, &first), "two trees are being built");
+            assert!(Instant::now() < deadline, "no tree is built");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(picker.tree.is_some());
     }
 
     #[test]
