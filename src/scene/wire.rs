@@ -90,6 +90,9 @@ pub(super) struct CameraWire {
     pub azimuth_degrees: Option<Number<Finite>>,
     /// Place the camera so that it sees the whole scene from this angle above the horizon, in degrees.
     pub elevation_degrees: Option<Number<Elevation>>,
+    /// The scene's origin in the file's coordinates; zero unless the scene lies far from the file's origin.
+    #[serde(skip)]
+    pub origin: DVec3,
 }
 
 /// A mesh file, a generated shape, or inline triangles; scaled, rotated, then translated.
@@ -218,8 +221,10 @@ pub(super) struct DisplayWire {
 }
 
 impl SceneWire {
-    /// Sets the scene's origin, in the file's coordinates, in the positions of the camera and of the lights.
+    /// Sets the scene's origin, in the file's coordinates, in the camera and in the positions of the camera and of the
+    /// lights.
     pub(super) fn set_origin(&mut self, origin: DVec3) {
+        self.camera.origin = origin;
         let camera = [&mut self.camera.position, &mut self.camera.look_at].into_iter().flatten();
         let lights = self.light.iter_mut().flatten().map(|light| &mut light.position);
         camera.chain(lights).for_each(|position| position.get_mut().origin = origin);

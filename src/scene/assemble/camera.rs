@@ -46,8 +46,8 @@ pub(super) fn camera(
     Ok(camera)
 }
 
-/// Returns the base camera. Without a `ball` (the ball around the scene), this is the paper's camera with a
-/// z_near of 0. With a `ball`, this is the camera of the mesh's file, and `notes` receives the notes on this
+/// Returns the base camera. Without a `ball` (the ball around the scene), this is the paper's camera, at the
+/// file's origin, with a z_near of 0. With a `ball`, this is the camera of the mesh's file, and `notes` receives the notes on this
 /// camera. If the mesh's file has no camera, or if the scene file sets an azimuth, an elevation or `up`, this
 /// is a camera that shows the whole scene with the field of view `lens`.
 fn base_camera(
@@ -59,7 +59,10 @@ fn base_camera(
     shot: Shot,
     notes: &mut Vec<String>,
 ) -> Camera {
-    let Some(ball) = ball else { return Camera { z_near: 0.0, ..Camera::PAPER } };
+    let Some(ball) = ball else {
+        let eye = Position { in_file: DVec3::ZERO, origin: wire.origin };
+        return Camera { position: eye.in_scene(), z_near: 0.0, ..Camera::PAPER };
+    };
     if let Some(camera) = seen.camera.filter(|_| !wire.is_framed() && wire.up.is_none()) {
         notes.extend(seen.camera_notes.iter().cloned());
         return camera;
@@ -130,7 +133,9 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, directio
     let keys = [wire.up.as_ref().map(Spanned::span), span(&wire.look_at), span(&wire.position)];
     let at = |order: [usize; 3]| order.iter().find_map(|&i| keys[i].clone()).unwrap_or_default();
     if direction == DVec3::ZERO {
-        let in_file = wire.position.as_ref().map_or(position.as_dvec3(), |given| given.get_ref().in_file);
+        // The camera is where it looks, so `look_at` is also the position of an eye that the file does not set.
+        let given = wire.position.as_ref().or(wire.look_at.as_ref());
+        let in_file = given.map_or(position.as_dvec3(), |given| given.get_ref().in_file);
         let message = format!("the camera is at {in_file} and looks at the same point");
         let span = at([1, 2, 0]);
         let error = document.error(span.clone(), message, "no direction");

@@ -458,6 +458,24 @@ fn a_scene_far_from_the_origin_is_the_scene_at_the_origin_moved_as_a_whole() {
     assert_eq!(near.lights[0].power, far.lights[0].power);
 }
 
+/// A light, and a sphere so small that the scene gets an origin of its own, the sphere's centre.
+const SMALL: &str = "[[light]]\nposition = [0, 2, 0]\npower = 20\n[[object]]\nshape = \"sphere\"\ntriangles = 80\n\
+    scale = 0.1\ntranslation = [0, 0, -3]\n";
+
+#[test]
+fn an_eye_that_the_file_does_not_set_is_at_the_files_origin_also_if_the_scene_has_an_origin_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    for camera in ["", "[camera]\nlook_at = [0, 0, -3]\n", "[camera]\nup = [0, 2, 0]\n"] {
+        std::fs::write(&path, format!("{camera}{SMALL}")).unwrap();
+        let scene = load_scene_with(&path, &[]).unwrap().scene;
+        let eye = scene.camera.position;
+        assert!(eye.distance(Vec3::Z * 3.0) < 0.05, "{camera}: {eye}");
+        assert!((scene.lights[0].position - eye).distance(Vec3::Y * 2.0) < 1e-6, "{camera}: {eye}");
+        assert!(scene.camera.forward.distance(Vec3::NEG_Z) < 1e-6, "{camera}: {}", scene.camera.forward);
+    }
+}
+
 #[test]
 fn a_scene_keeps_its_coordinates_if_its_centre_is_up_to_16_radii_away() {
     let folder = tempfile::tempdir().unwrap();
@@ -482,12 +500,12 @@ fn a_mistake_of_a_far_camera_is_reported_in_the_files_coordinates() {
     let path = folder.path().join("a.toml");
     let text = scene_at([500_000.0, 0.0, 0.0])
         .replace("look_at = [500000.0, 0.0, -4.0]", "look_at = [500000, 0.25, 1]");
-    std::fs::write(&path, text).unwrap();
-    let error = load_scene_with(&path, &[]).unwrap_err();
-    assert!(
-        error.to_string().contains("the camera is at [500000, 0.25, 1] and looks at the same point"),
-        "{error}"
-    );
+    let without_position = format!("[camera]\nlook_at = [0, 0, 0]\n{SMALL}");
+    for (text, eye) in [(text, "[500000, 0.25, 1]"), (without_position, "[0, 0, 0]")] {
+        std::fs::write(&path, text).unwrap();
+        let error = load_scene_with(&path, &[]).unwrap_err().to_string();
+        assert!(error.contains(&format!("the camera is at {eye} and looks at the same point")), "{error}");
+    }
 }
 
 #[test]
