@@ -17,15 +17,15 @@ const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_
 /// the last element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting
 /// of the camera's azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the
 /// elevation therefore removes the camera's position, direction and field of view from the scene's table.
-/// Later settings may set the direction and the field of view again. Returns an error if one setting sets an
-/// angle and another setting sets the position.
+/// Settings before and after the angle may set the direction and the field of view again. Returns an error if
+/// one setting sets an angle and another setting sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
+    if settings.iter().any(|setting| is_angle(&setting.path)) {
+        remove_pose_and_fov(document);
+    }
     for setting in settings {
         let Setting { path, value, .. } = setting;
-        if is_angle(path) {
-            remove_pose_and_fov(document);
-        }
         set(document, path, value).map_err(|reason| setting.error(reason).with_help(PATHS))?;
     }
     Ok(())
@@ -172,20 +172,23 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_replaces_the_cameras_own_position_but_not_one_that_is_set_after_it() {
+    fn an_angle_removes_the_files_pose_and_field_of_view_but_not_what_is_set_beside_it() {
         let own = "camera = { position = [1, 2, 3], look_at = [0, 0, 0], fov_y_degrees = 60, z_near = 0.5 }";
-        let set = |angle: &str, after: &[(&str, i64)]| {
+        let set = |paths: &[&str]| {
             let mut document: Table = own.parse().unwrap();
-            let values = [(angle, 90)].into_iter().chain(after.iter().copied());
-            let values: Vec<_> =
-                values.map(|(path, value)| Setting::new(path, Value::Integer(value))).collect();
+            let values: Vec<_> = paths.iter().map(|path| Setting::new(path, Value::Integer(20))).collect();
             apply(&mut document, &values).unwrap();
             let Some(Value::Table(camera)) = document.remove("camera") else { panic!("no camera") };
             camera.into_iter().map(|(key, _)| key).collect::<Vec<_>>()
         };
-        assert_eq!(set("camera.azimuth_degrees", &[]), ["azimuth_degrees", "z_near"]);
-        let fov = [("camera.fov_y_degrees", 20)];
-        assert_eq!(set("camera.elevation_degrees", &fov), ["elevation_degrees", "fov_y_degrees", "z_near"]);
+        assert_eq!(set(&["camera.azimuth_degrees"]), ["azimuth_degrees", "z_near"]);
+        let [angle, fov, target] = ["camera.elevation_degrees", "camera.fov_x_degrees", "camera.look_at"];
+        for paths in [[angle, fov, target], [fov, angle, target], [target, fov, angle]] {
+            let expected = ["elevation_degrees", "fov_x_degrees", "look_at", "z_near"];
+            assert_eq!(set(&paths), expected, "{paths:?}");
+        }
+        let both = set(&[fov, angle, "camera.azimuth_degrees"]);
+        assert_eq!(both, ["azimuth_degrees", "elevation_degrees", "fov_x_degrees", "z_near"]);
     }
 
     #[test]
