@@ -126,7 +126,7 @@ fn every_family_with_textures_multiplies_emitted_light_by_a_texture() {
     // multiplied by white.
     folder.write("room.mtl", "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.4 0.4 0.4\nmap_Ke glow.png\n");
     agree(&folder, &strategies, &[]);
-    // A triangle without texture coordinates emits the material's own light.
+    // A triangle without texture coordinates emits no light.
     folder
         .write("room.mtl", &TEXTURED.replace("newmtl wall\nKd 0.7 0.6 0.5\nmap_Kd wall.png", "newmtl wall"));
     folder.write("room.obj", &ROOM.replace("f 7/1 8/2 9/3 10/4", "f 7/1 8/2 9/3\nf 7 9 10"));

@@ -63,9 +63,6 @@ pub(super) fn assemble(
     let Joined { mut mesh, origin, seen, mut starts } =
         cache.joined(|cache| join(document, &wire, cache, notes))?;
     wire.set_origin(origin);
-    if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
-        Arc::make_mut(&mut mesh).leave_out_textures();
-    }
     if document.bare && mesh.is_emissive() {
         notes.push("surfaces that emit light do not light others".to_owned());
     }
@@ -266,7 +263,10 @@ fn made(
     let mut one = |(number, object)| {
         cache.mesh(number, || {
             let mut file = objects::make(document, object, crease, notes)?;
-            if wire.mip_levels != Some(false) {
+            // Textures are left out before the object's `material` is applied, whose `emitted` counts.
+            if wire.textures == Some(false) {
+                file.mesh.leave_out_textures();
+            } else if wire.mip_levels != Some(false) {
                 file.mesh.add_levels();
             }
             Ok(file)

@@ -52,7 +52,7 @@ impl FrameCache {
     /// meshes are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
-            (document.get("object"), ["crease", "mip_levels"].map(|key| document.get(key)));
+            (document.get("object"), ["crease", "mip_levels", "textures"].map(|key| document.get(key)));
         let list = objects.and_then(Value::as_array).filter(|_| objects_change);
         self.keeps = true;
         self.keys = list.into_iter().flatten().map(|object| making(object, of_all)).collect();
@@ -124,7 +124,7 @@ impl FrameCache {
 
 /// Returns the text that determines an object's mesh: the object without the keys in `PLACING`, and the
 /// scene's values that apply to all objects (`of_all`).
-fn making(object: &Value, of_all: [Option<&Value>; 2]) -> String {
+fn making(object: &Value, of_all: [Option<&Value>; 3]) -> String {
     let keys = object.as_table().into_iter().flatten();
     let making: Table = keys
         .filter(|(key, _)| !PLACING.contains(&key.as_str()))
@@ -167,6 +167,7 @@ mod tests {
             ("crease = 30", "crease = 60"),
             ("crease = 30\n", ""),
             ("crease = 30\n", "crease = 30\nmip_levels = false\n"),
+            ("crease = 30\n", "crease = 30\ntextures = false\n"),
         ] {
             assert!(is_made_again(&OBJECT.replace(from, to)), "{to}");
         }

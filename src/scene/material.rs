@@ -82,6 +82,15 @@ impl Material {
         Self { glossy, shininess, kind: MaterialKind::BlinnPhong, ..Self::lambertian(lambertian) }
     }
 
+    /// Gives the material the emission texture that its file names, or no texture if this texture cannot be used.
+    /// Without the texture, the surface emits no light: the factor alone is usually white, and would hide the surface.
+    pub(super) fn set_emission_texture(&mut self, texture: Option<u32>) {
+        self.emission_texture = texture;
+        if texture.is_none() {
+            self.emitted = Vec3::ZERO;
+        }
+    }
+
     /// Returns true if the surface emits light.
     pub fn is_emissive(&self) -> bool {
         self.emitted != Vec3::ZERO

@@ -95,14 +95,15 @@ impl Mesh {
         is_used
     }
 
-    /// Removes all textures.
+    /// Removes all textures. Surfaces with an emission texture then emit no light.
     pub(super) fn leave_out_textures(&mut self) {
         self.textures = Textures::default();
-        self.materials.iter_mut().for_each(|material| material.emission_texture = None);
+        let lamps = self.materials.iter_mut().filter(|material| material.emission_texture.is_some());
+        lamps.for_each(|lamp| lamp.set_emission_texture(None));
     }
 
-    /// Gives triangles that have no texture coordinates a copy of their material without its emission
-    /// texture. `triangles` has the indices of the triangles without texture coordinates.
+    /// Gives triangles that have an emission texture but no texture coordinates a copy of their material that
+    /// emits no light. `triangles` has the indices of the triangles without texture coordinates.
     pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) {
         let mut copies = HashMap::new();
         for &number in triangles {
@@ -111,7 +112,9 @@ impl Mesh {
                 continue;
             }
             self.triangles[number].material = *copies.entry(own).or_insert_with(|| {
-                self.materials.push(Material { emission_texture: None, ..self.materials[own as usize] });
+                let mut copy = self.materials[own as usize];
+                copy.set_emission_texture(None);
+                self.materials.push(copy);
                 self.materials.len() as u32 - 1
             });
         }
@@ -187,7 +190,7 @@ mod tests {
         let mut mesh = generate(&Shape::Ground);
         let texels = vec![0].into();
         mesh.textures.list = vec![Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels }];
-        mesh.materials[0].emission_texture = Some(0);
+        mesh.materials[0] = Material { emitted: Vec3::ONE, emission_texture: Some(0), ..mesh.materials[0] };
         mesh
     }
 
@@ -219,15 +222,23 @@ mod tests {
     }
 
     #[test]
-    fn triangles_without_texture_coordinates_share_a_copy_of_their_material() {
+    fn triangles_without_texture_coordinates_share_a_copy_of_their_material_and_emit_no_light() {
         let mut mesh = lamp();
         mesh.triangles.push(mesh.triangles[0]);
         mesh.leave_out_emission_textures(&[0, 2]);
         let numbers: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.material).collect();
         assert_eq!((numbers, mesh.materials.len()), (vec![1, 0, 1], 2));
         assert_eq!([0, 1].map(|i: usize| mesh.materials[i].emission_texture), [Some(0), None]);
+        assert_eq!([0, 1].map(|i: usize| mesh.materials[i].emitted), [Vec3::ONE, Vec3::ZERO]);
+    }
+
+    #[test]
+    fn without_textures_only_surfaces_without_an_emission_texture_emit_light() {
+        let mut mesh = lamp();
+        mesh.materials.push(Material { emitted: Vec3::X, ..Material::default() });
         mesh.leave_out_textures();
         assert!(mesh.materials.iter().all(|material| material.emission_texture.is_none()));
+        assert_eq!([0, 1].map(|i: usize| mesh.materials[i].emitted), [Vec3::ZERO, Vec3::X]);
         assert!(mesh.textures.list.is_empty());
     }
 }

@@ -214,6 +214,29 @@ fn the_crease_of_an_object_counts_before_that_of_the_scene() {
 }
 
 #[test]
+fn without_textures_a_surface_emits_only_the_light_that_its_object_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, scene] = ["a.obj", "a.toml"].map(|name| folder.path().join(name));
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    std::fs::write(folder.path().join("a.mtl"), "newmtl a\nKe 1\nmap_Ke dot.png\n").unwrap();
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+    std::fs::write(path, format!("mtllib a.mtl\nusemtl a\n{corners}f 1/1 2/1 3/1\n")).unwrap();
+    std::fs::write(&scene, "[[object]]\nmesh = \"a.obj\"\n").unwrap();
+    let material = |settings: &[(&str, Value)]| {
+        let settings: Vec<_> =
+            settings.iter().map(|(path, value)| ((*path).to_owned(), value.clone())).collect();
+        let mesh = load_scene_with(&scene, &settings).unwrap().scene.mesh;
+        let material = mesh.material(&mesh.triangles[0]);
+        (material.emitted, material.emission_texture)
+    };
+    let plain = ("textures", Value::Boolean(false));
+    assert_eq!(material(&[]), (Vec3::splat(1.0 / 15.0), Some(0)));
+    assert_eq!(material(std::slice::from_ref(&plain)), (Vec3::ZERO, None));
+    let emitted = ("object.0.material.emitted", Value::Float(0.5));
+    assert_eq!(material(&[plain, emitted]), (Vec3::splat(0.5), None));
+}
+
+#[test]
 fn a_scene_without_any_light_is_noted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");

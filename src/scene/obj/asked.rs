@@ -56,7 +56,7 @@ impl Wish {
             Self::Colour => ("a colour outside 0 to 1", "channels are limited to this range"),
             Self::EmissionPlace => (
                 "emitted light from a texture that is placed otherwise than the colour's",
-                "it is emitted without the texture",
+                "the surface emits no light",
             ),
             Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),
             Self::Refraction => ("refraction", "every surface is opaque"),

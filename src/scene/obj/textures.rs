@@ -87,11 +87,8 @@ impl Maps {
         let colour =
             load(&self.colour, Usage::colour(wrap), ["texture", "its material's own colour is used"]);
         let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
-        let emission = load(
-            &self.emission,
-            Usage::colour(wrap),
-            ["emission texture", "its material's own emitted light is used"],
-        );
+        let emission =
+            load(&self.emission, Usage::colour(wrap), ["emission texture", "its surface emits no light"]);
         mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
         let is_whitened = [(&self.colour, colour), (&self.emission, emission)]
             .map(|(map, number)| number.is_some() && map.as_ref().is_some_and(|map| map.alone));
@@ -314,8 +311,10 @@ pub(super) fn apply(
         })
     });
     let rows = rows.collect();
-    for (material, maps) in mesh.materials.iter_mut().zip(&loaded) {
-        material.emission_texture = maps.and_then(|maps| maps.all[2]);
+    for ((material, maps), loaded) in mesh.materials.iter_mut().zip(maps).zip(&loaded) {
+        if maps.emission.is_some() {
+            material.set_emission_texture(loaded.and_then(|loaded| loaded.all[2]));
+        }
     }
     mesh.textures = Textures::of(pictures.list, rows, &mesh.materials);
     whiten(mesh, &loaded, &without);

@@ -67,8 +67,8 @@ pub(super) struct Files<'a> {
 impl Files<'_> {
     /// Returns the texture of each material, in the file's order. A material without a texture, or whose
     /// index is not in `used`, gets `None`. A texture that cannot be read adds a note to `notes`, and its
-    /// material is treated like a material without this texture. The function also gives the emissive
-    /// textures to `materials`, in the same order.
+    /// material keeps its own colour, or emits no light if the texture is emissive. The function also gives the
+    /// emissive textures to `materials`, in the same order.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
@@ -88,7 +88,7 @@ impl Files<'_> {
                     } else {
                         " cannot be read".to_owned()
                     };
-                    let note = format!("texture {number}{why}: its material's own {instead} is used");
+                    let note = format!("texture {number}{why}: {instead}");
                     unusable.add(note.clone(), || note, notes);
                 })
                 .ok()
@@ -96,10 +96,13 @@ impl Files<'_> {
         let mut maps = Vec::new();
         for ((index, wire), material) in self.root.materials.iter().enumerate().zip(materials) {
             let is_used = used.contains(&index);
-            let colour = read(colour_texture(wire).filter(|_| is_used), least_alpha(wire), "colour", notes);
+            let colour = colour_texture(wire).filter(|_| is_used);
+            let colour = read(colour, least_alpha(wire), "its material's own colour is used", notes);
             let emissive = emissive_texture(self.root, wire).filter(|_| is_used);
-            let emissive = read(emissive, 0.0, "emitted light", notes);
-            material.emission_texture = emissive.and_then(|map| map.texture);
+            let emissive = read(emissive, 0.0, "its material emits no light", notes);
+            if wire.emissive_texture.is_some() {
+                material.set_emission_texture(emissive.and_then(|map| map.texture));
+            }
             maps.push(colour.or(emissive.map(|map| ColourMap { texture: None, ..map })));
         }
         notes.extend(unusable.rest("texture"));

@@ -96,7 +96,10 @@ fn a_highlight_without_strength_is_none_and_a_grey_is_three_values() {
     assert_eq!(material("Kd 0.5\nKe 2 0 0.5\n"), Material { emitted, ..Material::lambertian(half) });
     assert_eq!(material("Kd 0.5\nke 3\n").emitted, Vec3::splat(3.0));
     // An emission texture that cannot be read emits nothing.
-    assert_eq!(material("Kd 0.5\nmap_Ke none.png\n"), Material::lambertian(half));
+    for factor in ["", "Ke 1\n"] {
+        let unlit = material(&format!("Kd 0.5\n{factor}map_Ke none.png\n"));
+        assert_eq!(unlit, Material::lambertian(half), "{factor}");
+    }
 }
 
 #[test]

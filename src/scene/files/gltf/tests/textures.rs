@@ -382,8 +382,11 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
     assert_eq!(colour(""), ([0.0, 0.5, 1.0], Some(0), 1, none()));
     let moved = colour(r#", "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}"#);
     let note = "1 material asks for emitted light from a texture that is placed otherwise than the colour's \
-                (emissiveTexture), which raycl does not support: it is emitted without the texture";
-    assert_eq!((moved.1, moved.3.as_str()), (None, note));
+                (emissiveTexture), which raycl does not support: the surface emits no light";
+    assert_eq!((moved.0, moved.1, moved.3.as_str()), ([0.0; 3], None, note));
+    // A texture that does not exist gives no light, although the factor alone would.
+    let note = "texture 1 does not exist: its material emits no light".to_owned();
+    assert_eq!(of(&both.replace(r#""index": 0"#, r#""index": 1"#)), ([0.0; 3], None, 0, note));
     let bright = of(r#""emissiveFactor": [2, 0, 0]"#);
     assert_eq!(bright.0, [1.0, 0.0, 0.0]);
     assert!(bright.3.contains("a colour outside 0 to 1 (emissiveFactor)"), "{}", bright.3);
