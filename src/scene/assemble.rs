@@ -221,7 +221,7 @@ fn join(
     let files = made(document, wire, cache, notes)?;
     let origin = objects::origin(document, &wire.object, &files);
     for (object, file) in wire.object.iter().zip(files) {
-        let file = objects::placed(document, object.get_ref(), file, origin);
+        let file = objects::placed(object.get_ref(), file, origin);
         let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
             let message = format!(
@@ -235,8 +235,7 @@ fn join(
         starts.push(first as u32);
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
-            seen.camera_notes = file.camera_notes;
-            seen.add(file.camera, file.lights);
+            seen.add(file.camera, file.camera_notes, file.lights);
         }
         mesh.append(file.mesh);
     }
@@ -259,10 +258,10 @@ fn made(
     cache: &mut FrameCache,
     notes: &mut Vec<String>,
 ) -> Result<Vec<MeshFile>> {
-    let crease = wire.crease.map(|crease| crease.0);
+    let (crease, alone) = (wire.crease.map(|crease| crease.0), objects::is_alone(document, &wire.object));
     let mut one = |(number, object)| {
         cache.mesh(number, || {
-            let mut file = objects::make(document, object, crease, notes)?;
+            let mut file = objects::make(document, object, crease, alone, notes)?;
             // Textures are left out before the object's `material` is applied, whose `emitted` counts.
             if wire.textures == Some(false) {
                 file.mesh.leave_out_textures();
@@ -285,8 +284,11 @@ struct Seen {
 }
 
 impl Seen {
-    fn add(&mut self, camera: Option<Camera>, lights: Vec<FileLight>) {
-        self.camera = self.camera.or(camera);
+    /// Adds the camera and the lights of a mesh's file. Of the cameras of several files, the first is used.
+    fn add(&mut self, camera: Option<Camera>, camera_notes: Vec<String>, lights: Vec<FileLight>) {
+        if self.camera.is_none() {
+            (self.camera, self.camera_notes) = (camera, camera_notes);
+        }
         self.lights.extend(lights);
     }
 }

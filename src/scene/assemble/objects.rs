@@ -19,12 +19,19 @@ use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
+/// Returns true if the scene is a single bare mesh. raycl may move and scale such a mesh when it reads it. If the user
+/// adds objects to a bare mesh, all meshes keep the positions and sizes that their files state, as in a scene file.
+pub(super) fn is_alone(document: &Document, objects: &[Spanned<ObjectWire>]) -> bool {
+    document.bare && matches!(objects, [only] if only.get_ref().obj.is_some())
+}
+
 /// Returns the object's mesh in the object's own coordinates, with normals. `crease` is the scene's crease
-/// angle in degrees, for objects that set none.
+/// angle in degrees, for objects that set none. `alone` is true for a single bare mesh ([`is_alone`]).
 pub(super) fn make(
     document: &Document,
     object: &Spanned<ObjectWire>,
     crease: Option<f32>,
+    alone: bool,
     notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let (wire, span) = (object.get_ref(), object.span());
@@ -33,7 +40,7 @@ pub(super) fn make(
     let mut file = match (&wire.obj, &wire.shape, &wire.vertices) {
         (Some(file), None, None) => {
             let beyond = wire.outside_materials.as_ref().is_some_and(|allowed| *allowed.get_ref());
-            read_file(document, file, beyond, notes)?
+            read_file(document, file, beyond, alone, notes)?
         }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
@@ -65,9 +72,9 @@ fn transform(wire: &ObjectWire) -> Transform {
 }
 
 /// Returns the origin of a scene with these objects, in the file's coordinates: zero, unless the scene is far from the
-/// file's origin. A bare mesh was moved to its origin when it was read, and stays there.
+/// file's origin. A single bare mesh was moved to its origin when it was read, and stays there.
 pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files: &[MeshFile]) -> DVec3 {
-    if document.bare {
+    if is_alone(document, objects) {
         return DVec3::ZERO;
     }
     let bounds = objects.iter().zip(files).filter_map(|(wire, file)| {
@@ -82,15 +89,17 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
 }
 
 /// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene file's
-/// coordinates. Applies the object's `material` to the triangles.
-pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> MeshFile {
-    let from = if document.bare { DVec3::ZERO } else { file.placement.origin };
+/// coordinates. Moves the camera and the lights of the object's file to these coordinates. Applies the object's
+/// `material` to the triangles.
+pub(super) fn placed(wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> MeshFile {
+    let from = file.placement.origin;
     let mut transform = transform(wire);
     if origin == DVec3::ZERO {
         // Positions near the file's origin are the same bit for bit as the cameras and lights in single precision.
         transform.translation = transform.translation.as_vec3().as_dvec3();
     }
     transform.apply(&mut file.mesh, from, origin);
+    file.place_seen(&Placement { origin: origin - from, scale: 1.0 });
     file.mesh.materials.iter_mut().for_each(|material| material.emitted *= WHITE_RADIANCE);
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
@@ -121,6 +130,7 @@ fn read_file(
     document: &Document,
     file: &Spanned<String>,
     beyond: bool,
+    alone: bool,
     notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let path = document.folder.join(file.get_ref());
@@ -137,9 +147,10 @@ fn read_file(
     // file names if the mesh is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
-    let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
-    match document.bare {
-        true => read.notes.extend(read.placement.notes()),
+    let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: alone })?;
+    match alone {
+        // From here on, the coordinates of the moved and scaled mesh count as those of the file.
+        true => read.notes.extend(std::mem::take(&mut read.placement).notes()),
         false => read = read.unscaled(),
     }
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {

@@ -14,7 +14,7 @@ const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 const ROUNDING_SHADOW_BIAS: f32 = 8.0 * f32::EPSILON;
 
 /// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. For a
-/// bare mesh, the function returns no note, since such a mesh is scaled when it is read.
+/// single bare mesh, the function returns no note, since such a mesh is scaled when it is read.
 pub(super) fn too_small(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     let (low, high) = (low.as_dvec3(), high.as_dvec3());
     let note = || {

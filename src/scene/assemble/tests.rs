@@ -597,6 +597,46 @@ fn the_camera_of_a_file_is_scaled_like_its_mesh_unless_it_is_too_far_away() {
 }
 
 #[test]
+fn a_mesh_that_is_added_to_a_bare_mesh_keeps_its_place_and_size_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, other] = ["a.obj", "b.obj"].map(|name| folder.path().join(name));
+    let triangle = |path: &Path, [x, y]: [f64; 2], edge: f64| {
+        let text = format!("v {x} {y} 0\nv {} {y} 0\nv {x} {} 0\nf 1 2 3\n", x + edge, y + edge);
+        std::fs::write(path, text).unwrap();
+    };
+    let load = || load_scene_with(&path, &[("object.1.mesh".to_owned(), Value::from("b.obj"))]).unwrap();
+    // Two neighbouring tiles of a map in UTM coordinates.
+    triangle(&path, [500_000.0, 5_400_000.0], 100.0);
+    triangle(&other, [500_100.0, 5_400_000.0], 100.0);
+    let positions = load().scene.mesh.positions.clone();
+    assert_eq!((positions[0], positions[3]), (Vec3::new(-100.0, -50.0, 0.0), Vec3::new(0.0, -50.0, 0.0)));
+    // Each of these triangles alone would be scaled to a radius of at least 1.
+    triangle(&path, [0.0; 2], 4e-7);
+    triangle(&other, [0.0; 2], 4e-8);
+    let loaded = load();
+    assert_eq!([1, 4].map(|i: usize| loaded.scene.mesh.positions[i].x), [4e-7, 4e-8]);
+    assert!(loaded.notes.iter().any(|note| note.contains("radius is only")), "{:?}", loaded.notes);
+}
+
+#[test]
+fn the_camera_of_a_bare_mesh_is_used_with_its_notes_also_if_another_mesh_is_added() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let text = SEEN
+        .replace("[0, 0, 5]}", r#"[500000, 0, 5]}, {"camera": 0}"#)
+        .replace("[0, 1]", "[0, 1, 2]")
+        .replace(r#"{"mesh": 0}"#, r#"{"mesh": 0, "translation": [500000, 0, 0]}"#);
+    std::fs::write(&path, text).unwrap();
+    std::fs::write(folder.path().join("b.obj"), "v 500003 0 0\nv 500004 0 0\nv 500003 1 0\nf 1 2 3\n")
+        .unwrap();
+    let other = ("object.1.mesh".to_owned(), Value::from("b.obj"));
+    let loaded = load_scene_with(&path, &[other]).unwrap();
+    let from_corner = loaded.scene.camera.position - loaded.scene.mesh.positions[0];
+    assert!(from_corner.distance(Vec3::Z * 5.0) < 1e-5, "{from_corner}");
+    assert_eq!(loaded.notes, [format!("{}: of 2 cameras, the first is used", path.display())]);
+}
+
+#[test]
 fn a_sky_without_a_horizon_has_one_colour() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.gltf");

@@ -17,6 +17,7 @@ use crate::memory::Available;
 use crate::reader::Kind;
 use crate::words::counted;
 use flaw::Named;
+use glam::DVec3;
 use std::path::Path;
 
 pub(in crate::scene) use colours::{linear, paint};
@@ -54,15 +55,23 @@ pub(in crate::scene) struct MeshFile {
 }
 
 impl MeshFile {
-    /// Undoes the scaling of the mesh, so that the mesh has the size that its file states. In a scene file,
-    /// all objects have the same unit of length.
+    /// Undoes the scaling of the mesh, of the file's camera and of the file's lights, so that they have the size that
+    /// the file states. All objects of a scene have the same unit of length.
     pub fn unscaled(mut self) -> Self {
         let scale = std::mem::replace(&mut self.placement.scale, 1.0);
         if scale != 1.0 {
             self.mesh.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() / scale).as_vec3());
+            self.place_seen(&Placement { origin: DVec3::ZERO, scale: 1.0 / scale });
             self.notes.extend(invisible(&self.mesh));
         }
         self
+    }
+
+    /// Moves and scales the file's camera and lights, but not the mesh.
+    pub fn place_seen(&mut self, placement: &Placement) {
+        let placed = |camera: Camera| placement.camera(camera.position.as_dvec3(), &camera);
+        self.camera = self.camera.map(placed);
+        self.lights.iter_mut().for_each(|light| *light = light.placed_by(placement));
     }
 }
 

@@ -80,7 +80,8 @@ impl Placement {
     }
 
     /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved
-    /// nor scaled. The notes are for a bare mesh: raycl undoes the scaling of a mesh that a scene file names.
+    /// nor scaled. The notes are for a bare mesh: raycl undoes the scaling of a mesh of a scene with several meshes or
+    /// with a scene file.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {

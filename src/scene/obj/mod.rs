@@ -52,8 +52,8 @@ pub(in crate::scene) struct Permitted {
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
-    /// True if the mesh may be scaled, because there is no scene file with other objects of the same unit of
-    /// length.
+    /// True if the mesh may be scaled, because the scene has neither a scene file nor other objects of the same
+    /// unit of length.
     pub scaled: bool,
 }
 
