@@ -140,9 +140,7 @@ fn read_file(
     let opened = document
         .open(&path)
         .map_err(|error| Error::unreadable("mesh", &path, &error, "give the path of a mesh"))?;
-    if !document.bare {
-        refuse_foreign(document, file, &path, &opened)?;
-    }
+    refuse_foreign(document, file, &path, &opened)?;
     // Messages may quote a bare mesh if `document.quotes` is true. Messages may quote a mesh that a scene
     // file names if the mesh is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };

@@ -237,6 +237,19 @@ fn without_textures_a_surface_emits_only_the_light_that_its_object_states() {
 }
 
 #[test]
+fn light_that_lights_nothing_is_noted_only_if_a_triangle_emits_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(folder.path().join("a.mtl"), "newmtl wall\nKd 1\nnewmtl lamp\nKd 1\nKe 1\n").unwrap();
+    for (name, expected) in [("wall", false), ("lamp", true)] {
+        let text = format!("mtllib a.mtl\nusemtl {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        std::fs::write(&path, text).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        assert_eq!(notes.iter().any(|note| note.contains("emit light")), expected, "{name}: {notes:?}");
+    }
+}
+
+#[test]
 fn a_scene_without_any_light_is_noted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
@@ -616,6 +629,19 @@ fn a_mesh_that_is_added_to_a_bare_mesh_keeps_its_place_and_size_beside_it() {
     let loaded = load();
     assert_eq!([1, 4].map(|i: usize| loaded.scene.mesh.positions[i].x), [4e-7, 4e-8]);
     assert!(loaded.notes.iter().any(|note| note.contains("radius is only")), "{:?}", loaded.notes);
+}
+
+#[test]
+fn a_file_that_is_added_to_a_bare_mesh_and_is_no_mesh_is_refused_with_its_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, other] = ["a.obj", "b.obj"].map(|name| folder.path().join(name));
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    std::fs::write(&other, "GIF89a").unwrap();
+    let added = ("object.1.mesh".to_owned(), Value::from("b.obj"));
+    let error = load_scene_with(&path, &[added]).unwrap_err().to_string();
+    let expected =
+        format!("object.1.mesh = \"b.obj\": {} is a GIF picture, which raycl does not read", other.display());
+    assert_eq!(error, expected);
 }
 
 #[test]
