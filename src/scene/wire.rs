@@ -221,8 +221,7 @@ pub(super) struct DisplayWire {
 }
 
 impl SceneWire {
-    /// Sets the scene's origin, in the file's coordinates, in the camera and in the positions of the camera and of the
-    /// lights.
+    /// Sets the scene's origin, in the file's coordinates, in the camera, in its positions and in those of the lights.
     pub(super) fn set_origin(&mut self, origin: DVec3) {
         self.camera.origin = origin;
         let camera = [&mut self.camera.position, &mut self.camera.look_at].into_iter().flatten();

@@ -47,9 +47,9 @@ pub(super) fn camera(
 }
 
 /// Returns the base camera. Without a `ball` (the ball around the scene), this is the paper's camera, at the
-/// file's origin, with a z_near of 0. With a `ball`, this is the camera of the mesh's file, and `notes` receives the notes on this
-/// camera. If the mesh's file has no camera, or if the scene file sets an azimuth, an elevation or `up`, this
-/// is a camera that shows the whole scene with the field of view `lens`.
+/// file's origin and with a z_near of 0. With a `ball`, this is the camera of the mesh's file, and `notes`
+/// receives the notes on this camera. If the mesh's file has no camera, or if the scene file sets an azimuth,
+/// an elevation or `up`, this is a camera that shows the whole scene with the field of view `lens`.
 fn base_camera(
     wire: &CameraWire,
     lens: Option<Lens>,
