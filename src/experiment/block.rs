@@ -31,8 +31,8 @@ impl Block {
 pub struct Cost {
     /// The point's index in the plan.
     pub point: usize,
-    /// The point's expected time in milliseconds. Only the ratios of the points' times affect how the points
-    /// are divided into blocks.
+    /// The point's expected time in milliseconds, on all devices that measure the point together. Only the
+    /// ratios of the points' times affect how the points are divided into blocks.
     pub ms: f64,
     /// True if the point is suitable as a control point: as far as is known, every device can measure the
     /// point.

@@ -119,12 +119,30 @@ impl Run<'_> {
     }
 
     /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
-    /// comparable points. A point's time comes from an `earlier` record. If a point has no earlier record,
-    /// its time is estimated from the amount of computation. A point without a record whose preset is meant
-    /// for another kind of device is skipped, so it costs only the start of a worker. Each returned `Cost`
-    /// contains the index of its point in the plan.
+    /// comparable points. Unless the points are distributed over devices, every device measures a point, so
+    /// the point's expected time is the sum of its times on all devices. The time on a device comes from an
+    /// `earlier` record. If there is no earlier record, the time is estimated from the amount of computation.
+    /// A point without a record whose preset is meant for another kind of device is skipped, so it costs only
+    /// the start of a worker. Each returned `Cost` contains the index of its point in the plan for one device.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
-        let plan = self.plan_of_one_device();
+        let mut sums: HashMap<usize, Cost> = HashMap::new();
+        for cost in self.costs_on_devices(earlier)? {
+            let sum = sums.entry(cost.point).or_insert(Cost { ms: 0.0, ..cost });
+            sum.ms += cost.ms;
+            sum.may_control &= cost.may_control;
+        }
+        let groups = self.plan_of_one_device().groups_by_device();
+        let of_group =
+            |points: &Vec<usize>| points.iter().filter_map(|point| sums.get(point).copied()).collect();
+        Ok(groups.iter().map(of_group).collect())
+    }
+
+    /// Returns the expected time of each point on each device, or on the host. The indices of the points are
+    /// those of the plan for one device.
+    fn costs_on_devices(&self, earlier: &[Record]) -> Result<Vec<Cost>> {
+        let plan = self.plan();
+        let indices = plan.indices_on_devices().into_iter();
+        let of_one_device: HashMap<usize, usize> = indices.map(|((of, _), index)| (index, of)).collect();
         let earlier = ByName::of(earlier);
         let cost = |pending: &PendingPoint| {
             let before = earlier.of_same(&pending.record);
@@ -133,14 +151,11 @@ impl Run<'_> {
             let known = known.unwrap_or_else(|| guessed(&pending.record));
             let ms = self.group_ms(&[known], self.launches());
             let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
-            Cost {
-                point: pending.point,
-                ms,
-                may_control: !failed && self.is_for_every_kind(&plan.points[pending.point]),
-            }
+            let may_control = !failed && self.is_for_every_kind(&plan.points[pending.point]);
+            Some(Cost { point: *of_one_device.get(&pending.point)?, ms, may_control })
         };
         let groups = self.pending_points(&plan, &plan.by_device())?;
-        Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
+        Ok(groups.iter().flatten().filter_map(cost).collect())
     }
 
     /// Returns a point's times by an earlier record of the same point or, if there is none, of the same

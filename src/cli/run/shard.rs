@@ -333,6 +333,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_shard_is_expected_to_measure_its_points_on_every_device() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
+        let (sources, args) = ([Sources::Embedded], fixtures::args(&["a.toml"]));
+        let expected_ms = |devices: &[&DeviceInfo]| {
+            let run = super::super::run_of(&args, &experiment, devices, &sources, &locks).expect("a run");
+            let header = Header { shards: 2, ..Header::default() };
+            make(&run, header, &folder.path().join("out")).expect("a plan").expected_ms
+        };
+        let alone: Vec<f64> = expected_ms(&[&device]).iter().map(|ms| 2.0 * ms).collect();
+        assert_eq!(expected_ms(&[&device, &device]), alone);
+    }
+
     /// In the plan, the host's point of the second scene lies between the device's points of both scenes.
     #[test]
     fn scenes_that_are_compared_are_in_one_block_of_each_device_and_size() {

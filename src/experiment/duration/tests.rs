@@ -1,6 +1,7 @@
 //! Tests of the predicted duration of a run.
 
 use super::*;
+use crate::device::DeviceInfo;
 use crate::experiment::fixtures;
 use crate::launch::FrameTimes;
 use crate::measure::StopReason;
@@ -161,6 +162,50 @@ fn the_cost_of_a_point_is_the_time_of_all_its_launches() {
     // A launch consists of the start of a worker, a check with one frame, and five rounds.
     let launch_ms = START_MS + 6.0 * 1000.0;
     assert_eq!([cost_ms(1), cost_ms(3)], [launch_ms, 3.0 * launch_ms]);
+}
+
+/// Each of the two devices measures all points. The host's casters are measured once.
+#[test]
+fn the_cost_of_a_point_is_the_sum_of_its_times_on_all_devices() {
+    let timing = "timing = { launches = 1, warmup = 0 }";
+    let lines = format!("baselines = ['serial']\nlocal_sizes = [4, 8]\n{timing}");
+    let experiment = fixtures::experiment(&lines);
+    let [one, two] = ["one", "two"]
+        .map(|label| DeviceInfo { label: label.into(), ..crate::experiment::asleep::device(1.0) });
+    let (devices, locks) = ([&one, &two], fixtures::own_locks());
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let plan = run.plan();
+    let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+    let frame_ms = |record: &Record| match record.device.as_str() {
+        "one" => 1000.0,
+        "two" => 3000.0,
+        _ => 10_000.0,
+    };
+    let measured = |pending: &PendingPoint| Record {
+        outcome: Outcome::Measured,
+        host_median_ms: Some(frame_ms(&pending.record)),
+        samples_ms: vec![frame_ms(&pending.record); 5],
+        ..pending.record.clone()
+    };
+    let mut earlier: Vec<Record> = groups.iter().flatten().map(measured).collect();
+    // A launch consists of the start of a worker, a check with one frame, and five rounds.
+    let launch_ms = |frame_ms: f64| START_MS + 6.0 * frame_ms;
+    let both_ms = launch_ms(1000.0) + launch_ms(3000.0);
+    let costs = |earlier: &[Record]| run.costs(earlier).unwrap();
+    let points: Vec<Vec<_>> = costs(&earlier)
+        .iter()
+        .map(|group| group.iter().map(|cost| (cost.point, cost.ms)).collect())
+        .collect();
+    assert_eq!(points, [vec![(0, launch_ms(10_000.0))], vec![(1, both_ms), (2, both_ms)]]);
+    // A point that failed on one of the devices may fail again, so it must not become a control point.
+    let last = earlier.last_mut().unwrap();
+    assert_eq!(last.device, "two");
+    last.outcome = Outcome::Crashed;
+    let may_control: Vec<bool> = costs(&earlier).concat().iter().map(|cost| cost.may_control).collect();
+    assert_eq!(may_control, [true, true, false]);
+    // Devices that share the points measure each point once.
+    let shared = Run { spread: true, ..fixtures::run(&experiment, &devices, &locks) };
+    assert_eq!(shared.costs(&earlier).unwrap()[1][0].ms, launch_ms(1000.0));
 }
 
 #[test]
