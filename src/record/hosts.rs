@@ -5,7 +5,7 @@ use super::point_times::{interval, median};
 use super::ratios::ratio_apart;
 use super::types::Record;
 use crate::numbers::{by, duration, significant};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A control point (a point that every block of a group measures), and its time on each machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,9 +80,11 @@ fn control(records: &[&Record]) -> Control {
     let at = |(host, records): (&str, Vec<&Record>)| {
         let record = least(&records)?;
         let slower = fastest.as_ref().and_then(|fastest| ratio_apart(&record, fastest));
+        // If a block was measured in several attempts, the control point has a record of each attempt.
+        let blocks: BTreeSet<Option<u32>> = records.iter().map(|record| record.block).collect();
         Some(AtHost {
             host: host.to_owned(),
-            blocks: records.len(),
+            blocks: blocks.len(),
             median_ms: record.median_ms?,
             interval_ms: interval(&record),
             slower: slower.map(|ratio| [ratio.middle, ratio.low, ratio.high]),
@@ -133,11 +135,12 @@ mod tests {
     use super::*;
 
     /// Returns the record of a control point that a block on a machine measured. Each block has a value of
-    /// `launch` of its own, from which the numbers of its launches follow.
+    /// `launch` of its own, which is the block's number, and from which the numbers of its launches follow.
     fn on(host: &str, ms: f64, launch: u32) -> Record {
         let mut record = measured("gpu", "naive", 8, ms);
         record.sample_launches.iter_mut().for_each(|number| *number += 10 * launch);
-        Record { host: Some(host.to_owned()), control: Some(record.key.clone()), ..record }
+        let control = Some(record.key.clone());
+        Record { host: Some(host.to_owned()), control, block: Some(launch), ..record }
     }
 
     #[test]
@@ -149,6 +152,13 @@ mod tests {
         assert!(said[0].contains("took 10.00 ms on n1 and 12.00 ms on n2, 1.20 times as long"), "{said:?}");
         let [control] = &controls(&records[..1], &records[1..])[..] else { panic!("one point") };
         assert_eq!(control.hosts.iter().map(|at| at.blocks).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
+    fn a_block_of_which_two_attempts_are_used_is_one_block() {
+        let again = Record { block: Some(0), ..on("n1", 10.1, 1) };
+        let [control] = &controls(&judged([on("n1", 10.0, 0), again]), &[])[..] else { panic!("one point") };
+        assert_eq!(control.hosts.iter().map(|at| at.blocks).collect::<Vec<_>>(), [1]);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 
 mod again;
 mod choice;
+mod controls;
 mod environment;
 mod launches;
 mod meant;
@@ -22,6 +23,7 @@ use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample,
 use crate::record::{remove_leftovers, write_json, write_whole_by};
 use crate::words::counted;
 use choice::{Chosen, choose};
+use controls::controls;
 use launches::Launches;
 use meant::{meant_kinds, types_of_devices};
 use origins::{OfLaunch, Origins, each_line};
@@ -29,7 +31,6 @@ use planned::Planned;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
@@ -81,7 +82,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut notes = notes(&plan, &chosen, &attempts)?;
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let origins = Origins::read(&attempts)?;
-    let mut controls = controls(&attempts, &origins)?;
+    let mut controls = controls(&attempts, &origins, &records)?;
     let launches = Launches::of(origins, records.iter().chain(&controls));
     // The file `merge.json`, which shows that a merge wrote the folder, is written first. If this merge is
     // killed, the next merge finds the file, and does not refuse the folder as the folder of a run without
@@ -202,24 +203,6 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
             counted(points, "point")
         )
     }))
-}
-
-/// Returns the records in all attempts' `controls.jsonl`. A control point belongs to one block of a cut group
-/// of points, but every block of the group measures it. `controls.jsonl` has the records of the control point
-/// from the blocks to which it does not belong. If an attempt copied the launches of such a record from an
-/// earlier attempt, the earlier attempt may have a record of the same launches. Of two records of the same
-/// launches, only one is returned.
-fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
-    let (mut controls, mut known) = (Vec::new(), HashSet::new());
-    for (index, attempt) in attempts.iter().enumerate() {
-        for record in lines::<Record>(&attempt.folder.join(CONTROLS))? {
-            let launches = origins.of_record(index, &record);
-            if launches.is_empty() || known.insert((record.key.clone(), launches)) {
-                controls.push((index, record));
-            }
-        }
-    }
-    Ok(controls)
 }
 
 fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()> {
@@ -620,25 +603,59 @@ mod tests {
         assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [0, 1]);
     }
 
-    /// The second attempt was killed after it had measured a control point that belongs to another block.
+    /// Makes the folder of an attempt at the first shard, which measured `record` and, in the launches
+    /// `launches`, a control point that belongs to another block.
+    fn write_block(out: &Path, host: &str, record: &Record, launches: [u32; 2]) {
+        use crate::record::JsonLines;
+        use crate::shard::About;
+        let about = About { shard: 1, of: 1, host: host.into(), ..About::default() };
+        let attempt = Attempt::begin(out, &about).unwrap();
+        write_launches(&attempt, None, launches);
+        JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(record).unwrap();
+    }
+
+    /// Returns the launches of each merged record in `records.jsonl`, of each record in `controls.jsonl`, and
+    /// of all lines in `rounds.jsonl`.
+    fn merged_launches(out: &Path) -> [Vec<Vec<u32>>; 3] {
+        let [records, controls] = [RECORDS, CONTROLS].map(|name| {
+            let records = read_lines::<Record>(&out.join(name)).unwrap().lines;
+            records.into_iter().map(|record| record.sample_launches).collect()
+        });
+        let rounds = read_lines::<RoundLoad>(&out.join(ROUNDS)).unwrap().lines;
+        [records, controls, vec![rounds.iter().map(|round| round.launch).collect()]]
+    }
+
+    /// All samples of the second launch were left out of the point's record, but not out of the control
+    /// point's record.
     #[test]
     fn launches_that_only_a_control_point_uses_get_new_numbers_too() {
-        use crate::shard::About;
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
         one_shard(out, ShardPlan::default());
         write_kind(out, "gpu", "x", 0);
-        write_attempt(out, "n1", "x 0", "gpu");
-        let about = About { shard: 1, of: 1, host: "n2".into(), ..About::default() };
-        write_launches(&Attempt::begin(out, &about).unwrap(), None, [0, 1]);
+        write_block(out, "n1", &measured("x 0", [4, 4]), [4, 5]);
         merge(out, &[]).unwrap();
-        let launches = |name: &str| {
-            let records = read_lines::<Record>(&out.join(name)).unwrap().lines;
-            records.into_iter().map(|record| record.sample_launches).collect::<Vec<_>>()
-        };
-        assert_eq!((launches(RECORDS), launches(CONTROLS)), (vec![vec![0, 0]], vec![vec![1, 2]]));
-        let rounds = read_lines::<RoundLoad>(&out.join(ROUNDS)).unwrap().lines;
-        assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(merged_launches(out), [[0, 0], [0, 1], [0, 1]].map(|launches| vec![launches.to_vec()]));
+    }
+
+    /// The second attempt measured the same block as the first, and none of its records is used. The third
+    /// attempt measured a kind of device that is not selected.
+    #[test]
+    fn control_points_of_other_kinds_and_of_unused_attempts_are_not_merged() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        one_shard(out, ShardPlan::default());
+        write_kind(out, "gpu", "x", 0);
+        write_kind(out, "cpu", "y", 0);
+        let of_cpu = Record { device: "cpu".into(), ..measured("y 0", [0, 1]) };
+        for (host, record) in
+            [("n1", measured("x 0", [0, 1])), ("n2", measured("x 0", [0, 1])), ("n3", of_cpu)]
+        {
+            write_block(out, host, &record, [0, 1]);
+        }
+        let merged = merge(out, &["gpu".to_owned()]).unwrap();
+        assert_eq!((merged.records, merged.samples), (1, [2, 2, 8]));
+        assert_eq!(merged_launches(out), [[0, 1]; 3].map(|launches| vec![launches.to_vec()]));
     }
 
     /// Merges an attempt that has one record.
