@@ -215,9 +215,15 @@ impl Part<'_> {
             records.iter().try_for_each(crate::cli::print_json)?;
         } else if !self.args.quiet {
             let out = quote(&path_word(&self.out));
-            print(done(self.shard, records.len(), &out))?;
+            print(done(self.shard, [records.len(), self.point_count()], &out))?;
         }
         refuse_failed(records, format!("`raycl merge` gives the reason for each point; {MEASURE_AGAIN}"))
+    }
+
+    /// Returns the number of the shard's points, on all devices of this process.
+    fn point_count(&self) -> usize {
+        let pieces = self.run.plan().of_blocks(&self.plan.of_shard(self.shard.number));
+        pieces.iter().map(|piece| piece.points.len()).sum()
     }
 }
 
@@ -232,9 +238,14 @@ fn begun(shard: Shard, earlier: usize, folder: &Path) -> String {
 }
 
 /// Returns the line that says how many points a shard has, and with which command the user merges the results
-/// of all shards.
-fn done(shard: Shard, points: usize, out: &str) -> String {
-    format!("shard {shard}: {}. When all shards have ended: raycl merge {out}", counted(points, "point"))
+/// of all shards. `new` is the number of points that this attempt finished; earlier attempts finished the
+/// others of all the shard's points.
+fn done(shard: Shard, [new, all]: [usize; 2], out: &str) -> String {
+    let points = match all.saturating_sub(new) {
+        0 => counted(new, "point"),
+        before => format!("{}; {before} finished before", counted(new, "new point")),
+    };
+    format!("shard {shard}: {points}. When all shards have ended: raycl merge {out}")
 }
 
 /// Returns the text that identifies a device's kind in the keys of points.
@@ -250,12 +261,33 @@ mod tests {
 
     #[test]
     fn the_points_of_a_shard_are_counted_and_one_is_a_point() {
-        let line = |points| done(Shard { number: 1, of: 2 }, points, "out");
+        let line = |new, all| done(Shard { number: 1, of: 2 }, [new, all], "out");
         let end = "When all shards have ended: raycl merge out";
         assert_eq!(
-            [line(1), line(2)],
+            [line(1, 1), line(2, 2)],
             ["1 point", "2 points"].map(|points| format!("shard 1/2: {points}. {end}"))
         );
+        assert_eq!(
+            [line(0, 5), line(1, 2)],
+            ["0 new points; 5 finished before", "1 new point; 1 finished before"]
+                .map(|points| format!("shard 1/2: {points}. {end}"))
+        );
+    }
+
+    #[test]
+    fn the_points_of_a_shard_are_counted_on_every_device_and_once_on_the_host() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let experiment = fixtures::experiment("local_sizes = [1, 2, 4]\nbaselines = ['serial']");
+        let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
+        let (sources, args) = ([Sources::Embedded], fixtures::args(&["a.toml"]));
+        let devices = [&device, &device];
+        let run = super::super::run_of(&args, &experiment, &devices, &sources, &locks).expect("a run");
+        let (out, shard) = (folder.path().join("out"), Shard { number: 1, of: 1 });
+        let plan = make(&run, Header { shards: 1, ..Header::default() }, &out).expect("a plan");
+        let (asked, environment, peak) = (Asked::Given(shard), Environment::default(), None);
+        let part = Part { args: &args, out, run, plan, asked, shard, environment, peak };
+        // The experiment has two image sizes.
+        assert_eq!(part.point_count(), 2 * (1 + 2 * 3));
     }
 
     #[test]
