@@ -67,9 +67,9 @@ pub struct Supervisor<'a> {
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started early, and have not yet replied [`Reply::Started`].
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
-    /// The number of the launch (measurement of a group of points by processes of its own) that is being
-    /// measured.
-    launch: u32,
+    /// How often this session has visited the group of points that is being measured, with the present visit.
+    /// A visit measures one launch of a group.
+    visit: u32,
     /// For each job and point: how many of the job's workers died while they served a request about the
     /// point.
     deaths: HashMap<(usize, usize), u32>,
@@ -92,7 +92,7 @@ impl<'a> Supervisor<'a> {
             limit,
             posts: HashMap::new(),
             starting: HashMap::new(),
-            launch: 0,
+            visit: 0,
             deaths: HashMap::new(),
             given_up: 0,
             losses: 0,
@@ -113,13 +113,15 @@ impl<'a> Supervisor<'a> {
         dismiss(workers);
     }
 
-    /// Prepares the workers for the launch number `launch` of a group of points. The workers of an earlier
-    /// group of points are kept if the earlier group's launch had the same number as this launch. If the
-    /// launch's number has changed, all workers end, so that no worker measures two launches of a group.
-    pub fn turn_to<'t>(&mut self, launch: u32, tasks: impl Iterator<Item = Task<'t>>) {
-        if self.launch != launch {
+    /// Prepares the workers for a group's visit number `visit` in this session; a visit measures one launch of
+    /// the group. A group is visited again only after all groups have been visited equally often. Therefore,
+    /// the workers of an earlier group are kept if it had the same number of visits: they have measured no
+    /// launch of this group yet. If the number has changed, all workers end, so that no worker measures two
+    /// launches of a group.
+    pub fn turn_to<'t>(&mut self, visit: u32, tasks: impl Iterator<Item = Task<'t>>) {
+        if self.visit != visit {
             self.retire();
-            self.launch = launch;
+            self.visit = visit;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
         // A worker keeps its scene if the scene is still needed. If a needed scene has no worker, a worker of
