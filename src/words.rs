@@ -101,6 +101,14 @@ pub fn few(names: &[impl AsRef<str>]) -> String {
     names.iter().take(4).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")
 }
 
+/// Returns a command as a line for a shell: the assignments of environment variables (each given as
+/// `NAME=VALUE`; texts without `=` are left out), then the command's words.
+pub fn command_line<'a>(variables: impl IntoIterator<Item = &'a String>, words: &[String]) -> String {
+    let assigned = |(name, value): (&str, &str)| format!("{name}={}", quote(value));
+    let variables = variables.into_iter().filter_map(|setting| setting.split_once('=')).map(assigned);
+    variables.chain(words.iter().map(|word| quote(word))).collect::<Vec<_>>().join(" ")
+}
+
 /// Returns an option and its value as words of a command. A value that begins with `-` is joined to the
 /// option by `=`; as a separate word, such a value would be read as another option.
 pub fn option(name: &str, value: impl Display) -> Vec<String> {

@@ -468,7 +468,8 @@ fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_conti
         said(&output)
     };
     let resumes = |said: &str, file: &str| {
-        for part in ["cannot write", file, "ulimit -f", "to continue from here: raycl run", "--resume"] {
+        let command = ["to continue from here: ", "RAYCL_MOVED_SAMPLES=keep ", " raycl run ", "--resume"];
+        for part in ["cannot write", file, "ulimit -f"].into_iter().chain(command) {
             assert!(said.contains(part), "{part} is not in {said}");
         }
     };

@@ -6,6 +6,7 @@ use super::measured::failures;
 use super::progress::{Stages, observer};
 use super::run;
 use crate::config::with_absolute_paths;
+use crate::device::variables::Setting;
 use crate::error::{Error, Result};
 use crate::existing;
 use crate::experiment::find_devices;
@@ -15,7 +16,7 @@ use crate::record::journals::RECORDS;
 use crate::report;
 use crate::report::paper::{CONFIGS, SCENES};
 use crate::settings::results;
-use crate::words::{few, option, quote};
+use crate::words::{command_line, few, option};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -129,7 +130,8 @@ fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, 
     stages.end();
     let page = write_page(out)
         .map_or(String::new(), |page| format!("a page of the finished points: {}\n", page.display()));
-    let help = format!("{page}to continue from here: {}", resuming(args));
+    let command = resuming(args, &run::deciding_variables(&args.device));
+    let help = format!("{page}to continue from here: {command}");
     let error = match error {
         Error::Interrupted { .. } => {
             Error::interrupted(format!("{} of {total} points are done", stages.done()))
@@ -139,8 +141,8 @@ fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, 
     error.to_be_continued(help)
 }
 
-/// Returns the command that continues the reproduction.
-fn resuming(args: &Args) -> String {
+/// Returns the command that continues the reproduction, with the environment variables that it needs.
+fn resuming(args: &Args, variables: &[Setting]) -> String {
     let mut words = vec!["raycl".to_owned(), "reproduce".to_owned()];
     words.extend(option("--out", args.out.display()));
     words.extend(args.device.iter().flat_map(|device| option("--device", device)));
@@ -149,7 +151,7 @@ fn resuming(args: &Args) -> String {
     words.extend(args.force.then(|| "--force".to_owned()));
     words.extend(args.retry_failed.then(|| "--retry-failed".to_owned()));
     words.push("--resume".to_owned());
-    words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
+    command_line(variables, &words)
 }
 
 /// Prints the path of each config's report, and the path of the page.
@@ -345,7 +347,8 @@ mod tests {
             let stopped = stopped(error, &args(), &mut out, &mut stages, 4);
             (stopped.to_string(), stopped.remedy().to_owned())
         };
-        let command = format!("to continue from here: {}", resuming(&args()));
+        let again = resuming(&args(), &run::deciding_variables(&args().device));
+        let command = format!("to continue from here: {again}");
         let [failed, mistake] =
             [Error::run("full"), Error::input("no")].map(|error| error.with_help("remedy"));
         assert_eq!(message_and_remedy(failed), ("full".to_owned(), format!("remedy\n{command}")));
@@ -359,10 +362,12 @@ mod tests {
         let args = args();
         let devices = "--device cpu --device nvidia";
         let command = format!("raycl reproduce --out out {devices} --set timing.launches=1 --resume");
-        assert_eq!(resuming(&args), command);
-        let other = resuming(&Args { no_wait: true, force: true, ..args });
+        assert_eq!(resuming(&args, &[]), command);
+        let variables = ["POCL_DEVICES=pthread basic".to_owned()];
+        assert_eq!(resuming(&args, &variables), format!("POCL_DEVICES='pthread basic' {command}"));
+        let other = resuming(&Args { no_wait: true, force: true, ..args }, &[]);
         assert!(other.ends_with(" --no-wait --force --resume"), "{other}");
-        let again = resuming(&Args { resume: true, retry_failed: true, ..self::args() });
+        let again = resuming(&Args { resume: true, retry_failed: true, ..self::args() }, &[]);
         assert!(again.ends_with(" --retry-failed --resume"), "{again}");
     }
 }

@@ -15,6 +15,7 @@ mod spread;
 mod two_kernels;
 
 pub(crate) use interruption::forget_interruption;
+pub(crate) use resume::deciding_variables;
 
 use super::choice::{parse_assignment, parse_seconds, whole};
 use super::measured::{MEASURE_AGAIN, refuse_failed};

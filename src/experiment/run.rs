@@ -53,7 +53,7 @@ pub struct Run<'a> {
 /// If the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, the run leaves out no samples. If
 /// `RAYCL_MOVED_SAMPLES` has another value than `keep`, or is not set, groups that are measured on CPUs leave
 /// out some samples (see [`Run::keeps_moved_samples`]).
-const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
+pub const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
 /// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
 /// whatever their core-to-core latency.

@@ -4,7 +4,7 @@
 use super::{About, Kind, ShardPlan};
 use crate::device::variables::is_to_be_repeated;
 use crate::record::{HOST, Outcome};
-use crate::words::{option, path_word, quote};
+use crate::words::{command_line, option, path_word, quote};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -232,9 +232,7 @@ impl Start {
 
     /// Returns the command line that measures these shards, out of `of` shards in all.
     fn of_shards(&self, shards: &BTreeSet<u32>, of: u32) -> String {
-        let assignments = self.variables.iter().filter_map(|setting| assignment(setting));
-        let words = assignments.chain(self.words.iter().map(|word| quote(word)));
-        let words = words.collect::<Vec<_>>().join(" ");
+        let words = command_line(self.variables.iter().filter(|setting| is_harmless(setting)), &self.words);
         let command = match shards.iter().copied().collect::<Vec<_>>()[..] {
             [one] => format!("{words} --shard {one}/{of}"),
             _ => {
@@ -250,13 +248,11 @@ impl Start {
     }
 }
 
-/// Returns the shell's assignment `NAME=VALUE` of a variable, with the value quoted; `None` if `setting` has
-/// no `=`, or if the variable is not one that [`is_to_be_repeated`] accepts. The user runs the command in a
+/// Returns true if the command may set a variable, given as `NAME=VALUE`. The user runs the command in a
 /// shell, and a stranger may have written the file from which `setting` comes. Therefore, the command sets
 /// only variables that [`is_to_be_repeated`] accepts.
-fn assignment(setting: &str) -> Option<String> {
-    let (name, value) = setting.split_once('=')?;
-    is_to_be_repeated(name).then(|| format!("{name}={}", quote(value)))
+fn is_harmless(setting: &str) -> bool {
+    setting.split_once('=').is_some_and(|(name, _)| is_to_be_repeated(name))
 }
 
 /// Returns a command line without the word `--`, after which no option can be added. The words after `--` are
