@@ -63,7 +63,7 @@ pub(super) fn assemble(
     let Joined { mut mesh, origin, seen, mut starts } =
         cache.joined(|cache| join(document, &wire, cache, notes))?;
     wire.set_origin(origin);
-    if document.bare && has_lamp(&mesh) {
+    if document.bare && mesh.is_emissive() {
         notes.push("surfaces that emit light do not light others".to_owned());
     }
     let framed = document.bare || wire.camera.is_framed();
@@ -116,11 +116,6 @@ fn name(document: &Document, wire: &SceneWire) -> Result<String> {
         }
         Some(name) => Ok(name.get_ref().clone()),
     }
-}
-
-/// Returns true if a triangle emits light. A file may define emissive materials that no triangle uses.
-fn has_lamp(mesh: &Mesh) -> bool {
-    mesh.is_emissive() && mesh.triangles.iter().any(|triangle| mesh.material(triangle).is_emissive())
 }
 
 /// Returns the turntable of a scene. `around` is the ball around the scene; `None` if the ball was not
