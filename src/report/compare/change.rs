@@ -1,21 +1,26 @@
 //! Computes the change of a point's time from one run to another. A machine's speed differs from run to run.
 //! Each time is therefore first divided by a reference time from the same rounds: the time of the anchor (a
-//! fixed kernel), or the mean time of baselines or of other points.
+//! fixed kernel), or the mean time of baselines or of other points. Times on different devices are not
+//! divided by those of other points, since the difference between the devices would cancel.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{
     Record, anchored, are_together, median, ratio, ratio_apart, ratio_of_means, rounds_of, unshared_delay,
 };
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which
 /// both times are divided. The reference is the time of the device's anchor. If the device has no anchor, the
-/// reference is the mean time of the point's `references`. Returns `None` if the point has no reference, or
-/// if a record has too few samples.
+/// reference is the mean time of the point's `references`. Where devices differ and have no common reference,
+/// the times themselves are compared. Returns `None` if the point has no reference although its device is the
+/// same, or if a record has too few samples.
 pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
+    }
+    if references.are_bare(pair) {
+        return bare(pair);
     }
     let (references, against) = references.of(&[pair])?;
     let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();
@@ -34,13 +39,15 @@ impl<'a> References<'a> {
     /// the compared points, and the control points that blocks borrowed. A block borrows a control point if
     /// the block measures the control point although the point belongs to another block.
     pub fn among(all: &[Both<'a>]) -> Self {
+        let other_devices = other_devices(all);
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {
             if let Some(rounds) = rounds(pair) {
                 groups.entry(rounds).or_default().push(pair);
             }
         }
-        let known = |(rounds, beside): (_, Vec<Both<'a>>)| Some((rounds, among_group(&beside)?));
+        let known =
+            |(rounds, beside): (_, Vec<Both<'a>>)| Some((rounds, among_group(&beside, &other_devices)?));
         Self(groups.into_iter().filter_map(known).collect())
     }
 
@@ -53,6 +60,28 @@ impl<'a> References<'a> {
         let others: Vec<Both<'a>> = references.iter().filter(|(one, _)| !is_own(one)).copied().collect();
         (!others.is_empty()).then_some((others, *against))
     }
+
+    /// Returns true if the point's times are compared without a reference, because the devices of all kernels
+    /// of the same rounds differ, and no baseline is the same.
+    fn are_bare(&self, pair: Both<'_>) -> bool {
+        let of_rounds = rounds(pair).and_then(|rounds| self.0.get(&rounds));
+        of_rounds.is_some_and(|(_, against)| *against == Against::BareTimes)
+    }
+}
+
+/// Returns the names of the devices of a pair of records.
+fn devices<'a>((before, after): &Both<'a>) -> [&'a str; 2] {
+    [&before.device, &after.device]
+}
+
+/// Returns the names of those pairs of devices in `all` that are two different devices. A device is the same
+/// if its name is the same, or if records with equal keys show that it only has another name in the second
+/// run.
+fn other_devices<'a>(all: &[Both<'a>]) -> HashSet<[&'a str; 2]> {
+    let renamed: HashSet<_> =
+        all.iter().filter(|(before, after)| before.key == after.key).map(devices).collect();
+    let differ = |names: &[&str; 2]| names[0] != names[1] && !renamed.contains(names);
+    all.iter().map(devices).filter(differ).collect()
 }
 
 /// Returns two hashes, which identify the rounds in which the first and the second run measured a point;
@@ -64,14 +93,23 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
 /// Returns those of the points `beside` by whose mean time other times are divided (the references). All
 /// points in `beside` were measured in the same rounds. If both runs measured baselines among them with the
 /// same program, these baselines are the references. Without such baselines, the references are the kernels
-/// whose times changed by similar factors. Returns `None` for fewer than three kernels without baselines,
-/// since nobody could know which of two kernels became faster or slower.
-fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
+/// whose times changed by similar factors. If the two devices of every kernel are a pair of `other_devices`,
+/// there are no references, since the factor by which one device is faster would cancel. Returns `None` for
+/// fewer than three kernels without baselines, since nobody could know which of two kernels became faster or
+/// slower.
+fn among_group<'a>(
+    beside: &[Both<'a>],
+    other_devices: &HashSet<[&'a str; 2]>,
+) -> Option<(Vec<Both<'a>>, Against)> {
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
     let baselines: Vec<Both<'a>> = beside.iter().filter(untouched).copied().collect();
     let kernels: Vec<Both<'a>> = beside.iter().filter(|(one, _)| !one.is_baseline()).copied().collect();
+    let differ = |pair: &Both<'_>| other_devices.contains(&devices(pair));
     match baselines.is_empty() {
         false => Some((baselines, Against::Baselines)),
+        true if !other_devices.is_empty() && kernels.iter().all(differ) => {
+            Some((Vec::new(), Against::BareTimes))
+        }
         true if kernels.len() < 3 => None,
         true => Some((alike(kernels), Against::PointsInCommon)),
     }

@@ -65,7 +65,8 @@ impl Comparison {
 
     /// Compares two folders. The largest change that counts as "same" is `threshold`, as a fraction: 0.02 is
     /// 2%. If `bare` is true, the measured times are compared, without dividing them by the times of an
-    /// anchor or of baselines.
+    /// anchor or of baselines. The measured times are also compared where devices differ and the folders have
+    /// no baseline in common.
     ///
     /// `Correspondence` says which records of the two folders are of the same point.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
@@ -100,7 +101,7 @@ impl Comparison {
         comparison.notes.extend(different_devices([before, after], &comparison.labels, &corresponding));
         comparison.notes.extend(moved_between([before, after], &comparison.labels));
         comparison.judge(bare);
-        comparison.say_how_results_were_compared();
+        comparison.say_how_results_were_compared(bare);
         comparison
     }
 

@@ -12,6 +12,10 @@ use crate::words::counted;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
+/// The reason why times are compared without an anchor or baselines although the user did not ask for it.
+const OTHER_DEVICES: &str = "because the devices differ and the folders have no baseline of the same program and \
+                             processor in common";
+
 /// Returns a note for each pair of corresponding devices that differ in their names, or in properties that
 /// affect times. `devices` contains the names of corresponding devices in the two folders. A property that
 /// one of the folders does not contain is not compared. The note names the environment variables that the
@@ -98,8 +102,9 @@ pub(super) fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Opti
 }
 
 impl Comparison {
-    /// Adds notes on how the changes from one folder of results to the other were computed.
-    pub(super) fn say_how_results_were_compared(&mut self) {
+    /// Adds notes on how the changes from one folder of results to the other were computed. `bare` is true if
+    /// the user wants the times to be compared without an anchor or baselines.
+    pub(super) fn say_how_results_were_compared(&mut self, bare: bool) {
         if self.has_change(Against::Anchor) || self.has_change(Against::Baselines) {
             self.notes.push(
                 "Changes are relative to work that is the same in both runs (the anchor kernel or the baselines) and was measured in \
@@ -112,11 +117,11 @@ impl Comparison {
         self.notes.extend(self.without_baseline());
         self.notes.extend(self.cannot_tell());
         if self.has_change(Against::BareTimes) {
-            self.notes.push(
-                "Plain times are compared, not their ratios to the anchor's time. Changes therefore include every difference \
-                 between the runs, such as load and clock rates."
-                    .to_owned(),
-            );
+            let why = if bare { "not their ratios to the anchor's time" } else { OTHER_DEVICES };
+            self.notes.push(format!(
+                "Plain times are compared, {why}. Changes therefore include every difference between the runs, \
+                 such as load and clock rates."
+            ));
         }
     }
 

@@ -39,6 +39,33 @@ fn another_machines_results_are_compared_point_by_point() {
     assert!(positions.is_sorted(), "{markdown}");
 }
 
+/// The first device is a CPU, and the second device takes a hundredth of its times. The host of each device
+/// also timed a baseline; records of a baseline have equal keys only if they have the same processor.
+#[test]
+fn a_faster_device_is_faster_although_all_points_share_the_factor() {
+    let run = |device: &str, factor: f64, (host, ms): (&str, f64)| {
+        let kernels =
+            [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0)].map(|(name, ms)| timed(device, name, factor * ms));
+        let host = Record { key: host.into(), ..timed("host", "serial", ms) };
+        folder(device, [kernels.to_vec(), vec![host]].concat())
+    };
+    let (cpu, gpu) = (run("cpu", 1.0, ("old", 300.0)), run("gpu", 0.01, ("new", 100.0)));
+    let comparison = of(&cpu, &gpu);
+    assert_eq!(comparison.summary(), "4 faster, 0 slower, 0 same, 0 unclear");
+    assert!(comparison.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::BareTimes)))));
+    assert!(comparison.lines()[0].change_percent.is_some_and(|percent| (percent + 99.0).abs() < 0.1));
+    let notes = &comparison.notes;
+    let is_said = |note: &String| note.starts_with("Plain times are compared, because the devices differ");
+    assert!(notes.iter().any(is_said), "{notes:?}");
+    assert!(notes.iter().all(|note| !note.contains("cannot be detected")), "{notes:?}");
+    let regressions = of(&gpu, &cpu).regressions(5.0);
+    assert!(regressions[0].starts_with("all points together are 9900."), "{regressions:?}");
+    // Beside a baseline on the same processor, the difference between the devices does not cancel either.
+    let of_same_host = of(&cpu, &run("gpu", 0.01, ("old", 300.0)));
+    assert_eq!(of_same_host.summary(), "3 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+    assert!(matches!(of_same_host.pairs[0].change, Some((_, Against::Baselines))));
+}
+
 #[test]
 fn what_all_points_share_needs_a_baseline() {
     let kernels = |slower: f64| {
@@ -339,6 +366,9 @@ fn records_of_one_key_correspond_whatever_their_names_are() {
     let notes = &comparison.notes;
     assert!(notes.iter().all(|note| !note.starts_with("The devices differ")), "{notes:?}");
     assert_eq!(comparison.lost_points(), None);
+    // The device only has another name, so times are relative to the points that changed by similar factors.
+    let is_relative = |pair: &Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
+    assert!(comparison.pairs.iter().all(is_relative));
 }
 
 #[test]
