@@ -1,6 +1,7 @@
 //! Collects the data of a report's first screen: the winners, how much faster the winners are than other
 //! points, how certain this result is, and which points have no time.
 
+use super::merged::Origins;
 use super::words::{first_line, series_name, title};
 use crate::entry::entry;
 use crate::measure::Ranking;
@@ -58,6 +59,8 @@ pub struct Speedup {
     /// How many times as fast the winner is; `None` if the winner or the other point has too few samples, or
     /// times of 0.
     pub ratio: Option<f64>,
+    /// True if the other point is a baseline.
+    pub is_over_baseline: bool,
     /// The factor as text, such as "4.4×"; "?" if the factor is unknown.
     pub factor: String,
     /// The 95% interval of the factor, such as "4.2 to 4.6". If the factor is unknown, the reason, such as
@@ -77,11 +80,13 @@ pub struct Refused {
 }
 
 /// Returns one answer per group of points. Groups of baselines (ray casters on the host) are left out.
-pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
-    groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
+/// `origins` tells which baselines the machine of a point measured.
+pub fn answers(groups: &[Group<'_>], origins: &Origins<'_>) -> Vec<Answer> {
+    let kernels = groups.iter().filter(|group| group.device != HOST);
+    kernels.map(|group| answer(group, &origins.baselines(group, groups))).collect()
 }
 
-fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
+fn answer(group: &Group<'_>, baselines: &[&Record]) -> Answer {
     let ranking = group.ranking();
     let best = ranking.winners.first().copied();
     let (sureness, sure) = sure(group, &ranking);
@@ -93,7 +98,7 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
         interval: best
             .and_then(|best| Some(duration_range(interval(best)?, median(best)?)))
             .unwrap_or_default(),
-        speedups: best.map_or(Vec::new(), |best| speedups(best, group, groups)),
+        speedups: best.map_or(Vec::new(), |best| speedups(best, group, baselines)),
         naive_wins: best
             .zip(group.naive())
             .filter(|(best, naive)| best.key == naive.key)
@@ -111,8 +116,8 @@ fn winner(record: &Record) -> Winner {
     Winner { name: record.name.clone(), size, strategy: record.strategy.clone() }
 }
 
-fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speedup> {
-    let serial = group.baselines(groups).into_iter().filter(|record| record.strategy.starts_with("serial"));
+fn speedups(best: &Record, group: &Group<'_>, baselines: &[&Record]) -> Vec<Speedup> {
+    let serial = baselines.iter().copied().filter(|record| record.strategy.starts_with("serial"));
     let others = serial.chain(group.naive().filter(|naive| naive.key != best.key));
     others.filter_map(|other| speedup(best, other)).collect()
 }
@@ -127,14 +132,18 @@ fn name_of_other(record: &Record) -> String {
 }
 
 fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
-    let over = name_of_other(other);
+    let (over, is_over_baseline) = (name_of_other(other), other.is_baseline());
     let Some(ratio) = ratio(other, best) else {
-        return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
+        let range = not_enough(other)?;
+        return Some(Speedup { over, ratio: None, is_over_baseline, factor: "?".into(), range });
     };
     let range = format!("{} to {}", significant(ratio.low, 3), significant(ratio.high, 3));
     let factor = format!("{}×", significant(ratio.middle, 3));
-    Some(Speedup { over, ratio: Some(ratio.middle), factor, range })
+    Some(Speedup { over, ratio: Some(ratio.middle), is_over_baseline, factor, range })
 }
+
+/// The largest number of baselines with which the headline compares the winners.
+const MOST_BASELINES: usize = 2;
 
 /// The text that the page shows if no point of a group has a time.
 const NOTHING: &str = "nothing measured";
@@ -218,20 +227,20 @@ pub fn headline(answers: &[Answer]) -> String {
 /// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as
 /// serial-f32, 1.04 to 7.82 times as fast as the best naive point". If a speed-up is unknown in some groups
 /// that have a winner, the text also states two numbers: of the groups in which the speed-up is known, and of
-/// the groups with a winner. Returns an empty text if no speed-up is known.
+/// the groups with a winner. Of the baselines, the text names only the first `MOST_BASELINES`. Returns an
+/// empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
-    let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
+    let mut over: Vec<(&Speedup, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
         let Some(ratio) = speedup.ratio else { continue };
-        let name = speedup.over.as_str();
-        entry(&mut over, |(known, _)| *known == name, || (name, Vec::new())).1.push(ratio);
+        entry(&mut over, |(known, _)| known.over == speedup.over, || (speedup, Vec::new())).1.push(ratio);
     }
     let won = answers.iter().filter(|answer| !answer.winners.is_empty()).count();
-    let text = |(name, ratios): &(&str, Vec<f64>)| {
+    let text = |(Speedup { over: name, .. }, ratios): &(&Speedup, Vec<f64>)| {
         let low = significant(ratios.iter().copied().fold(f64::INFINITY, f64::min), 3);
         let high = significant(ratios.iter().copied().fold(0.0, f64::max), 3);
         let range = if low == high { low } else { format!("{low} to {high}") };
-        let itself = answers.iter().filter(|answer| answer.naive_wins.as_deref() == Some(*name)).count();
+        let itself = answers.iter().filter(|answer| answer.naive_wins.as_ref() == Some(name)).count();
         let known = match (ratios.len(), itself) {
             (known, _) if known >= won => String::new(),
             (known, 0) => format!(" (in {known} of {won} comparisons)"),
@@ -241,7 +250,8 @@ fn gains(answers: &[Answer]) -> String {
         };
         format!("{range} times as fast as {name}{known}")
     };
-    let all: Vec<_> = over.iter().take(3).map(text).collect();
+    let (baselines, kernels): (Vec<_>, Vec<_>) = over.iter().partition(|(one, _)| one.is_over_baseline);
+    let all: Vec<_> = baselines.into_iter().take(MOST_BASELINES).chain(kernels).map(text).collect();
     let mut winners = answers.iter().flat_map(|answer| &answer.winners).map(|winner| winner.name.as_str());
     let first = winners.next();
     let they = if winners.all(|name| Some(name) == first) { "it is" } else { "the winners are" };
@@ -291,6 +301,11 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::groups;
+
+    /// Returns the answers for records of a single folder.
+    fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
+        super::answers(groups, &Origins::of(&[]))
+    }
 
     #[test]
     fn a_tie_is_a_tie_and_speedups_carry_their_range() {
@@ -406,6 +421,18 @@ mod tests {
             let text = headline(&answers(&groups(&judged(records))));
             assert!(text.ends_with("; it is 12.0 to 40.0 times as fast as serial-f32"), "{text}");
         }
+    }
+
+    /// A report of several folders may have a baseline of each folder.
+    #[test]
+    fn the_headline_has_the_best_naive_point_after_many_baselines() {
+        let baselines = [("serial-f32", 400.0), ("serial-f64", 500.0), ("serial-f32 (old)", 600.0)];
+        let kernels = [measured("gpu", "naive", 8, 15.0), measured("gpu", "wide", 1, 10.0)];
+        let hosts = baselines.map(|(name, ms)| measured("host", name, 0, ms));
+        let text = headline(&answers(&groups(&judged([&hosts[..], &kernels].concat()))));
+        let gains = "; it is 40.0 times as fast as serial-f32, 50.0 times as fast as serial-f64, 1.50 times as fast \
+                     as the best naive point";
+        assert!(text.ends_with(gains), "{text}");
     }
 
     /// If the headline rounded the speed-up to two digits, it would say "1.0 times as fast", and contradict

@@ -1,6 +1,6 @@
 //! Combines several folders of results into one list of records.
 
-use crate::record::{CurrentPlan, Folder, Record, latest, point};
+use crate::record::{CurrentPlan, Folder, Group, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -42,15 +42,49 @@ impl<'a> Origins<'a> {
 
     /// Returns the path of a merged record's folder; `None` if the record is not among the merged records.
     pub fn folder(&self, record: &Record) -> Option<&'a Path> {
-        let index = *self.folder_indices.get(&point(record))?;
-        Some(self.folders[index].path.as_path())
+        Some(self.folders[self.index(record)?].path.as_path())
     }
 
     /// Returns the label of a merged record's folder; `None` if only one folder was merged, or if the record
     /// is not among the merged records.
     pub fn label(&self, record: &Record) -> Option<&str> {
-        let index = self.folder_indices.get(&point(record)).filter(|_| self.folders.len() > 1)?;
-        Some(self.labels[*index].as_str())
+        let index = self.index(record).filter(|_| self.folders.len() > 1)?;
+        Some(self.labels[index].as_str())
+    }
+
+    /// Returns the baselines of the machine that measured a group's fastest point. `groups` contains the
+    /// groups of all baselines. If the point's own folder has baselines of the same scene and image size, only
+    /// these are returned. Otherwise, the baselines of other folders from the same machine are returned.
+    pub fn baselines<'r>(&self, group: &Group<'r>, groups: &[Group<'r>]) -> Vec<&'r Record> {
+        let all = group.baselines(groups);
+        let best = group.best_where(|_| true).or(group.records.first().copied());
+        let Some(index) = best.and_then(|best| self.index(best)) else { return all };
+        let is_own = |other: &Record| self.index(other) == Some(index) || self.has_key(index, &other.key);
+        if all.iter().any(|other| is_own(other)) {
+            return all.into_iter().filter(|other| is_own(other)).collect();
+        }
+        let is_near = |other: &Record| self.index(other).is_some_and(|other| self.share_host(index, other));
+        all.into_iter().filter(|other| is_near(other)).collect()
+    }
+
+    /// Returns the index of a merged record's folder; `None` if the record is not among the merged records.
+    fn index(&self, record: &Record) -> Option<usize> {
+        self.folder_indices.get(&point(record)).copied()
+    }
+
+    /// Returns true if a folder has a record with the given key. The key of a baseline identifies the model
+    /// of the processor.
+    fn has_key(&self, index: usize, key: &str) -> bool {
+        self.folders[index].records.iter().any(|record| record.key == key)
+    }
+
+    /// Returns true if the environments of two folders name the same machine, with the same processor.
+    fn share_host(&self, one: usize, other: usize) -> bool {
+        let host = |index: usize| {
+            let host = &self.folders[index].environment["host"];
+            [&host["name"], &host["cpu"], &host["cores"]]
+        };
+        host(one) == host(other) && host(one).iter().all(|part| !part.is_null())
     }
 }
 
@@ -187,6 +221,9 @@ fn clashing(all: &[Vec<Record>]) -> HashSet<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::fixtures::{judged, measured};
+    use crate::record::groups;
+    use serde_json::json;
 
     fn folder(label: &str, gpu_key: &str, scene_hash: Option<&str>) -> Folder {
         let record = |key: &str, device: &str| Record {
@@ -328,6 +365,40 @@ mod tests {
         let names: Vec<_> = hosts.iter().map(|host| (host.name.as_str(), host.strategy.as_str())).collect();
         assert_eq!(names, [("serial (one)", "serial-f32 (one)"), ("serial (two)", "serial-f32 (two)")]);
         assert!(hosts.iter().all(|host| host.device == crate::record::HOST));
+    }
+
+    /// Returns a folder of the machine `host` with a point of `device`. If the folder has a baseline, `key` is
+    /// the baseline's key.
+    fn with_baseline(label: &str, host: Option<&str>, device: &str, key: Option<&str>) -> Folder {
+        let environment = host.map(|name| json!({ "host": { "name": name, "cpu": "EPYC", "cores": 2 } }));
+        let baseline = key.map(|key| Record { key: key.into(), ..measured("host", "serial", 0, 400.0) });
+        let records =
+            judged([measured(device, "naive", 8, 10.0)].into_iter().chain(baseline).collect::<Vec<_>>());
+        let environment = environment.unwrap_or_default();
+        Folder { label: label.into(), environment, records, ..Folder::default() }
+    }
+
+    #[test]
+    fn the_baselines_of_a_point_are_those_of_its_own_machine() {
+        let names = |folders: &[Folder], device: &str| -> Vec<String> {
+            let records = merged(folders);
+            let groups = groups(&records);
+            let group = groups.iter().find(|group| group.device == device).expect("a group");
+            let baselines = Origins::of(folders).baselines(group, &groups);
+            baselines.into_iter().map(|record| record.name.clone()).collect()
+        };
+        let gpu = |host, key| with_baseline("gpus", host, "gpu", key);
+        let cpu = |host| with_baseline("cpus", host, "cpu", Some("epyc"));
+        let [one, two] = [Some("one"), Some("two")];
+        // Both folders have a baseline. On the same processor, the baseline has the same key.
+        assert_eq!(names(&[gpu(one, Some("xeon")), cpu(two)], "gpu"), ["serial (gpus)"]);
+        assert_eq!(names(&[gpu(one, Some("xeon")), cpu(two)], "cpu"), ["serial (cpus)"]);
+        assert_eq!(names(&[gpu(two, Some("xeon")), cpu(two)], "gpu"), ["serial (gpus)"]);
+        assert_eq!(names(&[gpu(one, Some("epyc")), cpu(two)], "gpu"), ["serial"]);
+        // Only one of the folders has a baseline.
+        assert_eq!(names(&[gpu(one, None), cpu(two)], "gpu"), [""; 0]);
+        assert_eq!(names(&[gpu(None, None), cpu(None)], "gpu"), [""; 0], "the machines are unknown");
+        assert_eq!(names(&[gpu(two, None), cpu(two)], "gpu"), ["serial"]);
     }
 
     #[test]

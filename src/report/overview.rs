@@ -1,6 +1,7 @@
 //! Draws the plots that cover several groups of points: the plots of all scenes on a device, and the plots of
 //! pairs of devices.
 
+use super::merged::Origins;
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::scale::Kind;
@@ -18,18 +19,17 @@ const MOST_WITH_ALL_PAIRS: usize = 8;
 type OfDevice<'a> = (&'a str, Vec<&'a Record>);
 
 /// Returns a plot for each device with several scenes or image sizes. The plot shows the best time of every
-/// strategy and baseline for each scene and image size.
-pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+/// strategy, and of every baseline of the device's machine, for each scene and image size. `origins` tells
+/// which baselines the machine measured.
+pub fn scenes(groups: &[Group<'_>], looks: &Looks, origins: &Origins<'_>) -> Vec<Plot> {
     let plot = |(index, device): (usize, &str)| {
-        let shown: Vec<_> =
-            groups.iter().filter(|group| group.device == device || group.device == HOST).collect();
-        let mut columns: Vec<(&str, [u32; 2])> = Vec::new();
-        for group in shown.iter().filter(|group| group.device == device) {
-            columns.push((group.scene, group.image_size));
-        }
+        let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
+        let columns: Vec<_> = own.iter().map(|group| (group.scene, group.image_size)).collect();
         if columns.len() < 2 {
             return None;
         }
+        let hosts: Vec<_> = own.iter().map(|group| of_host(group, groups, origins)).collect();
+        let shown: Vec<_> = own.iter().copied().chain(&hosts).collect();
         let one_size = columns.iter().all(|(_, size)| *size == columns[0].1);
         let series = best_of_each(&shown, &columns, looks);
         let chart = Chart {
@@ -49,6 +49,12 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
         Some(Plot::of(numbered("scenes", index), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
+}
+
+/// Returns the group of the baselines that the machine of another group's fastest point measured.
+fn of_host<'a>(group: &Group<'a>, groups: &[Group<'a>], origins: &Origins<'_>) -> Group<'a> {
+    let records = origins.baselines(group, groups);
+    Group { scene: group.scene, image_size: group.image_size, device: HOST, records }
 }
 
 pub(super) fn numbered(name: &str, index: usize) -> String {
@@ -180,6 +186,11 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{few, judged, measured, sampled};
     use crate::record::groups;
+
+    /// Returns the plots of a single folder.
+    fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+        super::scenes(groups, looks, &Origins::of(&[]))
+    }
 
     #[test]
     fn bars_of_device_against_device_are_the_second_devices() {

@@ -108,12 +108,12 @@ impl Page {
         let groups = groups(&records);
         let looks = Looks::of(&groups);
         let (mut pictures, origins) = (Pictures::default(), Origins::of(folders));
-        let answers = answers(&groups);
+        let answers = answers(&groups, &origins);
         let headline = headline(&answers);
         let kernels = groups.iter().filter(|group| group.device != HOST);
         let thumbnails = kernels.map(|group| thumbnail(group, &mut pictures, &origins));
         let answers: Vec<_> = answers.into_iter().zip(thumbnails).collect();
-        let mut overview = overview::scenes(&groups, &looks);
+        let mut overview = overview::scenes(&groups, &looks, &origins);
         let (pairs, left_out) = overview::device_against_device(&groups, &looks);
         overview.extend(pairs);
         overview.extend(side_by_side::side_by_side(&groups));
@@ -131,7 +131,7 @@ impl Page {
             answers,
             overview,
             changes: one_change::tables(&records, &groups),
-            views: views(&groups, &looks, folders),
+            views: views(&groups, &looks, folders, &origins),
             gallery: pictures.gallery(&records, &origins),
             hosts: folders.iter().flat_map(hosts).collect(),
             environments: folders.iter().map(environment::view).collect(),
@@ -249,13 +249,16 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
     shown.map(|(_, fact)| fact).collect()
 }
 
-fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
+fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder], origins: &Origins<'_>) -> Vec<View> {
     let files = file_names(groups);
     let kernels = groups.iter().zip(&files).filter(|(group, _)| group.device != HOST);
     let mut views: Vec<View> = kernels
         .clone()
         .enumerate()
-        .map(|(index, (group, file))| one_view(index, group, file, groups, looks, folders))
+        .map(|(index, (group, file))| {
+            let baselines = origins.baselines(group, groups);
+            one_view(index, group, file, &baselines, looks, folders)
+        })
         .collect();
     let triangles = |group: &Group<'_>| group.records.iter().filter_map(|record| record.triangles).max();
     let largest = kernels.enumerate().max_by_key(|(_, (group, _))| triangles(group)).map(|(index, _)| index);
@@ -266,12 +269,12 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
 }
 
 /// Returns the plots and the table of one group. `file` identifies the group in the names of the plots, such
-/// as `samples-{file}`.
+/// as `samples-{file}`. The baselines come last in the table.
 fn one_view(
     index: usize,
     group: &Group<'_>,
     file: &str,
-    groups: &[Group<'_>],
+    baselines: &[&Record],
     looks: &Looks,
     folders: &[Folder],
 ) -> View {
@@ -287,7 +290,7 @@ fn one_view(
     let kernels = ranking.all().into_iter().chain(failed);
     let wins = |record: &Record| ranking.winners.iter().any(|winner| winner.key == record.key);
     let rows = kernels.map(|record| row(record, best, wins(record)));
-    let host = group.baselines(groups).into_iter().map(|record| row(record, best, false));
+    let host = baselines.iter().map(|record| row(record, best, false));
     View {
         id: format!("view-{index}"),
         first: false,

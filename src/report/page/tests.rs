@@ -251,6 +251,23 @@ fn the_instructions_of_the_fastest_point_are_offered_only_for_a_single_folder() 
 }
 
 #[test]
+fn a_device_is_not_compared_with_the_baselines_of_another_machine() {
+    let folder = |label: &str, records: &[Record]| {
+        let environment = serde_json::json!({ "host": { "name": label, "cpu": "EPYC", "cores": 2 } });
+        Folder { label: label.to_owned(), environment, records: judged(records), ..Folder::default() }
+    };
+    let kernels =
+        |device: &str| [("naive", 20.0), ("wide", 10.0)].map(|(name, ms)| measured(device, name, 8, ms));
+    let cpu = [&kernels("cpu")[..], &[measured(HOST, "serial-f32", 0, 400.0)]].concat();
+    let page = Page::of(&[folder("gpus", &kernels("gpu")), folder("cpus", &cpu)]);
+    let speedups = page.answers.iter().map(|(answer, _)| answer.speedups.len());
+    assert_eq!(speedups.collect::<Vec<_>>(), [1, 2]);
+    assert!(page.headline.contains("as fast as serial-f32 (in 1 of 2 comparisons)"), "{}", page.headline);
+    let rows = page.views.iter().map(|view| view.rows.len());
+    assert_eq!(rows.collect::<Vec<_>>(), [2, 3]);
+}
+
+#[test]
 fn the_table_of_a_group_ends_with_the_baselines_of_the_host() {
     let records = judged([measured(HOST, "serial-f32", 0, 1.0), measured("gpu", "naive", 8, 10.0)]);
     let page = Page::of(&[Folder { records, ..Folder::default() }]);
