@@ -12,6 +12,11 @@ use crate::record::{Group, HOST, Record, ratio};
 /// Number of characters of a device's name that fit into a column of a heat map.
 const ROOM: usize = 12;
 
+/// The end of the captions of both heat maps.
+const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all scenes and sizes. A value with (1 of 2) has no ring: \
+                           it is the mean over only one of two scenes and sizes, because the point has no time or too \
+                           few samples for the other one.";
+
 /// A group, and those of its records that have a rank (enough samples, none of which is 0), the fastest
 /// first.
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
@@ -42,11 +47,13 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     }
     let row = |name: &&str| {
         let cell = |device: &&str| {
-            let slower = groups.iter().filter(|(group, _)| group.device == *device).filter_map(|ranked| {
+            let own: Vec<_> = groups.iter().filter(|ranked| is_ranked_on(device, ranked)).collect();
+            let slower = own.iter().filter_map(|ranked| {
                 over_best(ranked, ranked.1.iter().find(|record| record.name == **name)?)
             });
             cell(
                 slower.collect(),
+                own.len(),
                 &format!(
                     "{name} on {device}: its time at its best local size, divided by the best time of all strategies, \
                      for each scene and image size"
@@ -57,8 +64,7 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     };
     let rows = names.iter().map(row).collect();
     let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
-        same scene, size and device. The cell shows the ratio of the two times, as a geometric mean over scenes and sizes. The \
-        value 1 means that the strategy is the best for all scenes and sizes on this device.";
+        same scene, size and device. The cell shows the ratio of the two times, as a geometric mean over scenes and sizes.";
     plot(
         "strategies-by-device",
         "Strategies by device: time relative to the device's best",
@@ -74,19 +80,15 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
 fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
-            let slower = groups.iter().filter(|(group, _)| group.device == *on).filter_map(|ranked| {
-                let (group, _) = ranked;
-                let same = |(other, _): &&Ranked<'_, '_>| {
-                    other.device == *from
-                        && (other.scene, other.image_size) == (group.scene, group.image_size)
-                };
-                let (_, others) = groups.iter().find(same)?;
-                let best = *others.first()?;
-                let point = (&best.name, best.local_size);
+            let own = groups.iter().filter(|ranked| is_ranked_on(on, ranked));
+            let both: Vec<_> =
+                own.filter_map(|ranked| Some((ranked, best_on(from, groups, ranked.0)?))).collect();
+            let slower = both.iter().filter_map(|(ranked, best)| {
+                let (group, point) = (ranked.0, (&best.name, best.local_size));
                 let there = group.records.iter().find(|record| (&record.name, record.local_size) == point)?;
                 Some((over_best(ranked, there)?.0, format!("{}: {}", group.scene, title(best))))
             });
-            cell(slower.collect(), &format!("the best of {from}, used on {on}"))
+            cell(slower.collect(), both.len(), &format!("the best of {from}, used on {on}"))
         };
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
@@ -103,6 +105,20 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     )
 }
 
+/// Returns true if a group belongs to the device, and one of its records has a rank.
+fn is_ranked_on(device: &str, (group, ranked): &Ranked<'_, '_>) -> bool {
+    group.device == device && !ranked.is_empty()
+}
+
+/// Returns the fastest record of the device for the scene and image size of `group`, which may belong to
+/// another device. Returns `None` if no record has a rank.
+fn best_on<'a>(device: &str, groups: &[Ranked<'_, 'a>], group: &Group<'_>) -> Option<&'a Record> {
+    let same = |(other, _): &&Ranked<'_, '_>| {
+        other.device == device && (other.scene, other.image_size) == (group.scene, group.image_size)
+    };
+    groups.iter().find(same)?.1.first().copied()
+}
+
 /// Returns the ratio of a record's time to the best time of the record's group, and the names of the scene
 /// and the point. Returns `None` if the record has too few samples or times of 0, or if no record of the
 /// group has a rank.
@@ -111,14 +127,19 @@ fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, 
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))
 }
 
-fn cell(slower: Vec<(f64, String)>, what: &str) -> Cell {
+/// Returns a cell with the mean of the ratios in `slower`; `of` is the number of scenes and image sizes. If
+/// some of these have no ratio, the cell shows the number of ratios, such as "(1 of 2)", and has no ring.
+fn cell(slower: Vec<(f64, String)>, of: usize, what: &str) -> Cell {
     if slower.is_empty() {
         return Cell::Empty;
     }
+    let count = slower.len();
+    let part = if count < of { format!(" ({count} of {of})") } else { String::new() };
     let mean = (slower.iter().map(|(times, _)| times.ln()).sum::<f64>() / slower.len() as f64).exp();
     let lines = slower.iter().take(12).map(|(times, point)| format!("{}× {point}", significant(*times, 3)));
     let tip = std::iter::once(what.to_owned()).chain(lines).collect::<Vec<_>>().join("\n");
-    Cell::Time { slower: mean.max(1.0), text: significant(mean, 3), wins: mean < 1.01, tip }
+    let text = format!("{}{part}", significant(mean, 3));
+    Cell::Time { slower: mean.max(1.0), text, wins: mean < 1.01 && part.is_empty(), tip }
 }
 
 fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)>, caption: &str) -> Plot {
@@ -130,7 +151,8 @@ fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)
         rows,
         codes: Vec::new(),
     };
-    Plot { name: name.to_owned(), caption: caption.to_owned(), svg: map.svg(), narrow: map.narrow_svg() }
+    let caption = format!("{caption}{HOW_TO_READ}");
+    Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
 
 #[cfg(test)]
@@ -201,6 +223,33 @@ mod tests {
             plots[0].svg
         );
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
+    }
+
+    /// In this test, the gpu has no time of `wide` in the room. On both devices, `wide` is the fastest everywhere
+    /// else.
+    #[test]
+    fn what_has_no_time_in_a_scene_is_not_ringed_as_the_best_for_all_scenes() {
+        let of = |scene: &str, device: &str, name: &str, ms: f64| Record {
+            scene: scene.to_owned(),
+            key: format!("{scene} {device} {name}"),
+            ..measured(device, name, 8, ms)
+        };
+        let records = judged([
+            of("teapot", "gpu", "naive", 1.5),
+            of("teapot", "gpu", "wide", 1.0),
+            of("room", "gpu", "naive", 1.0),
+            of("teapot", "cpu", "naive", 2.0),
+            of("teapot", "cpu", "wide", 1.0),
+            of("room", "cpu", "naive", 3.0),
+            of("room", "cpu", "wide", 1.0),
+        ]);
+        let plots = side_by_side(&groups(&records));
+        for (plot, rings) in plots.iter().zip([1, 2]) {
+            for svg in [&plot.svg, &plot.narrow] {
+                assert_eq!(svg.matches(">1.00 (1 of 2)<").count(), 1, "{svg}");
+                assert_eq!(svg.matches("class=\"ring\"").count(), rings, "{svg}");
+            }
+        }
     }
 
     /// In this test, the two devices are fastest with the same strategy, but at different local sizes.
