@@ -42,13 +42,15 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
-/// The positions of a chart's axes in pixels.
+/// The positions of a chart's axes in pixels. If slanted names need more room than the layout has on the left
+/// of the axes, `left` is larger than in `layout`.
 struct Frame {
     layout: Layout,
     across: Scale,
     up: Scale,
     top: f64,
     bottom: f64,
+    left: f64,
     right: f64,
 }
 
@@ -96,7 +98,8 @@ impl Chart {
             let [low, high] = mark.interval.unwrap_or([mark.y; 2]);
             [low, mark.y, high]
         });
-        let positions = [layout.left, right];
+        let left = layout.left + self.missing_room(layout);
+        let positions = [left, right];
         let across = match &self.across {
             Across::Names(names) => {
                 let ends = [-0.5, names.len().max(1) as f64 - 0.5];
@@ -104,7 +107,7 @@ impl Chart {
             }
             Across::Numbers(kind) => Scale::over(*kind, marks().map(|mark| mark.x), positions),
         };
-        Frame { layout, across, up: Scale::over(self.up, heights, [bottom, top]), top, bottom, right }
+        Frame { layout, across, up: Scale::over(self.up, heights, [bottom, top]), top, bottom, left, right }
     }
 
     /// Returns the y coordinate of the x axis's label.
@@ -113,7 +116,7 @@ impl Chart {
     }
 
     fn draw_axes(&self, svg: &mut Svg, frame: &Frame) {
-        let left = frame.layout.left;
+        let left = frame.left;
         for tick in frame.up.ticks() {
             let Some(y) = frame.up.position(tick) else { continue };
             svg.line("grid", GRID, [left, y], [frame.right, y]);
@@ -133,7 +136,7 @@ impl Chart {
             }
         }
         svg.line("axis", FAINT, [left, frame.bottom], [frame.right, frame.bottom]);
-        let middle = [f64::midpoint(left, frame.right), self.label_top(frame)];
+        let middle = [f64::midpoint(frame.layout.left, frame.right), self.label_top(frame)];
         svg.lines("label", middle, Anchor::Middle, &frame.layout.lines(&self.x_label));
         svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
     }
@@ -160,12 +163,28 @@ impl Chart {
         if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
+    /// Returns the additional width in pixels that slanted names need on the left of the axes, so that each
+    /// name begins within the chart. A slanted name ends below its tick.
+    fn missing_room(&self, layout: Layout) -> f64 {
+        let names = match &self.across {
+            Across::Names(names) if self.names_are_slanted(layout) => names.as_slice(),
+            _ => return 0.0,
+        };
+        let missing = names.iter().enumerate().map(|(index, name)| {
+            let width = 0.82 * LETTER * name.chars().count().min(LONGEST_SLANTED) as f64;
+            // The tick is at this part of the x axis, which becomes shorter by the additional width.
+            let part = (index as f64 + 0.5) / names.len() as f64;
+            (width - layout.left - part * layout.width) / (1.0 - part)
+        });
+        missing.fold(0.0, f64::max)
+    }
+
     /// Returns the positions and labels of the ticks of the x axis. If even slanted names would overlap, only
     /// every second, third, ... name has a tick.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {
-                let every = (names.len() as f64 * 15.0 / frame.layout.width).ceil().max(1.0) as usize;
+                let every = (names.len() as f64 * 15.0 / (frame.right - frame.left)).ceil().max(1.0) as usize;
                 let labelled = names.iter().enumerate().step_by(every);
                 labelled.map(|(index, name)| (index as f64, name.clone())).collect()
             }
@@ -244,6 +263,27 @@ mod tests {
         // A slanted name begins 14 pixels below the axis, and descends at 35 degrees.
         let lowest = frame.bottom + 14.0 + 20.0 * LETTER * 35.0_f64.to_radians().sin();
         assert!(chart.label_top(&frame) > lowest, "{} is above {lowest}", chart.label_top(&frame));
+    }
+
+    #[test]
+    fn slanted_names_begin_within_the_chart() {
+        let names = (0..20).map(|number| format!("a scene of {number} triangles")).collect();
+        let chart = Chart { across: Across::Names(names), ..chart("naive") };
+        for svg in [chart.svg(), chart.narrow_svg()] {
+            let slanted = svg.split("translate(").filter(|part| part.contains("rotate(-35)"));
+            let begins = slanted.map(|part| {
+                let end: f64 = part.split(' ').next().and_then(|x| x.parse().ok()).expect("a number");
+                let name = part.split("</text>").next().and_then(|text| text.rsplit('>').next());
+                end - 35.0_f64.to_radians().cos() * LETTER * name.unwrap_or_default().chars().count() as f64
+            });
+            let begins: Vec<f64> = begins.collect();
+            assert!(begins.len() > 9 && begins.iter().all(|begin| *begin >= 0.0), "{begins:?}");
+        }
+        // A long name in the middle of the axis needs no additional room.
+        let names = (0..20).map(|number| number.to_string().repeat(if number == 9 { 20 } else { 1 }));
+        let chart = Chart { across: Across::Names(names.collect()), ..chart };
+        assert!(chart.svg().contains("rotate(-35)"));
+        assert_eq!(chart.frame(WIDE).left, WIDE.left);
     }
 
     /// A series without a name is a fitted line. A fitted line has no entry in the legend, and belongs to the

@@ -1,10 +1,10 @@
 //! Draws heat maps with rows and columns. The cells of slow points are dark, and the cells of fast points are
 //! light. The cells of points whose time is missing or cannot be compared are hatched.
 
-use super::layout::LETTER;
+use super::layout::{LETTER, lines_of};
 use super::palette::{FAINT, INK};
 use super::shorten::{shorten, shorten_all};
-use super::svg::{Anchor, Svg, number};
+use super::svg::{Anchor, LINE, Svg, number};
 use crate::image::viridis;
 
 /// A cell of a heat map.
@@ -35,6 +35,17 @@ pub enum Cell {
     Empty,
 }
 
+impl Cell {
+    /// Returns the text in the cell.
+    fn text(&self) -> &str {
+        match self {
+            Self::Time { text, .. } => text,
+            Self::Nothing { code, .. } => code,
+            Self::Empty => "",
+        }
+    }
+}
+
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
@@ -59,11 +70,18 @@ const LEFT: f64 = 184.0;
 const TOP: f64 = 58.0;
 const ROW: f64 = 30.0;
 const SCALE_WIDTH: f64 = 220.0;
+/// The margin on the right, in pixels.
+const RIGHT: f64 = 16.0;
+/// The free horizontal space that a text must leave in a cell, in pixels.
+const BESIDE: f64 = 6.0;
 
 impl HeatMap {
     /// Returns the heat map as SVG for a screen.
     pub fn svg(&self) -> String {
-        let column = (600.0 / self.columns.len().max(1) as f64).clamp(52.0, 84.0);
+        let column = (600.0 / self.columns.len().max(1) as f64).clamp(52.0, 84.0).max(self.width_of_texts());
+        let width = (LEFT + self.columns.len() as f64 * column + RIGHT)
+            .max(640.0)
+            .max(7.6 * self.title.chars().count() as f64 + 32.0);
         let worst = self.worst();
         let mut svg = Svg::default();
         svg.text("title", [16.0, 18.0], Anchor::Start, &self.title);
@@ -84,11 +102,17 @@ impl HeatMap {
             }
         }
         let bottom = TOP + self.rows.len() as f64 * ROW + 16.0;
-        let end = self.draw_legend(&mut svg, bottom, worst, &hatch);
-        let width = (LEFT + self.columns.len() as f64 * column + 16.0)
-            .max(640.0)
-            .max(7.6 * self.title.chars().count() as f64 + 32.0);
+        let end = self.draw_legend(&mut svg, bottom, width - RIGHT, worst, &hatch);
         svg.finish([width, end], &self.title, "A heat map. Each cell shows its value as text, too.")
+    }
+
+    /// Returns the width that a cell needs for the longest of the columns' names and of the texts in cells, in
+    /// pixels.
+    pub(super) fn width_of_texts(&self) -> f64 {
+        let cells = self.rows.iter().flat_map(|(_, cells)| cells).map(Cell::text);
+        let texts = self.columns.iter().map(String::as_str).chain(cells);
+        let longest = texts.map(|text| text.chars().count()).max().unwrap_or(0);
+        LETTER * longest as f64 + BESIDE
     }
 
     pub(super) fn worst(&self) -> f64 {
@@ -125,9 +149,9 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Draws the legend: the colour scale, and the meanings of the words in cells without a time. Returns the
-    /// y coordinate of the legend's lower end.
-    fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
+    /// Draws the legend, up to the x coordinate `right`: the colour scale, and the meanings of the words in
+    /// cells without a time. Returns the y coordinate of the legend's lower end.
+    fn draw_legend(&self, svg: &mut Svg, top: f64, right: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
             "faint small",
@@ -136,11 +160,21 @@ impl HeatMap {
             Anchor::Start,
             "ringed: fastest or tied",
         );
-        let mut y = top + 24.0;
+        self.draw_codes(svg, [LEFT, top + 24.0], right, hatch)
+    }
+
+    /// Draws the meanings of the words in cells without a time, between the x coordinates `left` and `right`,
+    /// below `y`. Returns the y coordinate of the lower end.
+    pub(super) fn draw_codes(&self, svg: &mut Svg, [left, mut y]: [f64; 2], right: f64, hatch: &str) -> f64 {
         for (code, meaning) in &self.codes {
-            y += 19.0;
-            let width = draw_legend_cell(svg, [LEFT, y], code, hatch);
-            svg.text_in("faint small", FAINT, [LEFT + width + 8.0, y], Anchor::Start, &shorten(meaning, 110));
+            y += 19.0 - LINE;
+            let width = draw_legend_cell(svg, [left, y + LINE], code, hatch);
+            let most = ((right - left - width - 8.0) / LETTER) as usize;
+            for line in lines_of(meaning, most) {
+                y += LINE;
+                let line = shorten(&line, most);
+                svg.text_in("faint small", FAINT, [left + width + 8.0, y], Anchor::Start, &line);
+            }
         }
         y + 14.0
     }
@@ -166,7 +200,7 @@ pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
 }
 
 /// Draws a hatched cell with a word (such as "local"), for the legend. Returns the cell's width in pixels.
-pub(super) fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
+fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
     let width = (LETTER * code.chars().count() as f64 + 6.0).max(20.0);
     svg.element(
         "rect",
@@ -332,6 +366,53 @@ mod tests {
         };
         let text = map.svg();
         assert!(text.contains("=my-test…") && text.contains("=plucker…"), "{text}");
+    }
+
+    /// Returns the left and the right end of each text of an SVG document, and the text's y coordinate. The
+    /// width of a text is estimated.
+    fn texts(svg: &str) -> Vec<([f64; 2], String)> {
+        let document = usvg::roxmltree::Document::parse(svg).expect("well-formed");
+        let texts = document.descendants().filter(|node| node.tag_name().name() == "text");
+        texts
+            .map(|node| {
+                let width = LETTER * node.text().unwrap_or_default().chars().count() as f64;
+                let x: f64 = node.attribute("x").and_then(|x| x.parse().ok()).expect("a number");
+                let left = match node.attribute("text-anchor") {
+                    Some("middle") => x - width / 2.0,
+                    Some("end") => x - width,
+                    _ => x,
+                };
+                ([left, left + width], node.attribute("y").unwrap_or_default().to_owned())
+            })
+            .collect()
+    }
+
+    /// In this test, the names of columns, the texts in cells and the meanings of words are long.
+    #[test]
+    fn no_text_is_cut_off_or_overlaps_another_text() {
+        let time = Cell::Time { slower: 1.0, text: "1.00 (1 of 2)".into(), wins: false, tip: "ms".into() };
+        let none = Cell::Nothing { code: "constant".into(), tip: "no".into() };
+        let meaning =
+            format!("naive at 32 x 32: __constant memory {}: {}", "is too small ".repeat(9), "x".repeat(200));
+        for columns in [3, 9] {
+            let [times, nothing] = [&time, &none].map(|cell| vec![cell.clone(); columns]);
+            let map = HeatMap {
+                id: "a".into(),
+                title: "Strategies by device".into(),
+                x_label: "device".into(),
+                columns: vec!["NVID…GPU 192".into(); columns],
+                rows: vec![("naive".into(), times), ("wide".into(), nothing)],
+                codes: ["constant", "group"].map(|code| (code.to_owned(), meaning.clone())).to_vec(),
+            };
+            let svg = map.svg();
+            let width = 640.0_f64.max(LEFT + columns as f64 * map.width_of_texts() + RIGHT);
+            assert!(svg.contains(&format!(" width=\"{}\"", number(width))), "{svg}");
+            let mut texts = texts(&svg);
+            assert!(texts.iter().all(|([left, right], _)| *left >= 0.0 && *right <= width), "{texts:?}");
+            texts.sort_by(|([a, _], one), ([b, _], other)| one.cmp(other).then(a.total_cmp(b)));
+            let overlap = |pair: &[([f64; 2], String)]| pair[0].1 == pair[1].1 && pair[0].0[1] > pair[1].0[0];
+            assert!(!texts.windows(2).any(overlap), "{texts:?}");
+        }
     }
 
     /// Returns the attributes of an SVG element as numbers.

@@ -1,16 +1,14 @@
 //! Draws a heat map for phones. Each row's name is above the row's cells. Long rows continue on further
 //! lines, so each cell contains the name of its column. The legend is at the bottom.
 
-use super::heat::{Cell, HeatMap, draw_legend_cell, draw_scale, hex, ink_on, rect, ring};
-use super::layout::{LETTER, NARROW};
+use super::heat::{Cell, HeatMap, draw_scale, hex, ink_on, rect, ring};
+use super::layout::NARROW;
 use super::palette::FAINT;
 use super::svg::{Anchor, LINE, Svg};
 use crate::image::viridis;
 
-/// The largest number of cells per line. A line has fewer cells if the names of the columns are long.
+/// The largest number of cells per line. A line has fewer cells if the texts in the cells are long.
 const MOST_ACROSS: usize = 6;
-/// The free horizontal space in a cell that a column's name must leave, in pixels.
-const BESIDE: f64 = 6.0;
 const LEFT: f64 = 8.0;
 const HEIGHT: f64 = 36.0;
 /// The gap between two rows, in pixels.
@@ -35,9 +33,8 @@ impl HeatMap {
 
     /// Returns the number of cells per line of the heat map.
     fn across(&self) -> usize {
-        let longest = self.columns.iter().map(|column| column.chars().count()).max().unwrap_or(0);
-        let cell = longest as f64 * LETTER + BESIDE;
-        (((NARROW.whole_width() - 2.0 * LEFT) / cell) as usize).clamp(1, MOST_ACROSS)
+        let room = NARROW.whole_width() - 2.0 * LEFT;
+        ((room / self.width_of_texts()) as usize).clamp(1, MOST_ACROSS)
     }
 
     /// Draws the name and the cells of a row of the heat map from `y` downwards. Returns the y coordinate at
@@ -59,33 +56,10 @@ impl HeatMap {
     /// y coordinate of the legend's lower end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
-        let mut y = top + 24.0 + LINE;
+        let y = top + 24.0 + LINE;
         svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: fastest or tied");
-        for (code, meaning) in &self.codes {
-            y += 19.0;
-            let width = draw_legend_cell(svg, [LEFT, y], code, hatch);
-            let room = NARROW.whole_width() - 2.0 * LEFT - width - 8.0;
-            for line in lines_of(meaning, (room / LETTER) as usize) {
-                svg.text_in("faint small", FAINT, [LEFT + width + 8.0, y], Anchor::Start, &line);
-                y += LINE;
-            }
-            y -= LINE;
-        }
-        y + 14.0
+        self.draw_codes(svg, [LEFT, y], NARROW.whole_width() - LEFT, hatch)
     }
-}
-
-/// Splits a text into lines of at most `most` characters. A word with more than `most` characters gets a
-/// separate line.
-fn lines_of(text: &str, most: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split(' ') {
-        match lines.last_mut().filter(|line| line.chars().count() + 1 + word.chars().count() <= most) {
-            Some(line) => *line = format!("{line} {word}"),
-            None => lines.push(word.to_owned()),
-        }
-    }
-    lines
 }
 
 fn draw(
@@ -168,6 +142,8 @@ mod tests {
         let across = HeatMap { columns: devices, ..map() }.across();
         assert!((2..MOST_ACROSS).contains(&across), "{across}");
         assert_eq!(HeatMap { columns: vec!["a".repeat(99)], ..map() }.across(), 1);
+        let none = Cell::Nothing { code: "a".repeat(20), tip: "no".into() };
+        assert_eq!(HeatMap { rows: vec![("naive".into(), vec![none])], ..map() }.across(), 2);
     }
 
     #[test]
@@ -201,8 +177,5 @@ mod tests {
         };
         assert_eq!([texts(marks[0]), texts(marks[7])], [["1x1", "1"], ["16x16", "L"]]);
         assert!(svg.contains("7.0 times as slow"), "{svg}");
-        assert_eq!(lines_of("one two three", 7), ["one two", "three"]);
-        assert_eq!(lines_of("one two three", 6), ["one", "two", "three"]);
-        assert_eq!(lines_of("one elephant", 4), ["one", "elephant"]);
     }
 }

@@ -42,25 +42,33 @@ impl Layout {
     /// right. A title usually fits into a single line, although this line is short.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
-        let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;
-        let mut lines = vec![String::new()];
-        for word in text.split(' ') {
-            let line = lines.last().map_or(0, |line| line.chars().count());
-            match lines.last_mut() {
-                Some(last) if line == 0 || line + 1 + word.chars().count() <= most => {
-                    last.push_str(if line == 0 { "" } else { " " });
-                    last.push_str(word);
-                }
-                _ => lines.push(word.to_owned()),
-            }
-        }
-        lines
+        lines_of(text, ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize)
     }
+}
+
+/// Splits a text into lines of at most `most` characters. A word with more than `most` characters gets a
+/// separate line.
+pub fn lines_of(text: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut().filter(|line| line.chars().count() + 1 + word.chars().count() <= most) {
+            Some(line) => *line = format!("{line} {word}"),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_line_has_as_many_words_as_fit() {
+        assert_eq!(lines_of("one two three", 7), ["one two", "three"]);
+        assert_eq!(lines_of("one two three", 6), ["one", "two", "three"]);
+        assert_eq!(lines_of("one elephant", 4), ["one", "elephant"]);
+    }
 
     #[test]
     fn a_long_title_is_one_line_on_a_screen_and_several_on_a_phone() {
