@@ -51,7 +51,7 @@ pub(crate) use environment::is_shown_as;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
 pub(crate) use file_names::{file_name, file_names};
 pub use folder::{Folder, MERGE, latest, no_results, point, read_records};
-pub use git::git_state;
+pub use git::{git_state, git_state_of_folder};
 pub use hosts::{AtHost, Control, controls};
 pub use intervals::renew_intervals;
 pub use journal::{JsonLines, Lines, read_lines, read_lines_if_any};
