@@ -1,6 +1,7 @@
 //! Reads and writes `environment.json`, which describes the machine, the input files and the settings of a
 //! run.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -82,7 +83,8 @@ pub struct Host {
     pub name: Option<String>,
     /// The operating system's name and version.
     pub os: String,
-    /// The processor's model.
+    /// The processor's model. If Linux knows no model, as on ARM, implementer, part and variant of each kind of
+    /// processor, or else the board's name.
     pub cpu: String,
     /// Number of cores that this process may use.
     pub cores: usize,
@@ -224,13 +226,39 @@ fn os_in(release: &str) -> Option<String> {
 }
 
 fn cpu_model() -> Option<String> {
-    cpu_in(&std::fs::read_to_string("/proc/cpuinfo").ok()?)
+    let text = |path: &str| std::fs::read_to_string(path).ok();
+    let model = text("/proc/cpuinfo").and_then(|cpuinfo| cpu_in(&cpuinfo));
+    model.or_else(|| board_in(&text("/proc/device-tree/model")?))
 }
 
-/// Returns the model of the first processor in the text of /proc/cpuinfo; `None` if the text contains no model.
+/// Returns the model of the first processor in the text of /proc/cpuinfo or, if the text contains no model, the kinds
+/// of ARM processors. Returns `None` if the text contains neither.
 fn cpu_in(cpuinfo: &str) -> Option<String> {
-    let line = cpuinfo.lines().find(|line| line.starts_with("model name"))?;
-    line.split_once(':').map(|(_, model)| model.trim().to_string())
+    value_in(cpuinfo, "model name").map(str::to_owned).or_else(|| arm_processors_in(cpuinfo))
+}
+
+/// Returns the kinds of ARM processors in the text of /proc/cpuinfo, such as "aarch64 0x41/0xd0c/0x3": implementer,
+/// part and variant of each kind. Linux knows no model of ARM processors.
+fn arm_processors_in(cpuinfo: &str) -> Option<String> {
+    let kind = |processor: &str| {
+        let numbers = ["CPU implementer", "CPU part", "CPU variant"].map(|name| value_in(processor, name));
+        let [implementer, part, variant] = numbers;
+        Some([implementer?, part?, variant?].join("/"))
+    };
+    let kinds: BTreeSet<String> = cpuinfo.split("\n\n").filter_map(kind).collect();
+    let kinds = Vec::from_iter(kinds).join(", ");
+    (!kinds.is_empty()).then(|| format!("{} {kinds}", std::env::consts::ARCH))
+}
+
+/// Returns the board's name in the text of /proc/device-tree/model; `None` if the text is empty.
+fn board_in(model: &str) -> Option<String> {
+    Some(model.trim_end_matches('\0').trim().to_owned()).filter(|model| !model.is_empty())
+}
+
+/// Returns the value of the first line with this name in the text of /proc/cpuinfo.
+fn value_in<'a>(cpuinfo: &'a str, name: &str) -> Option<&'a str> {
+    let mut lines = cpuinfo.lines().filter_map(|line| line.split_once(':'));
+    lines.find(|(own, _)| own.trim() == name).map(|(_, value)| value.trim())
 }
 
 #[cfg(test)]
@@ -338,5 +366,25 @@ mod tests {
             "processor\t: 0\nmodel\t\t: 17\nmodel name\t: AMD EPYC: 9B45\n\nmodel name\t: another\n";
         assert_eq!(cpu_in(cpuinfo).as_deref(), Some("AMD EPYC: 9B45"));
         assert_eq!(cpu_in("processor\t: 0\n"), None);
+    }
+
+    #[test]
+    fn processors_without_a_model_are_named_by_their_kinds_or_their_board() {
+        let processor = |part: &str| {
+            format!(
+                "BogoMIPS\t: 50.00\nCPU implementer\t: 0x41\nCPU architecture: 8\nCPU variant\t: 0x3\n\
+                 CPU part\t: {part}\nCPU revision\t: 1\n\n"
+            )
+        };
+        let cpu_of = |parts: &[&str]| cpu_in(&parts.iter().copied().map(processor).collect::<String>());
+        let named = |kinds: &str| Some(format!("{} {kinds}", std::env::consts::ARCH));
+        assert_eq!(cpu_of(&["0xd0c", "0xd0c"]), named("0x41/0xd0c/0x3"));
+        let both = named("0x41/0xd05/0x3, 0x41/0xd0b/0x3");
+        assert_eq!([cpu_of(&["0xd0b", "0xd05"]), cpu_of(&["0xd05", "0xd0b", "0xd05"])], [both.clone(), both]);
+        assert_eq!(
+            board_in("Raspberry Pi 4 Model B Rev 1.4\0").as_deref(),
+            Some("Raspberry Pi 4 Model B Rev 1.4")
+        );
+        assert_eq!(board_in("\0"), None);
     }
 }
