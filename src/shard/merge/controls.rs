@@ -79,7 +79,8 @@ mod tests {
     fn a_control_point_is_kept_only_with_a_record_of_its_launches() {
         let out = tempfile::tempdir().unwrap();
         let control = Record { is_control: true, ..record("control", [2, 3]) };
-        let attempts = ["n1", "n2"].map(|host| attempt(out.path(), host, [&[], std::slice::from_ref(&control)]));
+        let attempts =
+            ["n1", "n2"].map(|host| attempt(out.path(), host, [&[], std::slice::from_ref(&control)]));
         assert_eq!(found(&attempts, &[(1, record("a", [2, 3]))]), [(1, vec![2, 3])]);
         assert!(found(&attempts, &[(1, record("a", [4, 5]))]).is_empty());
     }
