@@ -36,7 +36,7 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// The longest additional time that the run may need because the host moves this virtual machine's
+    /// The longest additional time that the run may need because the host moves a virtual machine's
     /// processors to other cores. If the host moves processors, launches wait during their rounds, take more
     /// rounds, or are replaced by additional launches. The field `additional` does not include waits before
     /// the first round of a launch (at most one second each), or other delays, such as crashes of workers.

@@ -1,7 +1,7 @@
 //! Reads the results of earlier attempts at the same shard (part of an experiment). The folders of the
 //! earlier attempts are not changed, since one of the earlier attempts may still be running.
 
-use super::moved_processors::{is_near, near_ns};
+use super::moved_processors::{Latencies, is_near};
 use crate::error::Result;
 use crate::printer;
 use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
@@ -50,14 +50,14 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
     let mut next = 0;
     for folder in folders {
         let rounds = lines::<RoundLoad>(folder, ROUNDS)?;
-        let mut latencies_ns: Vec<f64> = rounds.iter().filter_map(|line| line.core_to_core_ns).collect();
-        latencies_ns.sort_unstable_by(f64::total_cmp);
-        let near_ns = if keeps_moved_samples { f64::INFINITY } else { near_ns(&latencies_ns) };
         let mut samples = lines::<Sample>(folder, SAMPLES)?;
         // Samples that an attempt copied from an earlier attempt are dropped, since the earlier attempt's
         // folder contains them too.
         samples.retain(|sample| sample.origin.is_none());
         // Only the latencies that this attempt measured decide which of its samples count.
+        let of_samples = samples.iter().map(|sample| sample.core_to_core_ns);
+        let read = Latencies::of(rounds.iter().map(|line| line.core_to_core_ns).chain(of_samples));
+        let near_ns = if keeps_moved_samples { f64::INFINITY } else { read.near_ns() };
         let counts = |sample: &Sample| is_near(sample.core_to_core_ns, near_ns);
         let mut ends = lines::<LaunchEnd>(folder, LAUNCHES)?;
         count_again(&mut ends, &samples, counts);
@@ -268,14 +268,22 @@ mod tests {
         assert_eq!(keys_after("global memory: 2 B > 1 B"), ["lacking"]);
     }
 
+    /// Returns enough lines of `rounds.jsonl` for a usual core-to-core latency of about `near_ns`.
+    fn loads(near_ns: f64) -> Vec<RoundLoad> {
+        let load = |n: u32| RoundLoad {
+            core_to_core_ns: Some(near_ns + 0.1 * f64::from(n)),
+            ..RoundLoad::default()
+        };
+        (0..10).map(load).collect()
+    }
+
     /// The usual core-to-core latency of the second attempt's machine is 2.3 times that of the first attempt's machine.
     #[test]
     fn whether_samples_count_depends_on_the_latency_in_their_own_attempt_unless_the_user_keeps_all() {
         let parent = tempfile::tempdir().unwrap();
         let of = |name: &str, near_ns: f64, other_ns: f64| {
             let folder = attempt(&parent.path().join(name), "done", &[]);
-            let load = RoundLoad { core_to_core_ns: Some(near_ns), ..RoundLoad::default() };
-            JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
+            JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append_all(&loads(near_ns)).unwrap();
             let sample = |ns| Sample { key: "open".into(), core_to_core_ns: Some(ns), ..Sample::default() };
             let samples = [near_ns, other_ns, near_ns].map(sample);
             JsonLines::append_to(&folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
@@ -295,8 +303,7 @@ mod tests {
     fn the_end_of_a_launch_is_taken_over_with_the_number_of_samples_that_count() {
         let parent = tempfile::tempdir().unwrap();
         let folder = attempt(parent.path(), "done", &[]);
-        let load = RoundLoad { core_to_core_ns: Some(57.0), ..RoundLoad::default() };
-        JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
+        JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append_all(&loads(57.0)).unwrap();
         let of = |key: &str, ns: [f64; 3]| {
             let sample =
                 |ns| Sample { key: key.into(), launch: 6, core_to_core_ns: Some(ns), ..Sample::default() };

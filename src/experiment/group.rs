@@ -30,7 +30,7 @@ use std::time::Instant;
 use timed::{Latency, Timed};
 
 /// The message of a run before the first additional launch of a group of points.
-const ADDITIONAL: &str = "the host moved this virtual machine's processors to other cores, so additional launches replace some launches";
+const ADDITIONAL: &str = "the core-to-core latency was unusual, as on a virtual machine whose processors move, so additional launches replace some launches";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
@@ -347,8 +347,8 @@ pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a
 }
 
 /// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual
-/// latency. A latency far from the usual one shows that the host has moved this virtual machine's processors
-/// to other cores. Samples are left out only if this machine's processors cast every point of the group (by a
+/// latency. A latency far from the usual one shows that the host has moved a virtual machine's processors to
+/// other cores. Samples are left out only if this machine's processors cast every point of the group (by a
 /// caster on the host, or by an OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps all
 /// samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {

@@ -9,12 +9,14 @@
 //! samples, so it does not depend on the times of the points. *Near* processors run on cores at their usual
 //! distance. A sample does not count if the core-to-core latency around the sample is much larger or smaller
 //! than the latency of near processors in the same run. Before a sample, a launch waits until the processors
-//! run on cores at their usual distance, but only for a limited time. A launch does not count if too few of
-//! its samples count; an additional launch replaces a launch that does not count. A group has at most twice
-//! as many launches as requested.
+//! run on cores at their usual distance, but only for a limited time. All samples count until a run has read
+//! the latency often enough to know its usual value. A launch does not count if too few of its samples count;
+//! an additional launch replaces a launch that does not count. A group has at most twice as many launches as
+//! requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
+use crate::record::LEAST_READINGS;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -26,8 +28,9 @@ const MOST: usize = 2;
 const FAR: f64 = 2.0;
 /// If the core-to-core latency around a sample is less than `SHARED` times the usual latency, two processors
 /// shared a core. Processors that share a core have 0.45 to 0.5 times the usual latency (docs/log.md, section
-/// "2026-11-26, morning: two processors on one core, ...").
-const SHARED: f64 = 0.65;
+/// "2026-11-26, morning: two processors on one core, ..."). The limit is below 1 / 1.7, since readings between the
+/// same two cores differ by this factor.
+const SHARED: f64 = 0.55;
 /// The pause between two readings of the latency while a launch waits until its processors are at their usual
 /// distance. The processors are idle during the pause, since a host moves idle processors back sooner than
 /// busy processors: after about one second instead of three to ten seconds (docs/log.md, section "2026-11-26,
@@ -71,18 +74,48 @@ impl Launch {
     }
 }
 
-/// Returns the latency of near processors: the 20th percentile of `latencies_ns`, which are all latencies of
-/// the run in ascending order. Returns infinity if there are no latencies. The function does not return the
-/// smallest latency. If two processors of the virtual machine shared a core during the smallest reading,
-/// processors at their usual distance would count as far apart. The function does not return the median: in
-/// some runs, the processors run on cores far from each other for most of the time.
-pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
-    latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
+/// Readings of the core-to-core latency, in a run or an attempt.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Latencies {
+    /// The readings in nanoseconds, in ascending order.
+    ascending_ns: Vec<f64>,
+    /// The reading that was added last, in nanoseconds.
+    last_ns: Option<f64>,
+}
+
+impl Latencies {
+    /// Collects readings in nanoseconds, in the order in which they were taken; `None` is an unknown latency.
+    pub fn of(readings_ns: impl IntoIterator<Item = Option<f64>>) -> Self {
+        let mut latencies = Self::default();
+        readings_ns.into_iter().for_each(|reading_ns| latencies.add(reading_ns));
+        latencies
+    }
+
+    /// Adds a reading in nanoseconds, if the latency is known. Short samples that follow each other have the same
+    /// reading, which is added only once.
+    pub fn add(&mut self, reading_ns: Option<f64>) {
+        let Some(ns) = reading_ns.filter(|_| reading_ns != self.last_ns) else { return };
+        let index = self.ascending_ns.partition_point(|other| *other < ns);
+        self.ascending_ns.insert(index, ns);
+        self.last_ns = reading_ns;
+    }
+
+    /// Returns the latency of near processors in nanoseconds: the 20th percentile of all readings. Returns infinity if
+    /// there are fewer than `LEAST_READINGS` readings. The function does not return the smallest reading. If two
+    /// processors of the virtual machine shared a core during the smallest reading, processors at their usual distance
+    /// would count as far apart. The function does not return the median: in some runs, the processors run on cores far
+    /// from each other for most of the time.
+    pub fn near_ns(&self) -> f64 {
+        match self.ascending_ns.len() {
+            0..LEAST_READINGS => f64::INFINITY,
+            count => self.ascending_ns[count / 5],
+        }
+    }
 }
 
 /// Returns true if a sample's time is used: the core-to-core latency around the sample is unknown, or lies
 /// between `SHARED` and `FAR` times the usual latency `near_ns`. If `near_ns` is infinite, every sample
-/// counts: either no latency of the run is known yet, or the sample's group keeps all samples.
+/// counts: either the usual latency of the run is not known yet, or the sample's group keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
@@ -192,18 +225,43 @@ mod tests {
 
     #[test]
     fn moments_in_which_processors_share_a_core_do_not_decide_which_samples_are_near() {
-        let mut latencies_ns = [vec![14.0; 3], vec![31.0; 40], vec![164.0; 20]].concat();
-        assert_eq!(near_ns(&latencies_ns), 31.0);
-        let mostly_far = [vec![14.0; 3], vec![31.0; 20], vec![164.0; 70]].concat();
-        assert_eq!(near_ns(&mostly_far), 31.0);
-        latencies_ns.truncate(4);
-        assert_eq!([near_ns(&latencies_ns), near_ns(&[])], [14.0, f64::INFINITY]);
+        let near_ns = |counts: [usize; 3]| {
+            let ascending_ns =
+                [vec![14.0; counts[0]], vec![31.0; counts[1]], vec![164.0; counts[2]]].concat();
+            Latencies { ascending_ns, last_ns: None }.near_ns()
+        };
+        assert_eq!([near_ns([3, 40, 20]), near_ns([3, 20, 70]), near_ns([2, 8, 0])], [31.0; 3]);
+        assert_eq!(near_ns([3, 7, 0]), 14.0);
+    }
+
+    #[test]
+    fn few_readings_leave_no_sample_out() {
+        let latencies = |count: u32| Latencies::of((0..count).map(|n| Some(60.0 + f64::from(n))));
+        assert_eq!(
+            [latencies(0), latencies(9), latencies(10)].map(|all| all.near_ns()),
+            [f64::INFINITY, f64::INFINITY, 62.0]
+        );
+        // The only line of `rounds.jsonl` had the latency 119.52 ns, and the samples of a point had the others.
+        let read = [119.52, 102.0, 74.07, 98.0, 92.0, 95.0, 95.0, 104.0];
+        let near_ns = Latencies::of(read.map(Some)).near_ns();
+        assert!(read.into_iter().all(|ns| is_near(Some(ns), near_ns)));
+        let enough = Latencies::of(read.into_iter().chain([97.0, 99.0, 101.0]).map(Some));
+        assert!(enough.near_ns() == 95.0 && read.into_iter().all(|ns| is_near(Some(ns), enough.near_ns())));
+    }
+
+    #[test]
+    fn a_reading_of_several_samples_is_one_reading() {
+        let of_samples = [95.0, 95.0, 90.0, 90.0, 90.0, 95.0].map(Some);
+        assert_eq!(Latencies::of(of_samples).ascending_ns, [90.0, 95.0, 95.0]);
+        assert_eq!(Latencies::of([None, Some(90.0), None]).ascending_ns, [90.0]);
     }
 
     #[test]
     fn samples_with_processors_further_apart_or_on_one_core_do_not_count() {
         let count = |ns| is_near(Some(ns), 31.0);
-        assert_eq!([15.5, 20.0, 20.3, 31.0, 62.0, 62.1].map(count), [false, false, true, true, true, false]);
+        assert_eq!([15.5, 17.0, 17.1, 31.0, 62.0, 62.1].map(count), [false, false, true, true, true, false]);
+        // Readings between the same two cores differ by a factor of up to 1.7.
+        assert!(count(31.0 / 1.7) && count(31.0 * 1.7));
         assert!(is_near(None, 31.0));
         assert!(is_near(Some(14.0), f64::INFINITY) && is_near(Some(164.0), f64::INFINITY));
     }

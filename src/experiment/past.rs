@@ -1,6 +1,7 @@
 //! The results that existed before a run's current session, which the session continues.
 
 use super::earlier::{intact_lines, lines};
+use super::moved_processors::Latencies;
 use super::taken::Taken;
 use crate::device::DeviceInfo;
 use crate::error::Result;
@@ -43,8 +44,8 @@ pub struct Past {
     pub ends: HashMap<u32, LaunchEnd>,
     /// The device that measured a launch, by the launch's number, if points were distributed over several devices.
     pub devices: HashMap<u32, MeasuredOn>,
-    /// The load of other processes on the machine, measured while the rounds of a launch were timed.
-    pub rounds: Vec<RoundLoad>,
+    /// The readings of the core-to-core latency around samples, and while the rounds of a launch were timed.
+    pub latencies: Latencies,
     /// The number that the next launch of this session will get.
     pub next_launch: u32,
 }
@@ -69,8 +70,9 @@ impl Past {
         let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
         let of_ends = ends.iter().map(|end| end.launch);
         let next = of_records.chain(of_lines).chain(of_ends).max().map_or(0, |last| last.saturating_add(1));
-        let past = Self::of(records, samples);
-        Ok(Self { rounds, ends: by_launch(ends), next_launch: past.next_launch.max(next), ..past })
+        let mut past = Self::of(records, samples);
+        rounds.iter().for_each(|line| past.latencies.add(line.core_to_core_ns));
+        Ok(Self { ends: by_launch(ends), next_launch: past.next_launch.max(next), ..past })
     }
 
     /// Takes the last record of each finished point from `lines`, and sorts the samples by their points.
@@ -80,6 +82,7 @@ impl Past {
         for sample in samples {
             let taken = Taken::of_sample(&sample);
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
+            past.latencies.add(sample.core_to_core_ns);
             let hardware = sample.measured_by;
             let device = sample.measured_on.map(|slug| MeasuredOn { slug, hardware });
             past.devices.extend(device.map(|device| (sample.launch, device)));

@@ -45,8 +45,8 @@ pub trait ResultSink {
     /// only baselines.
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
     /// Returns the core-to-core latency of near processors in nanoseconds; infinity if the latency is
-    /// unknown. Near processors run on cores at their usual distance. The latency is computed from all lines
-    /// of the folder's journal of rounds, `rounds.jsonl`.
+    /// unknown. Near processors run on cores at their usual distance. The latency is computed from all readings
+    /// in the folder's journals of rounds and samples, `rounds.jsonl` and `samples.jsonl`.
     fn near_ns(&self) -> f64;
 }
 
@@ -205,15 +205,17 @@ mod tests {
         let samples = [("a".to_owned(), 1)].into();
         let end = LaunchEnd { launch: 12, stop_reason: StopReason::TimeLimit, samples };
         sink.launch_end(&end).unwrap();
-        for (launch, core_to_core_ns) in [(3, Some(20.0)), (9, Some(30.0)), (9, None), (9, Some(25.0))] {
-            sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
+        for ns in 20..30 {
+            for (launch, core_to_core_ns) in [(3, Some(f64::from(ns))), (9, None)] {
+                sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
+            }
         }
-        assert_eq!(sink.near_ns(), 20.0);
+        assert_eq!(sink.near_ns(), 21.0);
         drop(results);
         let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
         let mut sink =
             FolderSink { results: &mut results, observer: &mut (), names: HashMap::new(), done: 0 };
-        assert_eq!(sink.near_ns(), 20.0);
+        assert_eq!(sink.near_ns(), 21.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
         let second = MeasuredOn { slug: "the second".into(), hardware: Some("a UUID".into()) };
         assert_eq!((sink.measured_on(9), sink.measured_on(3)), (Some(second), None));

@@ -2,7 +2,7 @@
 
 use super::earlier;
 use super::lock::Lock;
-use super::moved_processors::near_ns;
+use super::moved_processors::Latencies;
 use super::past::{Past, by_launch};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -32,9 +32,8 @@ pub struct Results {
     controls: Option<JsonLines<Record>>,
     /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
-    /// The core-to-core latencies in all lines of the folder's journal of rounds, except lines of earlier attempts, in
-    /// nanoseconds and in ascending order.
-    latencies_ns: Vec<f64>,
+    /// The core-to-core latencies in the folder's journals of rounds and samples, except those of earlier attempts.
+    latencies: Latencies,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
@@ -108,14 +107,12 @@ impl Results {
             anchors: JsonLines::append_to(&anchors)?,
             controls: None,
             host: None,
-            latencies_ns: Vec::new(),
+            latencies: Latencies::default(),
             peak: Peak::stored_in(folder)?,
             past: Past::in_folder(folder)?,
             _lock: lock,
         };
-        let latencies_ns = results.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
-        results.latencies_ns = latencies_ns.collect();
-        results.latencies_ns.sort_unstable_by(f64::total_cmp);
+        results.latencies = results.past.latencies.clone();
         sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
         Ok(results)
     }
@@ -174,6 +171,7 @@ impl Results {
 
     /// Appends a sample to the folder's journal of samples.
     pub fn sample(&mut self, sample: &Sample) -> Result<()> {
+        self.latencies.add(sample.core_to_core_ns);
         self.samples.append(sample)
     }
 
@@ -186,16 +184,15 @@ impl Results {
 
     /// Stores the load of other processes while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
-        self.latencies_ns.extend(load.core_to_core_ns);
-        self.latencies_ns.sort_unstable_by(f64::total_cmp);
+        self.latencies.add(load.core_to_core_ns);
         self.rounds.append(load)
     }
 
-    /// Returns the core-to-core latency of near processors in nanoseconds, from all lines of the folder's
-    /// journal of rounds, `rounds.jsonl`; infinity if the latency is unknown. Processors are near if they run
-    /// on cores at their usual distance from each other.
+    /// Returns the core-to-core latency of near processors in nanoseconds, from the folder's journals of rounds
+    /// and samples, `rounds.jsonl` and `samples.jsonl`; infinity if the journals have too few readings. Processors
+    /// are near if they run on cores at their usual distance from each other.
     pub fn near_ns(&self) -> f64 {
-        near_ns(&self.latencies_ns)
+        self.latencies.near_ns()
     }
 
     /// Stores a time of the anchor.
@@ -513,11 +510,13 @@ mod tests {
     }
 
     #[test]
-    fn the_latency_of_near_processors_is_that_of_all_rounds_in_any_order() {
+    fn the_latency_of_near_processors_is_that_of_all_rounds_and_samples_in_any_order() {
         let folder = tempfile::tempdir().unwrap();
         let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
-        for ns in [90.0, 80.0, 20.0, 30.0, 40.0] {
-            first.load(&RoundLoad { core_to_core_ns: Some(ns), ..RoundLoad::default() }).unwrap();
+        for (of_round, of_sample) in [(90.0, 20.0), (80.0, 85.0), (40.0, 30.0), (25.0, 95.0), (35.0, 45.0)] {
+            assert_eq!(first.near_ns(), f64::INFINITY, "too few readings");
+            first.load(&RoundLoad { core_to_core_ns: Some(of_round), ..RoundLoad::default() }).unwrap();
+            first.sample(&Sample { core_to_core_ns: Some(of_sample), ..Sample::default() }).unwrap();
         }
         assert_eq!(first.near_ns(), 30.0);
         drop(first);

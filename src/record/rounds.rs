@@ -34,8 +34,9 @@ pub struct RoundLoad {
     pub core_to_core_ns: Option<f64>,
 }
 
-/// The least number of readings of the core-to-core latency from which raycl computes percentiles.
-const LEAST_READINGS: usize = 10;
+/// The least number of readings of the core-to-core latency from which raycl computes percentiles. With fewer
+/// readings, a single one would decide.
+pub(crate) const LEAST_READINGS: usize = 10;
 /// The least number of readings of the core-to-core latency from which raycl computes the median.
 const LEAST_OF_MEDIAN: usize = 3;
 /// The factor by which the core-to-core latency must differ between rounds before raycl assumes that the
@@ -148,10 +149,11 @@ fn moved_launches(records: &[Record]) -> u32 {
     records.iter().filter_map(of).collect::<BTreeMap<_, _>>().values().sum()
 }
 
-/// Returns a note on the launches and samples that were left out because this virtual machine's processors
-/// ran on cores further apart than in other samples, or shared a core. If no launch and no sample was left
-/// out, but the core-to-core latency changed while `records` were measured, returns a note on the change of
-/// the latency. Returns `None` if nothing was left out and the latency did not change.
+/// Returns a note on the launches and samples that were left out because the core-to-core latency was far
+/// from its usual value. If no launch and no sample was left out, but the core-to-core latency changed while
+/// `records` were measured, returns a note on the change of the latency. Returns `None` if nothing was left
+/// out and the latency did not change. The note does not say that this machine is virtual, since raycl does
+/// not know.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;
@@ -164,17 +166,18 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     };
     if launches + samples > 0 {
         return Some(format!(
-            "{left_out} left out, because this virtual machine's processors were on cores further apart than in other \
-             samples, or shared a core. Times are different on distant or shared cores."
+            "{left_out} left out, because the core-to-core latency was unusual. If this machine is virtual, its host \
+             probably moved its processors to cores further apart than in other samples, or to one core. Times are \
+             different on distant or shared cores."
         ));
     }
     let shown = launches_of(records);
     let [low, high] = core_to_core_ns(lines.iter().filter(|line| shown.contains(&line.launch)))?;
     (high > MOVED * low).then(|| {
         format!(
-            "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved to other cores. Moving to other cores changes the times of everything that runs on these \
-             processors, above all of kernels whose work-groups share data.",
+            "The core-to-core latency changed between {} and {} ns. If this machine is virtual, its host probably \
+             moved its processors to other cores. Moving to other cores changes the times of everything that runs on \
+             these processors, above all of kernels whose work-groups share data.",
             significant(low, 2),
             significant(high, 2)
         )

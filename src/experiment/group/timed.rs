@@ -60,7 +60,7 @@ impl Latency {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
     }
 
-    /// Waits until this virtual machine's processors run on cores at their usual distance from each other.
+    /// Waits until the processors of a virtual machine run on cores at their usual distance from each other.
     /// The launch began `elapsed` ago. The wait ends early if the launch has used up its time for waits (see
     /// [`patience`]). Calls `begins` if there is a wait.
     fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
@@ -90,9 +90,9 @@ impl Latency {
     }
 }
 
-/// The message of a run that waits until this virtual machine's processors run on cores at their usual
-/// distance from each other.
-const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
+/// The message of a run that waits until the processors of a virtual machine run on cores at their usual
+/// distance from each other. raycl does not know whether this machine is virtual.
+const WAITING: &str = "waiting until the core-to-core latency is as usual";
 
 /// A device's anchor (a fixed kernel) is run at least once for every `CASTS_PER_ANCHOR` samples of measured
 /// points. `CASTS_PER_ANCHOR` is small enough that the time of the anchor kernel is known more precisely than
@@ -105,7 +105,7 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Waits for a limited time if the host has moved this virtual machine's processors to other cores, since a sample
+    /// Waits for a limited time if the host has moved a virtual machine's processors to other cores, since a sample
     /// taken now would not count.
     fn wait_for_near_processors(&mut self) {
         let (near_ns, interrupted) = (self.sink.near_ns(), self.supervisor.interrupted());
