@@ -23,6 +23,7 @@ use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, matching_indices};
 use crate::device_lock::Locks;
+use crate::entry::entry;
 use crate::error::{Error, Result};
 use crate::experiment::{
     Fault, Listed, Observer, Past, Plan, Results, Run, asleep, distinct_scenes, dry_run, find_devices,
@@ -385,8 +386,10 @@ fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out:
         }
         false => device.label.clone(),
     };
-    let mut unknown: Vec<String> = devices.iter().filter(is_unknown).map(name).collect();
-    unknown.dedup();
+    let mut unknown: Vec<String> = Vec::new();
+    for name in devices.iter().filter(is_unknown).map(name) {
+        entry(&mut unknown, |known| *known == name, || name.clone());
+    }
     (!unknown.is_empty()).then(|| {
         format!(
             "note: {file} has no peak rates of {}, so the results do not state the speed as a share of these rates; \
@@ -574,13 +577,14 @@ mod tests {
     #[test]
     fn devices_that_the_file_of_peak_rates_lacks_are_named() {
         let one = asleep::device(1.0);
-        let other = DeviceInfo { label: "other".to_owned(), ..asleep::device(1.0) };
+        let [other, third] =
+            ["other", "third"].map(|label| DeviceInfo { label: label.to_owned(), ..asleep::device(1.0) });
         let peaks = [Peak { device: one.label.clone(), ..Peak::default() }];
         let note_for = |peak: &str, devices: &[&DeviceInfo]| {
             without_peaks(&fixtures::args(&["a.toml", peak]), devices, &peaks, &[])
         };
-        let note = note_for("--peak=h200.json", &[&one, &other, &other]).unwrap();
-        assert!(note.starts_with("note: h200.json has no peak rates of other, so"), "{note}");
+        let note = note_for("--peak=h200.json", &[&one, &other, &third, &other]).unwrap();
+        assert!(note.starts_with("note: h200.json has no peak rates of other, third, so"), "{note}");
         assert_eq!(note_for("--peak=h200.json", &[&one]), None);
         assert_eq!(note_for("--peak", &[&one, &other]), None);
         // Peak rates that were measured with another driver are not used, whether they come from the file of
