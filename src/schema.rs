@@ -58,7 +58,10 @@ fn without_null(schema: &mut Schema) {
     if let ([Value::Object(only)], true) = (&choices[..], choices.len() < before) {
         let only = only.clone();
         schema.remove("anyOf");
-        only.into_iter().for_each(|(key, value)| drop(schema.insert(key, value)));
+        // The description of the key stays: it says more than that of the key's type.
+        for (keyword, value) in only {
+            schema.ensure_object().entry(keyword).or_insert(value);
+        }
     }
 }
 
@@ -111,6 +114,11 @@ mod tests {
         assert_eq!(
             without_null(json_schema!({ "anyOf": [{ "type": "number" }, { "type": "null" }] })),
             serde_json::json!({ "type": "number" })
+        );
+        let of_key = |choice: Value| json_schema!({ "description": "of the key", "anyOf": [choice, { "type": "null" }] });
+        assert_eq!(
+            without_null(of_key(serde_json::json!({ "description": "of the type", "oneOf": [true] }))),
+            serde_json::json!({ "description": "of the key", "oneOf": [true] })
         );
         let of_two = json_schema!({ "anyOf": [{ "type": "number" }, { "type": "string" }] });
         assert_eq!(without_null(of_two.clone()), of_two.to_value());
