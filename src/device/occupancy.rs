@@ -152,11 +152,17 @@ fn groups_by_local(sm: &Multiprocessor, local_bytes: u64) -> u64 {
 /// Returns the bytes of `__local` memory that CUDA reserves in each work-group: 1 KiB from compute capability
 /// 8.0 on.
 fn reserved_local_bytes(sm: &Multiprocessor) -> u64 {
-    if sm.compute_capability.starts_with(['8', '9']) { 1024 } else { 0 }
+    if major(sm) >= 8 { 1024 } else { 0 }
 }
 
 fn before_3(sm: &Multiprocessor) -> bool {
-    sm.compute_capability.starts_with('2')
+    major(sm) < 3
+}
+
+/// Returns the number before the dot of the compute capability, which can have several digits: 10 for "10.0".
+fn major(sm: &Multiprocessor) -> u32 {
+    let number = sm.compute_capability.split('.').next();
+    number.and_then(|number| number.parse().ok()).unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -204,6 +210,15 @@ mod tests {
         assert_eq!(of("8.6", 16, 48 * 1024, 64).groups, 2); // 49 KiB per group, 100 KiB in all
         assert_eq!(of("7.0", 16, 48 * 1024, 64).groups, 2); // 48 KiB per group, 96 KiB in all
         assert_eq!(of("9.0", 16, 12 * 1024, 64).groups, 17); // 13 KiB per group, 228 KiB in all
+    }
+
+    #[test]
+    fn a_compute_capability_of_two_digits_is_later_than_9() {
+        for compute_capability in ["10.0", "12.0", "20.0"] {
+            let sm = Multiprocessor { compute_capability, ..*multiprocessor("9.0").expect("known") };
+            assert_eq!(occupancy(&sm, 16, 12 * 1024, 64).groups, 17, "1 KiB per group is reserved");
+            assert_eq!(occupancy(&sm, 33, 0, 256).groups, 6, "registers are allocated in units of 256");
+        }
     }
 
     #[test]
