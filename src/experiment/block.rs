@@ -2,6 +2,7 @@
 //! that are compared with each other stay in one block if possible. All shards get about equally much work.
 
 use serde::{Deserialize, Serialize};
+use std::collections::{HashMap, HashSet};
 
 /// Points of an experiment that one shard measures together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,10 +58,12 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
     let all: f64 = groups.iter().flatten().map(|cost| cost.ms).sum();
     let fair = all / f64::from(shards);
+    let ms: HashMap<usize, f64> = groups.iter().flatten().map(|cost| (cost.point, cost.ms)).collect();
+    let ms_of = |point: usize| ms.get(&point).copied().unwrap_or_default();
     let mut best: Option<(f64, Vec<Priced>)> = None;
     for grain in GRAINS {
         let mut blocks: Vec<Priced> = groups.iter().flat_map(|group| pieces(group, grain * fair)).collect();
-        let longest = deal(&mut blocks, shards);
+        let longest = deal(&mut blocks, shards, ms_of);
         if best.as_ref().is_none_or(|(known, _)| longest < (1.0 - WORTHWHILE) * known) {
             best = Some((longest, blocks));
         }
@@ -115,15 +118,19 @@ fn control(group: &[Cost]) -> Option<&Cost> {
 
 /// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard
 /// whose blocks, until then, have the least expected time in all. Returns the expected time of the shard that
-/// takes longest.
-fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
+/// takes longest. `ms_of` returns the expected time of a point: the expected times of the pieces of a group
+/// all include the control point, which a shard with several of these pieces measures only once (see [`joined`]).
+fn deal(blocks: &mut [Priced], shards: u32, ms_of: impl Fn(usize) -> f64) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
     let mut loads = vec![0.0_f64; shards as usize];
+    let mut controls = HashSet::new();
     for index in order {
         let least = (0..loads.len()).min_by(|one, other| loads[*one].total_cmp(&loads[*other])).unwrap_or(0);
-        loads[least] += blocks[index].0;
-        blocks[index].1.shard = least as u32 + 1;
+        let (ms, block) = &mut blocks[index];
+        let repeated = block.control.filter(|control| !controls.insert((least, *control)));
+        loads[least] += *ms - repeated.map_or(0.0, &ms_of);
+        block.shard = least as u32 + 1;
     }
     loads.into_iter().fold(0.0, f64::max)
 }
@@ -248,6 +255,16 @@ mod tests {
         // The group's control point, with cost 3, belongs to the first piece of the group. The second piece
         // of the group measures the group's control point too, which adds 3 to the cost of the second piece.
         assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
+    }
+
+    #[test]
+    fn pieces_of_a_group_in_one_shard_cost_the_control_point_once() {
+        let costs = vec![1.0; 8];
+        let mut pieces = pieces(&groups(std::slice::from_ref(&costs))[0], 2.0);
+        assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [2.0, 3.0, 3.0, 3.0]);
+        let longest = deal(&mut pieces, 2, |point| costs[point]);
+        let blocks = joined(pieces.into_iter().map(|(_, block)| block).collect());
+        assert_eq!((loads(std::slice::from_ref(&costs), &blocks, 2), longest), (vec![5.0, 4.0], 5.0));
     }
 
     #[test]
