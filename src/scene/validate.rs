@@ -7,6 +7,7 @@ use super::{Area, Camera, Light, Mapped, Material, Scene, Sky, Texture, Textures
 use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Largest absolute value of a coordinate. Intersection tests multiply three coordinates, and the product
 /// must stay below the largest f32, 3.4e38.
@@ -20,6 +21,11 @@ pub const MAX_POWER: f32 = 1e28;
 /// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up
 /// to 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
+
+/// The allowed squared lengths of normals. To normalise a normal, a kernel squares its length, so the square must
+/// fit into single precision. Loaded scenes have squared lengths from 1e-12 to 1e12 (`tame` in normals.rs), which a
+/// transformation may change by rounding.
+const SQUARED_NORMALS: Range<f32> = 1e-13..1e13;
 
 /// Smallest distance between a light and a surface in the check of brightness, as a fraction of the scene's
 /// diagonal.
@@ -212,9 +218,9 @@ fn check_mesh(mesh: &Mesh) -> Result<()> {
     require(!mesh.triangles.is_empty(), || "the scene has no triangles".to_owned())?;
     mesh.materials.iter().try_for_each(check_material)?;
     check_positions(mesh)?;
-    let usable = |n: &Vec3| n.is_finite() && *n != Vec3::ZERO;
+    let usable = |n: &Vec3| SQUARED_NORMALS.contains(&n.length_squared()); // does not contain NaN
     let usable = mesh.normals.par_iter().with_min_len(PARALLEL_TRIANGLES).all(usable);
-    require(usable, || "a normal is zero or not finite".to_owned())?;
+    require(usable, || "a normal is zero, not finite, or of extreme length".to_owned())?;
     let (positions, normals) = (mesh.positions.len(), mesh.normals.len());
     let materials = mesh.materials.len();
     let bounded = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).all(|t| {
@@ -302,10 +308,27 @@ mod tests {
     #[test]
     fn normals_are_finite_and_not_zero() {
         for (normal, is_valid) in [(Vec3::NEG_Z, true), (Vec3::ZERO, false), (Vec3::NAN, false)] {
-            let mut scene = single_triangle();
-            scene.mesh_mut().normals[0] = normal;
-            assert_eq!(check_mesh(&scene.mesh).is_ok(), is_valid, "{normal}");
+            assert_eq!(with_normal(normal).is_ok(), is_valid, "{normal}");
         }
+    }
+
+    /// In single precision, the squared lengths of normals of the lengths 1e-23 and 1e20 are 0 and infinite.
+    #[test]
+    fn normals_have_lengths_that_kernels_can_normalise() {
+        for (length, is_valid) in
+            [(1e-23, false), (1e-7, false), (1e-5, true), (1e5, true), (1e7, false), (1e20, false)]
+        {
+            assert_eq!(with_normal(Vec3::Y * length).is_ok(), is_valid, "{length:e}");
+        }
+        let error = with_normal(Vec3::Y * 1e20).unwrap_err().to_string();
+        assert_eq!(error, "a normal is zero, not finite, or of extreme length");
+    }
+
+    /// Checks a mesh of one triangle, one of whose normals is `normal`.
+    fn with_normal(normal: Vec3) -> Result<()> {
+        let mut scene = single_triangle();
+        scene.mesh_mut().normals[0] = normal;
+        check_mesh(&scene.mesh)
     }
 
     #[test]
