@@ -11,6 +11,7 @@ use crate::scene::{Mapped, Material, Mesh, PixelFrame, Scene, Textures, Triangle
 use glam::DVec3;
 use std::cell::RefCell;
 
+mod highlight;
 mod quick;
 
 pub use quick::quick_sample;
@@ -153,9 +154,9 @@ impl Asked<'_> {
     }
 
     /// Includes in `sample` the values that the radiance of this hit takes under small changes of the shadow
-    /// rays, of the direction to the sky and of the position in the texture. The pixel's ray is not nudged.
-    /// `leaning` contains the casters of [`Caster::leaning`], in which rounding makes all triangles larger or
-    /// all smaller.
+    /// rays, of the direction to the sky, of the position in the texture and of highlights. The pixel's ray is
+    /// not nudged. `leaning` contains the casters of [`Caster::leaning`], in which rounding makes all triangles
+    /// larger or all smaller.
     fn change_hit(
         &self,
         sample: &mut PixelSample,
@@ -186,7 +187,9 @@ impl Asked<'_> {
             grazed.into_iter().for_each(|radiance| sample.consider(radiance));
         }
         self.turn_sky(sample, |seen| caster.radiance(seen, ray, Some(hit), bias));
-        self.shift_texture(sample, (ray, hit), &|sight| caster.reaches(sight, bias));
+        let usual = |sight: &Sight<f64>| caster.reaches(sight, bias);
+        self.shift_texture(sample, (ray, hit), &usual);
+        self.change_highlights(sample, (ray, hit), &usual);
     }
 
     /// Returns true if `sight` shows a light, and false if it shows the sky.
@@ -226,7 +229,7 @@ fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
 /// hit.
 fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     let row = mesh.textures.mapped.get(triangle as usize)?;
-    let corner_colours = mesh.corner_colours.get(triangle as usize).copied().into_iter().collect();
+    let corner_colours: Vec<_> = mesh.corner_colours.get(triangle as usize).copied().into_iter().collect();
     let triangle = &mesh.triangles[triangle as usize];
     let material = mesh.material(triangle);
     let mut list = Vec::new();
@@ -238,14 +241,21 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     if list.is_empty() {
         return None;
     }
-    Some(Mesh {
+    let textures = Textures { list, mapped: vec![Mapped { texture, mask: None, ..*row }] };
+    let bare = mesh_of(mesh, triangle, Material { emission_texture, ..*material });
+    Some(Mesh { textures, corner_colours, ..bare })
+}
+
+/// Returns a mesh that consists of one triangle of `mesh`, with the material `material`, and without textures and
+/// colours of corners.
+fn mesh_of(mesh: &Mesh, triangle: &Triangle, material: Material) -> Mesh {
+    Mesh {
         positions: mesh.corners(triangle).to_vec(),
         normals: mesh.corner_normals(triangle).to_vec(),
         triangles: vec![Triangle { positions: [0, 1, 2], normals: [0, 1, 2], material: 0 }],
-        materials: vec![Material { emission_texture, ..*material }],
-        textures: Textures { list, mapped: vec![Mapped { texture, mask: None, ..*row }] },
-        corner_colours,
-    })
+        materials: vec![material],
+        ..Mesh::default()
+    }
 }
 
 /// Casts a pixel's sample, and casts the sample again with each of the changes below. The returned sample
@@ -260,6 +270,7 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
 /// - The hit's position in a texture is moved slightly.
+/// - Highlights of very shiny surfaces become brighter, and darker.
 /// - Surfaces just behind the hit are seen instead of the surface that was hit: if two surfaces coincide,
 ///   either one is correct. Each surface just behind the hit is also cast with the other changes of this
 ///   list, except nudges, because rounding may change a pixel in several ways at once.

@@ -148,9 +148,9 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     }
     let usual = |sight: &Sight<f64>| caster.reaches(sight, bias);
     asked.turn_sky(&mut sample, |seen| radiance_of(seen, &hits.centre, &usual));
-    asked.shift_texture(&mut sample, (&ray, &hit), &|sight| {
-        shadows.reaches(sight.light).unwrap_or_else(|| usual(sight))
-    });
+    let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| usual(sight));
+    asked.shift_texture(&mut sample, (&ray, &hit), &reaches);
+    asked.change_highlights(&mut sample, (&ray, &hit), &reaches);
     Some(sample)
 }
 
