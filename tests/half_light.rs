@@ -150,8 +150,8 @@ fn a_broken_half_picture_is_a_wrong_picture() {
         [FILTER, "subtract(own, behind)", "own", "bvh"],
         [
             FILTER,
-            "likeness(own.colour, there.colour) * there.hit",
-            "likeness(own.colour, there.colour)",
+            "likeness(light, scaled_light(there.colour, factor)) * there.hit",
+            "likeness(light, scaled_light(there.colour, factor))",
             "bvh",
         ],
         [ROWS, "colour.z.scdef, hit.scdef", "colour.z.scdef, hit.scdee", "tile"],

@@ -17,9 +17,23 @@
 
 // In the kernels filter_half_light and apply_half_light, a work-item processes WIDTH neighbouring pixels of a row.
 
+// Returns the factor that scales the brightest channel of a pixel's light to 1. Without this factor, the fourth powers
+// in `likeness` would be infinite for a radiance of 3e9, and 0 for a radiance of 1e-12.
+INLINED_ROWS varying light_scale(Vec3 own) {
+    return 1.0f / max(max(max(own.x, own.y), own.z), (varying)(FLT_MIN));
+}
+
+// Returns another pixel's light times `factor`. The likeness of light that is much brighter than 1 is 0, so limiting
+// channels to 1e4, which keeps their fourth powers finite, changes no likeness.
+INLINED_ROWS Vec3 scaled_light(Vec3 light, varying factor) {
+    const Vec3 scaled = scale(light, factor);
+    const varying most = (varying)(1e4f);
+    return vec3(min(scaled.x, most), min(scaled.y, most), min(scaled.z, most));
+}
+
 // Returns the weight of a pixel in the filtered value of another pixel, from the unoccluded light of both pixels (a and
-// b). The weight is large if a and b are nearly equal, and 0 if they differ much. Pixels on different surfaces, or on
-// different sides of an edge, mostly differ.
+// b), times the factor of one of them. The weight is large if a and b are nearly equal, and 0 if they differ much.
+// Pixels on different surfaces, or on different sides of an edge, mostly differ.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
@@ -46,7 +60,8 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= half_size.x || y >= half_size.y) return;
     const PixelRow own = load_pixels(half_unoccluded, half_size, x, y);
-    const varying zero = (varying)(0.0f);
+    const varying zero = (varying)(0.0f), factor = light_scale(own.colour);
+    const Vec3 light = scale(own.colour, factor);
     Vec3 arrives = vec3(zero, zero, zero), all = vec3(zero, zero, zero);
     for (int down = -2; down <= 2; down++)
         for (int across = -2; across <= 2; across++) {
@@ -56,7 +71,7 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             const Vec3 lit = load_pixels(half_lit, half_size, x + across, y + down).colour;
             const float share = (across == -2 || across == 2 ? 0.5f : 1.0f) * (down == -2 || down == 2 ? 0.5f : 1.0f);
             // The factor `hit` is 0 for the background, which is no surface.
-            const varying weight = share * likeness(own.colour, there.colour) * there.hit;
+            const varying weight = share * likeness(light, scaled_light(there.colour, factor)) * there.hit;
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
@@ -103,7 +118,9 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const varying across = (TO_FLOAT(x + LANE_NUMBER) + 0.5f) * per_x - 0.5f, left = floor(across);
     const float down = (y + 0.5f) * per_y - 0.5f, top = floor(down);
     // `least` keeps the sum of weights above 0 even if all four pixels have a likeness of 0.
-    const varying square = dot3(own, own), least = 0.01f * square * square + 1e-37f, zero = (varying)(0.0f);
+    const varying factor = light_scale(own), zero = (varying)(0.0f);
+    const Vec3 light = scale(own, factor);
+    const varying square = dot3(light, light), least = 0.01f * square * square + 1e-37f;
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;
     // Sums over the four nearest pixels of the half picture, in this order: upper left, upper right, lower left, lower
@@ -113,7 +130,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
         const varying part = (to_right ? across - left : 1.0f - (across - left)) * (below ? down - top : 1.0f - (down - top));
         const PixelRow ratio = half_pixels(ratios, half_size, image_size, x, row, left, to_right);
         const Vec3 there = half_pixels(half_unoccluded, half_size, image_size, x, row, left, to_right).colour;
-        const varying weight = part * (likeness(own, there) * ratio.hit + least);
+        const varying weight = part * (likeness(light, scaled_light(there, factor)) * ratio.hit + least);
         sum = along(sum, weight, ratio.colour);
         weights += weight;
     }

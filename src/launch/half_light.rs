@@ -128,7 +128,7 @@ impl HalfLight {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use crate::device::discover;
-    use crate::image::relative_difference;
+    use crate::image::{Radiance, relative_difference};
     use crate::launch::Session;
     use crate::program::Sources;
     use crate::reference::fixtures;
@@ -185,26 +185,51 @@ mod tests {
     /// the background's light, which is not filtered.
     #[test]
     fn the_background_of_another_scene_takes_the_place_of_the_old_one() {
-        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None };
         let before = Scene { sky: Some(sky), background: Vec3::ZERO, ..fixtures::single_triangle() };
         let after = Scene { background: Vec3::new(0.3, 0.2, 0.1), ..before.clone() };
         let [before, after] = [before, after].map(Arc::new);
-        let sampling = Sampling { half_light: 2, ..Sampling::all(4) };
-        let last_of = |scenes: [&Arc<Scene>; 2]| {
-            let session = Session::open(&device, &Sources::Embedded, Arc::clone(scenes[0])).unwrap();
-            let mut session = session.with_sampling(sampling);
-            let prepared = session.prepare(&preset("bvh").unwrap().strategy, [38, 22], [1, 1]);
-            let mut prepared = prepared.map_err(|refused| refused.reason()).unwrap();
-            let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
-            for scene in scenes {
-                assert!(prepared.show(scene, &caster).unwrap());
-                caster.cast_samples(&scene.camera, &sampling).unwrap();
-            }
-            caster.read().unwrap().0
+        let expected = last_of(&[&after, &after]);
+        assert!(last_of(&[&before, &after]) == expected, "another picture");
+        assert!(last_of(&[&after, &before]) != expected, "the background is not seen");
+    }
+
+    /// If all light is so many times as bright, the picture is so many times as bright. The filter's weights are
+    /// fourth powers, which must stay within single precision.
+    #[test]
+    fn light_of_any_brightness_is_filtered() {
+        let picture = |brightness: f32| {
+            let mut scene = fixtures::figure_4();
+            let zenith = Vec3::splat(0.1 * brightness);
+            scene.sky = Some(Sky { zenith, horizon: zenith, up: Vec3::Y, reach: 10.0, picture: None });
+            scene.background *= brightness;
+            scene.lights.iter_mut().for_each(|light| light.power *= brightness);
+            last_of(&[&Arc::new(scene)])
         };
-        let expected = last_of([&after, &after]);
-        assert!(last_of([&before, &after]) == expected, "another picture");
-        assert!(last_of([&after, &before]) != expected, "the background is not seen");
+        let usual = picture(1.0);
+        for brightness in [1e12, 1e-12] {
+            let scaled = picture(brightness);
+            let pixels = scaled.pixels.iter().zip(&usual.pixels);
+            let difference =
+                |(a, b): (&[f32; 3], &[f32; 3])| relative_difference(a.map(|a| a / brightness), *b, 1e-4);
+            let largest = pixels.map(difference).fold(0.0, f64::max);
+            assert!(largest < 1e-3, "{brightness:e}: {largest}");
+        }
+    }
+
+    /// Casts pictures of several scenes with the same caster, and returns the last picture.
+    fn last_of(scenes: &[&Arc<Scene>]) -> Radiance {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let sampling = Sampling { half_light: 2, ..Sampling::all(4) };
+        let session = Session::open(&device, &Sources::Embedded, Arc::clone(scenes[0])).unwrap();
+        let mut session = session.with_sampling(sampling);
+        let prepared = session.prepare(&preset("bvh").unwrap().strategy, [38, 22], [1, 1]);
+        let mut prepared = prepared.map_err(|refused| refused.reason()).unwrap();
+        let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
+        for scene in scenes {
+            assert!(prepared.show(scene, &caster).unwrap());
+            caster.cast_samples(&scene.camera, &sampling).unwrap();
+        }
+        caster.read().unwrap().0
     }
 }

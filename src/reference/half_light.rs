@@ -58,13 +58,15 @@ fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
     let HalfPictures { lit, unoccluded, hit_shares } = halves;
     let width = unoccluded.width as usize;
     let ratio = |index: usize| {
-        let (own, [x, y]) = (at(unoccluded, index), [index % width, index / width].map(|at| at as i64));
+        let [x, y] = [index % width, index / width].map(|at| at as i64);
+        let factor = light_scale(at(unoccluded, index));
+        let own = at(unoccluded, index) * factor;
         let (mut arrives, mut all) = (DVec3::ZERO, DVec3::ZERO);
         for (down, by_row) in (-2..).zip(WEIGHTS) {
             for (across, by_column) in (-2..).zip(WEIGHTS) {
                 let there = nearest(unoccluded, [x + across, y + down]);
-                let weight =
-                    by_row * by_column * likeness(own, at(unoccluded, there)) * f64::from(hit_shares[there]);
+                let like = likeness(own, at(unoccluded, there) * factor);
+                let weight = by_row * by_column * like * f64::from(hit_shares[there]);
                 arrives += weight * at(lit, there);
                 all += weight * at(unoccluded, there);
             }
@@ -81,20 +83,30 @@ fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
 /// this position.
 fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios: &[DVec3]) -> DVec3 {
     let HalfPictures { unoccluded, hit_shares, .. } = halves;
+    let factor = light_scale(own);
+    let own = own * factor;
     let least = 0.01 * own.length_squared().powi(2) + 1e-37;
     let (left, top) = (x.floor(), y.floor());
     let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
     let (sum, weights) = corners.into_iter().fold((DVec3::ZERO, 0.0), |(sum, weights), (right, below)| {
         let there = nearest(unoccluded, [(left + right) as i64, (top + below) as i64]);
         let part = (1.0 - (x - left - right).abs()) * (1.0 - (y - top - below).abs());
-        let weight = part * (likeness(own, at(unoccluded, there)) * f64::from(hit_shares[there]) + least);
+        let like = likeness(own, at(unoccluded, there) * factor);
+        let weight = part * (like * f64::from(hit_shares[there]) + least);
         (sum + weight * ratios[there], weights + weight)
     });
     sum / weights
 }
 
+/// Returns the factor that scales the brightest channel of a pixel's light to 1. Without this factor, the small
+/// constant in the weights would count in pictures with little light.
+fn light_scale(own: DVec3) -> f64 {
+    own.max_element().max(f64::from(f32::MIN_POSITIVE)).recip()
+}
+
 /// Returns the weight that one pixel has in the filter for another pixel. `a` and `b` are the unoccluded
-/// light of the two pixels. If `a` and `b` differ much, the weight is 0.
+/// light of the two pixels, times the factor of one of them ([`light_scale`]). If `a` and `b` differ much, the
+/// weight is 0.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)
@@ -204,6 +216,28 @@ mod tests {
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 4] };
         let picture = with_half_light(&whole, &[1.0; 16], &halves, BACKGROUND);
         assert!(close(picture.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", picture.pixels[5]);
+    }
+
+    /// A picture with little light, or with much, is filtered like the same picture with usual light.
+    #[test]
+    fn the_filter_does_not_depend_on_the_unit_of_light() {
+        let picture = |unit: f32| {
+            let halved = |width: u32, height: u32, values: [f32; 2]| {
+                let mut image = flat([width, height], unit * values[0]);
+                image.pixels.iter_mut().step_by(3).for_each(|pixel| *pixel = [unit * values[1]; 3]);
+                image
+            };
+            let (whole, unoccluded) = (halved(16, 8, [0.9, 0.3]), halved(8, 4, [0.9, 0.3]));
+            let lit = halved(8, 4, [0.6, 0.0]);
+            let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
+            with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND * f64::from(unit))
+        };
+        let usual = picture(1.0);
+        for unit in [1e-12, 1e12] {
+            for (actual, expected) in picture(unit).pixels.iter().zip(&usual.pixels) {
+                assert!((actual[0] / unit - expected[0]).abs() < 1e-6, "{unit}: {actual:?}, {expected:?}");
+            }
+        }
     }
 
     /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half
