@@ -61,6 +61,9 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision, and its alpha if the background is transparent.
     pub radiance: Radiance,
+    /// For each pixel, in the order of `radiance.pixels`, the share of its samples that hit a triangle, from 0 to 1; 0
+    /// for pixels that were not cast.
+    pub hit_shares: Vec<f32>,
     /// True for each certain pixel, in the order of `radiance.pixels`. If a pixel is certain, nudges (small
     /// turns) of its ray and other small changes (see [`certainty`]) alter its radiance by a fraction of less
     /// than 1e-3. Pixels that were not cast count as uncertain.
@@ -164,12 +167,13 @@ fn count(size: [u32; 2]) -> usize {
 /// Makes a reference from `samples`: the means of the samples of each pixel in `pixels`, in the same order.
 fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Scene) -> Reference {
     let mut radiance = Radiance::new(size[0], size[1]);
-    if scene.transparent {
-        radiance.coverage = vec![0.0; count(size)];
-        pixels.iter().zip(samples).for_each(|(&pixel, sample)| radiance.coverage[pixel] = sample.coverage);
-    }
+    let mut hit_shares = vec![0.0; count(size)];
     for (&pixel, sample) in pixels.iter().zip(samples) {
         radiance.pixels[pixel] = sample.radiance.as_vec3().to_array();
+        hit_shares[pixel] = sample.coverage;
+    }
+    if scene.transparent {
+        radiance.coverage = hit_shares.clone();
     }
     let floor = dark_floor(&radiance, scene.display);
     let (mut certain, mut doubts) = (vec![false; count(size)], Vec::new());
@@ -184,7 +188,7 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Sce
     let hits = samples.iter().filter(|sample| sample.hit).count();
     let turning = |hit: bool| samples.iter().filter(|sample| sample.turns && sample.hit == hit).count();
     let hits_range = [hits - turning(true), hits + turning(false)];
-    Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
+    Reference { radiance, hit_shares, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
 }
 
 /// Casts the sample `of_pixel` of each of the pixels with the indices `pixels`. Returns the results in the

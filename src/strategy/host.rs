@@ -20,9 +20,9 @@ const PROGRAM_BYTES_BESIDE_GPU: u64 = 432_000_000;
 /// An upper bound of the bytes per triangle in the reference's tree. `REFERENCE_BYTES` assumes 80 bytes for a
 /// triangle, and 72 bytes for two nodes. In fact, a triangle takes only 44 bytes.
 pub const REFERENCE_BYTES: u64 = 80 + 72;
-/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, the alpha, and whether the pixel
-/// is certain.
-const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 4 + 1;
+/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, the alpha, the share of the
+/// pixel's samples that hit something, and whether the pixel is certain.
+const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 4 + 4 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 

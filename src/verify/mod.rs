@@ -68,7 +68,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     let reason = match worst {
         Some(finding) if finding.wrong => Some(finding.sentence(wrong_pixels)),
         _ => too_many_unexplained(unexplained_pixels, reference.judged)
-            .or_else(|| wrong_alpha(image, reference))
+            .or_else(|| wrong_shares("alpha", &image.coverage, reference))
             .or_else(|| hits.and_then(|hits| wrong_hits(hits, reference))),
     };
     let agrees = || reference.certain.contains(&true).then_some(0.0);
@@ -83,21 +83,23 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     }
 }
 
-/// Returns why the alpha of certain pixels is wrong; `None` if the alpha is right, or if the image or the
-/// reference has no alpha. Whether the samples of a certain pixel hit or miss does not depend on rounding, so
-/// the pixel's alpha does not depend on rounding either.
-fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
-    let alphas = image.coverage.iter().zip(&reference.radiance.coverage);
-    let certain = alphas.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
+/// Returns why the hit shares of certain pixels are wrong; `None` if they are right, or if `shares` is empty. A
+/// pixel's hit share is the share of its samples that hit something. With a transparent background, this
+/// share is the pixel's alpha. `what` names one share in the result. Whether the samples of a certain pixel hit
+/// or miss does not depend on rounding, so the pixel's hit share does not depend on rounding either.
+pub fn wrong_shares(what: &str, shares: &[f32], reference: &Reference) -> Option<String> {
+    let pairs = shares.iter().zip(&reference.hit_shares);
+    let certain = pairs.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
     let differences = certain.map(|(pixel, (actual, expected))| {
         (pixel, alpha_difference(Some(actual), Some(expected)), [actual, expected])
     });
     let wrong: Vec<_> = differences.filter(|(_, difference, _)| *difference > RELATIVE_LIMIT).collect();
     let (pixel, _, [actual, expected]) = wrong.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let [x, y] = [*pixel as u32 % image.width, *pixel as u32 / image.width];
+    let width = reference.radiance.width;
+    let [x, y] = [*pixel as u32 % width, *pixel as u32 / width];
     let pixels = counted(wrong.len(), "pixel");
     Some(format!(
-        "the alpha of {pixels} is wrong; the worst, ({x}, {y}), has {actual} and should have {expected}"
+        "the {what} of {pixels} is wrong; the worst, ({x}, {y}), has {actual} and should have {expected}"
     ))
 }
 

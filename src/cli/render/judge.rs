@@ -9,7 +9,7 @@ use crate::reference::half_light::with_half_light;
 use crate::reference::{all_pixels, reference_of, some_pixels};
 use crate::scene::{Sample, SampleCounts, SampleLight, Sampling, Scene};
 use crate::strategy::Strategy;
-use crate::verify::{Verdict, verify};
+use crate::verify::{Verdict, verify, wrong_shares};
 use crate::words::{path_word, quote};
 use std::path::Path;
 
@@ -67,8 +67,9 @@ pub(super) fn verified(
 /// Compares a picture, or only `some` of its pixels, with the reference. The check includes the number of
 /// pixels whose rays hit a triangle. If the picture's soft light was cast in half pictures (of half the width
 /// and height), `parts` contains the pictures from which the filter made the final picture. In this case, the
-/// pictures in `parts` are compared with the reference. The final picture is compared with the picture that
-/// the host makes of `parts` by the same filter as the device.
+/// pictures in `parts`, and the shares of their samples that hit something, are compared with the reference.
+/// The final picture is compared with the picture that the host makes of `parts` by the same filter as the
+/// device.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -87,22 +88,29 @@ pub(super) fn check(
             "this is a bug in raycl or in the driver: update the driver, or report the bug with your command",
         ));
     }
-    let compare =
-        |scene: &Scene, image: &Radiance, hits, samples: &[Sample], counts: Option<&SampleCounts>| {
-            let compared = compare(scene, (image, hits), strategy, (samples, counts), some);
-            compared.map_err(|reason| wrong(&reason, saved))
-        };
-    let rounds = sampling.rounds().concat();
-    let Some(parts) = parts else { return compare(scene, image, Some(hits), &rounds, counts) };
-    let whole = compare(scene, &parts.whole, Some(parts.hits), &rounds, counts)?;
+    let compare = |scene: &Scene, cast: Compared<'_>, samples: &[Sample], counts: Option<&SampleCounts>| {
+        let compared = compare(scene, cast, strategy, (samples, counts), some);
+        compared.map_err(|reason| wrong(&reason, saved))
+    };
+    let cast = match parts {
+        Some(LightParts { whole, hits, hit_shares, .. }) => {
+            Compared { image: whole, hits: Some(*hits), hit_shares: Some(hit_shares.as_slice()) }
+        }
+        None => Compared { image, hits: Some(hits), hit_shares: None },
+    };
+    let whole = compare(scene, cast, &sampling.rounds().concat(), counts)?;
+    let Some(parts) = parts else { return Ok(whole) };
     // The half pictures have the same field of view as the whole picture.
     let camera = scene.camera.covering([image.width, image.height]);
     let half_scene = Scene { camera, ..scene.clone() };
     let mut max_difference = whole.max_difference;
-    for (half, light) in
-        [(&parts.lit, SampleLight::Interleaved), (&parts.unoccluded, SampleLight::Unoccluded)]
-    {
-        let compared = compare(&half_scene, half, None, &sampling.of_half_light(light), None)?;
+    // The hit shares of the half pictures are those of the half picture with unoccluded light.
+    for (image, hit_shares, light) in [
+        (&parts.lit, None, SampleLight::Interleaved),
+        (&parts.unoccluded, Some(parts.half_hit_shares.as_slice()), SampleLight::Unoccluded),
+    ] {
+        let half = Compared { image, hits: None, hit_shares };
+        let compared = compare(&half_scene, half, &sampling.of_half_light(light), None)?;
         max_difference = compared.max_difference.into_iter().chain(max_difference).reduce(f64::max);
     }
     if hits != parts.hits || image.coverage != parts.whole.coverage {
@@ -113,10 +121,19 @@ pub(super) fn check(
     Ok(Verified { max_difference, ..whole })
 }
 
+/// A picture that is compared with its reference.
+struct Compared<'a> {
+    image: &'a Radiance,
+    /// The number of pixels whose rays hit a triangle; `None` if this number is not compared.
+    hits: Option<usize>,
+    /// For each pixel, the share of its samples that hit something; `None` if the shares are not compared.
+    hit_shares: Option<&'a [f32]>,
+}
+
 /// Compares a picture with its reference. If the picture is wrong, returns the reason as an error.
 fn compare(
     scene: &Scene,
-    (image, hits): (&Radiance, Option<usize>),
+    Compared { image, hits, hit_shares }: Compared<'_>,
     strategy: &Strategy,
     (samples, counts): (&[Sample], Option<&SampleCounts>),
     some: Option<u32>,
@@ -133,7 +150,8 @@ fn compare(
     let expected = reference_of(scene, size, strategy.culling, &pixels, (samples, &count));
     let verdict = verify(image, hits, &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
-    match verdict.reason {
+    let wrong_shares = || hit_shares.and_then(|shares| wrong_shares("share of hits", shares, &expected));
+    match verdict.reason.or_else(wrong_shares) {
         Some(reason) => Err(reason),
         None => Ok(Verified {
             max_difference,
@@ -176,25 +194,60 @@ mod tests {
     use crate::reference::fixtures;
     use crate::strategy::preset;
 
-    #[test]
-    fn half_pictures_of_another_shape_show_the_field_of_view_of_the_whole_one() {
-        let (scene, size, half_size) = (fixtures::single_triangle(), [8, 3], [4, 2]);
-        let sampling = Sampling { half_light: 1, ..Sampling::ONE };
-        let strategy = preset("bvh").unwrap().strategy;
+    /// One sample per pixel, and soft light at half resolution.
+    const SOFT: Sampling = Sampling { half_light: 1, ..Sampling::ONE };
+
+    /// Casts the parts of a picture of 8 x 3 pixels with soft light, in double precision.
+    fn parts_of(scene: &Scene, strategy: &Strategy) -> LightParts {
         let cast = |scene: &Scene, size: [u32; 2], samples: &[Sample]| {
             reference_of(scene, size, strategy.culling, &all_pixels(size), (samples, &|_| 1))
         };
-        let whole = cast(&scene, size, &sampling.rounds().concat());
-        let half_scene = Scene { camera: scene.camera.covering(size), ..scene.clone() };
-        let half = |light: SampleLight| cast(&half_scene, half_size, &sampling.of_half_light(light)).radiance;
-        let parts = LightParts {
+        let whole = cast(scene, [8, 3], &SOFT.rounds().concat());
+        let half_scene = Scene { camera: scene.camera.covering([8, 3]), ..scene.clone() };
+        let half = |light: SampleLight| cast(&half_scene, [4, 2], &SOFT.of_half_light(light));
+        let unoccluded = half(SampleLight::Unoccluded);
+        LightParts {
             hits: whole.hits,
             whole: whole.radiance,
-            hit_shares: vec![1.0; 8 * 3],
-            lit: half(SampleLight::Interleaved),
-            unoccluded: half(SampleLight::Unoccluded),
-            half_hit_shares: vec![1.0; 4 * 2],
+            hit_shares: whole.hit_shares,
+            lit: half(SampleLight::Interleaved).radiance,
+            unoccluded: unoccluded.radiance,
+            half_hit_shares: unoccluded.hit_shares,
+        }
+    }
+
+    /// The filter uses the hit shares, so the host's filter computes the same picture from wrong hit shares as the
+    /// device's filter.
+    #[test]
+    fn a_wrong_share_of_hits_is_noticed_in_the_whole_picture_and_in_half_pictures() {
+        let (scene, strategy) = (fixtures::single_triangle(), preset("bvh").unwrap().strategy);
+        let wrong_part = |change: fn(&mut LightParts)| {
+            let mut parts = parts_of(&scene, &strategy);
+            change(&mut parts);
+            let background = scene.background.as_dvec3();
+            let image = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
+            let (cast, saved) = ((&image, parts.hits), Target::of_results("a.png"));
+            let verified = check(&scene, cast, (&strategy, (SOFT, None)), Some(&parts), &saved, None);
+            verified.map_err(|error| error.to_string()).map(|_| ())
         };
+        assert_eq!(wrong_part(|parts| parts.hit_shares[12] = 0.9995), Ok(()), "it is within the tolerance");
+        let changes: [(fn(&mut LightParts), &str); 2] = [
+            (|parts| parts.hit_shares[12] = 0.5, "(4, 1)"),
+            (|parts| parts.half_hit_shares[6] = 0.5, "(2, 1)"),
+        ];
+        for (change, pixel) in changes {
+            let message = format!(
+                "the picture is wrong: the share of hits of 1 pixel is wrong; the worst, {pixel}, has 0.5 and should \
+                 have 1"
+            );
+            assert_eq!(wrong_part(change), Err(message));
+        }
+    }
+
+    #[test]
+    fn half_pictures_of_another_shape_show_the_field_of_view_of_the_whole_one() {
+        let (scene, strategy) = (fixtures::single_triangle(), preset("bvh").unwrap().strategy);
+        let (sampling, parts) = (SOFT, parts_of(&scene, &strategy));
         let background = scene.background.as_dvec3();
         let image = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
         let saved = Target::of_results("a.png");
