@@ -103,7 +103,7 @@ fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour
 }
 
 /// Each changed kernel makes one mistake: it counts blocks wrongly, gives a pixel a wrong number of samples,
-/// or divides the sum of a pixel's samples by a wrong number.
+/// marks no block as rough, or divides the sum of a pixel's samples by a wrong number.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -117,6 +117,7 @@ fn a_broken_mean_is_a_wrong_picture() {
             "bvh",
         ),
         ("common/mark_rough.cl", "? most : first;", "? most : most + 1;", "bvh"),
+        ("common/mark_rough.cl", "first * steps * steps > ROUGH_STEPS * ROUGH_STEPS;", "0;", "bvh"),
     ] {
         folder.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
     }

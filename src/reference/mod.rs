@@ -21,6 +21,7 @@ pub mod pixel_sample;
 pub mod ray;
 pub mod ray_packet;
 pub mod real;
+pub mod rough;
 pub mod shade;
 pub mod shadow_end;
 pub mod shadows;
@@ -31,8 +32,6 @@ pub mod tree;
 
 #[cfg(test)]
 pub(crate) mod fixtures;
-#[cfg(test)]
-pub(crate) mod rough;
 
 pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
 pub use fingerprint::fingerprint;

@@ -1,9 +1,47 @@
 //! Determines which blocks of pixels get more samples: those in which neighbouring pixels differ visibly
 //! after the first samples. On devices, `cl/common/mark_rough.cl` finds the blocks that get more samples.
 
-use crate::image::Radiance;
+use super::{Reference, some_pixels};
+use crate::image::{RELATIVE_LIMIT, Radiance};
 use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
 use crate::scene::Display;
+use rayon::prelude::*;
+
+/// The number of pixels of a block and of the ring of pixels around it.
+const WINDOW_PIXELS: usize = (SAMPLED_BLOCK as usize + 2).pow(2);
+
+/// Returns the pixels of some blocks, and of the rings of pixels around these blocks, in ascending order: about `some`
+/// pixels of a picture of `size = [width, height]`. The blocks are chosen at random, but every call with the same
+/// arguments chooses the same blocks.
+pub fn pixels_of_some_blocks(size: [u32; 2], some: usize) -> Vec<usize> {
+    let starts: Vec<_> = block_starts(size).collect();
+    let blocks = some_pixels(size.map(|side| side.div_ceil(SAMPLED_BLOCK)), some.div_ceil(WINDOW_PIXELS));
+    let windows = blocks.into_iter().flat_map(|block| window(size, starts[block]));
+    let mut pixels: Vec<usize> = windows.collect();
+    pixels.sort_unstable();
+    pixels.dedup();
+    pixels
+}
+
+/// Returns the blocks whose roughness does not depend on rounding: the column and row of each block's first pixel, and
+/// true if the block is rough. `means` contains the means of each pixel's first samples, whose number is `first`. A
+/// block is left out if a pixel of the block, or of the ring around it, is uncertain (as are pixels that were not
+/// cast), or if the block's difference is close to the limit.
+pub fn certain_blocks(means: &Reference, display: Display, first: u32) -> Vec<([u32; 2], bool)> {
+    let size = [means.radiance.width, means.radiance.height];
+    let limit = rough_steps(first);
+    // The radiance of a certain pixel may be off by the relative limit. With a gamma of 2, the displayed value is then
+    // off by half of the relative limit, and the difference of two displayed values by all of it.
+    let close = 0.01 * limit + 255.0 * RELATIVE_LIMIT;
+    let starts: Vec<_> = block_starts(size).collect();
+    let judged = |start: &[u32; 2]| {
+        let steps = window(size, *start)
+            .all(|pixel| means.certain[pixel])
+            .then(|| steps_of_block(&means.radiance, display, *start))?;
+        ((steps - limit).abs() > close).then_some((*start, steps > limit))
+    };
+    starts.par_iter().filter_map(judged).collect()
+}
 
 /// Returns the difference of neighbouring pixels above which a block is rough, in 8-bit steps. The pixels'
 /// difference is computed after the first `first` samples per pixel.
@@ -16,9 +54,22 @@ pub fn rough_steps(first: u32) -> f64 {
 /// Differences are computed with a gamma of 2, in 8-bit steps, so they nearly equal the displayed
 /// differences. Differences of alpha count too if the background is transparent.
 pub fn steps_of_blocks(means: &Radiance, display: Display) -> Vec<f64> {
-    let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
-    let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));
-    blocks.map(|start| steps_of_block(means, display, start)).collect()
+    let starts = block_starts([means.width, means.height]);
+    starts.map(|start| steps_of_block(means, display, start)).collect()
+}
+
+/// Returns the column and row of the first pixel of each block, row by row.
+fn block_starts(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
+    let [across, down] = size.map(|side| side.div_ceil(SAMPLED_BLOCK));
+    (0..down).flat_map(move |y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)))
+}
+
+/// Returns the pixels of the block that starts at `start`, and of the ring of pixels around it, as far as they lie in
+/// the picture.
+fn window(size: [u32; 2], start: [u32; 2]) -> impl Iterator<Item = usize> {
+    let [xs, ys] =
+        [0, 1].map(|axis| start[axis].saturating_sub(1)..(start[axis] + SAMPLED_BLOCK + 1).min(size[axis]));
+    ys.flat_map(move |y| xs.clone().map(move |x| y as usize * size[0] as usize + x as usize))
 }
 
 fn steps_of_block(means: &Radiance, display: Display, start: [u32; 2]) -> f64 {
@@ -50,7 +101,9 @@ fn largest_difference(a: [f64; 4], b: [f64; 4]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference::{fixtures, reference};
     use crate::scene::Tone;
+    use crate::strategy::Culling;
 
     fn exposed(exposure: f32) -> Display {
         Display { exposure, ..Display::default() }
@@ -68,6 +121,38 @@ mod tests {
             let expected = [[true, true, false, false], [true, true, false, false], [false; 4]];
             assert_eq!(rough, expected.concat(), "{at}: {steps:?}");
         }
+    }
+
+    /// A certain pixel may be off by a thousandth, so blocks whose difference is close to the limit are left out.
+    #[test]
+    fn a_block_is_certain_if_its_pixels_are_and_its_difference_is_not_close_to_the_limit() {
+        let black = reference(&fixtures::single_triangle(), [8, 4], Culling::None);
+        let at = |steps: f32, is_certain: bool| {
+            let mut means = black.clone();
+            means.radiance.pixels.fill([0.0; 3]);
+            means.radiance.pixels[0] = [(steps / 255.0).powi(2); 3];
+            means.certain.fill(true);
+            means.certain[4] = is_certain; // the first pixel to the right of the first block
+            certain_blocks(&means, exposed(1.0), 1)
+        };
+        let (first, second) = ([0, 0], [4, 0]);
+        assert_eq!(at(29.0, true), [(first, false), (second, false)]);
+        assert_eq!(at(31.0, true), [(first, true), (second, false)]);
+        for close in [29.6, 30.4] {
+            assert_eq!(at(close, true), [(second, false)], "{close}");
+        }
+        assert!(at(31.0, false).is_empty());
+    }
+
+    #[test]
+    fn some_blocks_have_about_as_many_pixels_as_asked_for() {
+        // A picture of 13 x 9 pixels has 4 x 3 blocks.
+        assert_eq!(pixels_of_some_blocks([13, 9], 12 * 36), (0..13 * 9).collect::<Vec<_>>());
+        let three = pixels_of_some_blocks([1300, 900], 3 * 36);
+        assert!((3 * 25..=3 * 36).contains(&three.len()) && three.is_sorted(), "{three:?}");
+        // The middle 4 x 4 pixels of a window are a block.
+        assert_eq!(window([13, 9], [4, 4]).count(), 6 * 6);
+        assert!(window([13, 9], [12, 8]).eq([7 * 13 + 11, 7 * 13 + 12, 8 * 13 + 11, 8 * 13 + 12]));
     }
 
     #[test]

@@ -6,11 +6,12 @@ use crate::image::{RELATIVE_LIMIT, Radiance, dark_floor, relative_difference};
 use crate::launch::LightParts;
 use crate::output::Target;
 use crate::reference::half_light::with_half_light;
+use crate::reference::rough::{certain_blocks, pixels_of_some_blocks};
 use crate::reference::{all_pixels, reference_of, some_pixels};
 use crate::scene::{Sample, SampleCounts, SampleLight, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify, wrong_shares};
-use crate::words::{path_word, quote};
+use crate::words::{counted, path_word, quote};
 use std::path::Path;
 
 /// Returns an error if a value of the picture is infinite or not a number, even without `--verify`. `fate` is the part
@@ -99,9 +100,15 @@ pub(super) fn check(
         None => Compared { image, hits: Some(hits), hit_shares: None },
     };
     let whole = compare(scene, cast, &sampling.rounds().concat(), counts)?;
+    let size = [image.width, image.height];
+    if let Some(counts) = counts
+        && let Some(reason) = wrong_counts(scene, size, strategy, (&sampling, counts), some)
+    {
+        return Err(wrong(&reason, saved));
+    }
     let Some(parts) = parts else { return Ok(whole) };
     // The half pictures have the same field of view as the whole picture.
-    let camera = scene.camera.covering([image.width, image.height]);
+    let camera = scene.camera.covering(size);
     let half_scene = Scene { camera, ..scene.clone() };
     let mut max_difference = whole.max_difference;
     // The hit shares of the half pictures are those of the half picture with unoccluded light.
@@ -164,6 +171,36 @@ fn compare(
     }
 }
 
+/// Returns why the blocks' numbers of samples are wrong; `None` if they are right. The reference's first samples say
+/// which blocks are rough and get all samples. If only `some` pixels are compared, the blocks of about as many
+/// pixels are compared.
+fn wrong_counts(
+    scene: &Scene,
+    size: [u32; 2],
+    strategy: &Strategy,
+    (sampling, counts): (&Sampling, &SampleCounts),
+    some: Option<u32>,
+) -> Option<String> {
+    let pixels = match some {
+        Some(some) => pixels_of_some_blocks(size, some as usize),
+        None => all_pixels(size),
+    };
+    let [first, _] = sampling.rounds();
+    let means = reference_of(scene, size, strategy.culling, &pixels, (&first, &|_| sampling.first));
+    let blocks = certain_blocks(&means, scene.display, sampling.first).into_iter();
+    let expected = blocks.map(|(at, is_rough)| (at, if is_rough { sampling.most } else { sampling.first }));
+    let wrong: Vec<_> = expected.filter(|(at, expected)| counts.at(*at) != *expected).collect();
+    let (at, expected) = *wrong.first()?;
+    let ([x, y], blocks) = (at, counted(wrong.len(), "block"));
+    Some(format!(
+        "the number of samples per pixel of {blocks} is wrong; the first, at pixel ({x}, {y}), has {} and should have \
+         {expected}, since its pixels {} visibly after {}",
+        counts.at(at),
+        if expected == sampling.most { "differ" } else { "do not differ" },
+        counted(sampling.first as usize, "sample"),
+    ))
+}
+
 /// Applies the filter of soft light to `parts` on the host, and compares `image` with the result. Returns the
 /// largest relative difference or, if this difference is above `RELATIVE_LIMIT`, an error that names the
 /// pixel.
@@ -192,6 +229,7 @@ fn wrong(reason: &str, saved: &Target) -> Error {
 mod tests {
     use super::*;
     use crate::reference::fixtures;
+    use crate::reference::rough::{rough_steps, steps_of_blocks};
     use crate::strategy::preset;
 
     /// One sample per pixel, and soft light at half resolution.
@@ -348,5 +386,42 @@ mod tests {
         let error =
             check(&scene, (&image, 0), (&strategy, sampled), None, &saved, None).expect_err("a wrong number");
         assert!(error.to_string().ends_with("a number of samples that is neither 1 nor 16"), "{error}");
+    }
+
+    /// The reference casts as many samples of each pixel as the device says, so it agrees with a picture in which other
+    /// blocks than the rough ones got all samples.
+    #[test]
+    fn a_picture_in_which_other_blocks_than_the_rough_ones_got_all_samples_is_wrong() {
+        let mut scene = fixtures::single_triangle();
+        scene.display.exposure = 10.0;
+        let (sampling, strategy, size) = (Sampling::adaptive(4), preset("bvh").unwrap().strategy, [22, 13]);
+        let cast = |samples: &[Sample], count: &dyn Fn(usize) -> u32| {
+            reference_of(&scene, size, strategy.culling, &all_pixels(size), (samples, count))
+        };
+        let means = cast(&sampling.rounds()[0], &|_| sampling.first).radiance;
+        let steps = steps_of_blocks(&means, scene.display);
+        let judged = |limit: f64, some: Option<u32>| {
+            let of_block =
+                steps.iter().map(|steps| if *steps > limit { sampling.most } else { sampling.first });
+            let counts = SampleCounts::new(size, of_block.collect());
+            let count = |pixel: usize| counts.at([pixel as u32 % size[0], pixel as u32 / size[0]]);
+            let picture = cast(&sampling.rounds().concat(), &count);
+            let (picture, sampled) = ((&picture.radiance, picture.hits), (sampling, Some(&counts)));
+            let saved = Target::of_results("a.png");
+            let verified = check(&scene, picture, (&strategy, sampled), None, &saved, some);
+            verified.map_err(|error| error.to_string()).map(|_| ())
+        };
+        // If 24 x 36 pixels are compared, all 24 blocks are.
+        for some in [None, Some(24 * 36)] {
+            assert_eq!(judged(rough_steps(sampling.first), some), Ok(()));
+            for (limit, end) in [
+                (f64::INFINITY, "has 1 and should have 4, since its pixels differ visibly after 1 sample"),
+                (-1.0, "has 4 and should have 1, since its pixels do not differ visibly after 1 sample"),
+            ] {
+                let message = judged(limit, some).expect_err("a wrong picture");
+                let start = "the picture is wrong: the number of samples per pixel of ";
+                assert!(message.starts_with(start) && message.ends_with(end), "{message}");
+            }
+        }
     }
 }
