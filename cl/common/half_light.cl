@@ -31,9 +31,9 @@ INLINED_ROWS Vec3 scaled_light(Vec3 light, varying factor) {
     return vec3(min(scaled.x, most), min(scaled.y, most), min(scaled.z, most));
 }
 
-// Returns the weight of a pixel in the filtered value of another pixel, from the unoccluded light of both pixels (a and
-// b), times the factor of one of them. The weight is large if a and b are nearly equal, and 0 if they differ much.
-// Pixels on different surfaces, or on different sides of an edge, mostly differ.
+// Returns the weight of a pixel in the filtered value of another pixel. `a` and `b` are the unoccluded light of the two
+// pixels, both multiplied by the light_scale of one of them. The weight is large if a and b are nearly equal, and 0 if
+// they differ much, as do most pixels on different surfaces, or on different sides of an edge.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
@@ -117,9 +117,9 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const float per_x = (float)half_size.x / image_size.x, per_y = (float)half_size.y / image_size.y;
     const varying across = (TO_FLOAT(x + LANE_NUMBER) + 0.5f) * per_x - 0.5f, left = floor(across);
     const float down = (y + 0.5f) * per_y - 0.5f, top = floor(down);
-    // `least` keeps the sum of weights above 0 even if all four pixels have a likeness of 0.
     const varying factor = light_scale(own), zero = (varying)(0.0f);
     const Vec3 light = scale(own, factor);
+    // `least` keeps the sum of weights above 0 even if all four pixels have a likeness of 0.
     const varying square = dot3(light, light), least = 0.01f * square * square + 1e-37f;
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;

@@ -105,8 +105,8 @@ fn light_scale(own: DVec3) -> f64 {
 }
 
 /// Returns the weight that one pixel has in the filter for another pixel. `a` and `b` are the unoccluded
-/// light of the two pixels, times the factor of one of them ([`light_scale`]). If `a` and `b` differ much, the
-/// weight is 0.
+/// light of the two pixels, both multiplied by the [`light_scale`] of one of them. If `a` and `b` differ
+/// much, the weight is 0.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)

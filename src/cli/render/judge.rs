@@ -66,7 +66,8 @@ pub(super) fn verified(
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. The check includes the number of
-/// pixels whose rays hit a triangle. If the picture's soft light was cast in half pictures (of half the width
+/// pixels whose rays hit a triangle. If only rough blocks get all samples (`counts`), the check also includes
+/// which blocks got them. If the picture's soft light was cast in half pictures (of half the width
 /// and height), `parts` contains the pictures from which the filter made the final picture. In this case, the
 /// pictures in `parts`, and the shares of their samples that hit something, are compared with the reference.
 /// The final picture is compared with the picture that the host makes of `parts` by the same filter as the
@@ -89,9 +90,9 @@ pub(super) fn check(
             "this is a bug in raycl or in the driver: update the driver, or report the bug with your command",
         ));
     }
-    let compare = |scene: &Scene, cast: Compared<'_>, samples: &[Sample], counts: Option<&SampleCounts>| {
+    let compare = |(scene, which): (&Scene, &str), cast: Compared<'_>, samples: &[Sample], counts| {
         let compared = compare(scene, cast, strategy, (samples, counts), some);
-        compared.map_err(|reason| wrong(&reason, saved))
+        compared.map_err(|reason| wrong(&format!("{which}{reason}"), saved))
     };
     let cast = match parts {
         Some(LightParts { whole, hits, hit_shares, .. }) => {
@@ -99,7 +100,7 @@ pub(super) fn check(
         }
         None => Compared { image, hits: Some(hits), hit_shares: None },
     };
-    let whole = compare(scene, cast, &sampling.rounds().concat(), counts)?;
+    let whole = compare((scene, ""), cast, &sampling.rounds().concat(), counts)?;
     let size = [image.width, image.height];
     if let Some(counts) = counts
         && let Some(reason) = wrong_counts(scene, size, strategy, (&sampling, counts), some)
@@ -117,7 +118,8 @@ pub(super) fn check(
         (&parts.unoccluded, Some(parts.half_hit_shares.as_slice()), SampleLight::Unoccluded),
     ] {
         let half = Compared { image, hits: None, hit_shares };
-        let compared = compare(&half_scene, half, &sampling.of_half_light(light), None)?;
+        let of_half = (&half_scene, "in a picture of half the width and height, ");
+        let compared = compare(of_half, half, &sampling.of_half_light(light), None)?;
         max_difference = compared.max_difference.into_iter().chain(max_difference).reduce(f64::max);
     }
     if hits != parts.hits || image.coverage != parts.whole.coverage {
@@ -157,7 +159,7 @@ fn compare(
     let expected = reference_of(scene, size, strategy.culling, &pixels, (samples, &count));
     let verdict = verify(image, hits, &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
-    let wrong_shares = || hit_shares.and_then(|shares| wrong_shares("share of hits", shares, &expected));
+    let wrong_shares = || hit_shares.and_then(|shares| wrong_shares("hit share", shares, &expected));
     match verdict.reason.or_else(wrong_shares) {
         Some(reason) => Err(reason),
         None => Ok(Verified {
@@ -269,14 +271,12 @@ mod tests {
             verified.map_err(|error| error.to_string()).map(|_| ())
         };
         assert_eq!(wrong_part(|parts| parts.hit_shares[12] = 0.9995), Ok(()), "it is within the tolerance");
-        let wrong_at = |pixel: &str| {
-            Err(format!(
-                "the picture is wrong: the share of hits of 1 pixel is wrong; the worst, {pixel}, has 0.5 and should \
-                 have 1"
-            ))
+        let wrong_at = |picture: &str, pixel: &str| {
+            let wrong = format!("the hit share of 1 pixel is wrong; the worst, {pixel}, has 0.5 and should have 1");
+            Err(format!("the picture is wrong: {picture}{wrong}"))
         };
-        assert_eq!(wrong_part(|parts| parts.hit_shares[12] = 0.5), wrong_at("(4, 1)"));
-        assert_eq!(wrong_part(|parts| parts.half_hit_shares[6] = 0.5), wrong_at("(2, 1)"));
+        assert_eq!(wrong_part(|parts| parts.hit_shares[12] = 0.5), wrong_at("", "(4, 1)"));
+        assert_eq!(wrong_part(|parts| parts.half_hit_shares[6] = 0.5), wrong_at("in a picture of half the width and height, ", "(2, 1)"));
     }
 
     #[test]

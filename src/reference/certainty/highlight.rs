@@ -41,9 +41,10 @@ impl Asked<'_> {
         let mut lights = self.seen.clone();
         lights.sky = None;
         let highlights = shade(&glossy, &lights, (ray, 0.0), &Hit { triangle: 0, ..*hit }, reaches);
-        let error = highlights * (HIGHLIGHT_ERROR * f64::from(material.shininess));
+        let error = HIGHLIGHT_ERROR * f64::from(material.shininess);
         let radiance = self.caster.shaded(&self.seen, ray, Some(hit), reaches);
-        [radiance + error, radiance - error].into_iter().for_each(|other| sample.consider(other));
+        // A relative error e of the cosine multiplies its power by (1 + e)^s, which is nearly exp(e s).
+        [error, -error].into_iter().for_each(|error| sample.consider(radiance + highlights * error.exp_m1()));
     }
 }
 
@@ -119,9 +120,9 @@ mod tests {
         let (sharp, mut dull) = (highlight(2000.0), highlight(2000.0));
         dull.mesh_mut().materials[0] = Material::lambertian(Vec3::splat(0.2));
         let (sharp, dull) = (changed(&sharp), changed(&dull));
-        let error = 6e-4 * (sharp.radiance - dull.radiance);
-        assert!(dull.change == 0.0 && error.min_element() > 0.0, "{dull:?}, {error}");
-        let ends = [sharp.radiance - error, sharp.radiance + error];
+        let glossy = sharp.radiance - dull.radiance;
+        assert!(dull.change == 0.0 && glossy.min_element() > 0.0, "{dull:?}, {glossy}");
+        let ends = [-6e-4_f64, 6e-4].map(|error| sharp.radiance + glossy * error.exp_m1());
         assert!(
             sharp.range.iter().zip(ends).all(|(a, b)| a.distance(b) < 1e-12),
             "{:?}, {ends:?}",
