@@ -12,7 +12,7 @@ mod terminal;
 
 use crate::cache::Cache;
 use crate::device::drivers::{Driver, crash_advice, installed, only};
-use crate::device::patience::GUARDED;
+use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result};
 use crate::experiment::why_devices_are_not_listed;
 use crate::own_program::own_program;
@@ -137,15 +137,17 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
         return with_all_drivers(status, command, parent, &good);
     }
     let cause = drivers_doing(status).unwrap_or_default();
+    // A driver is waited for only before the first frame, so nothing is in the stream yet.
+    let stream_is_empty = !command.reads_standard_input && status.code() == Some(HUNG);
+    let runs_once = command.runs_once().filter(|_| !stream_is_empty);
+    let what = if runs_once.is_some() { "fails" } else { "is left out of the drivers that raycl loads" };
     for (driver, why) in &broken {
-        printer::tell(format!(
-            "note: the driver {driver} is left out of the drivers that raycl loads: {why}"
-        ));
+        printer::tell(format!("note: the driver {driver} {what}: {why}"));
     }
     if good.is_empty() {
         return Err(Error::run(format!("{cause}, and no other driver is left")).with_help(crash_advice(0)));
     }
-    if let Some([why, remedy]) = command.runs_once() {
+    if let Some([why, remedy]) = runs_once {
         return Err(Error::run(format!("{cause}, and {why}")).with_help(remedy));
     }
     let folder = tempfile::tempdir().map_err(no_list)?;

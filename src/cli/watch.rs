@@ -28,8 +28,7 @@ const MORE_WATCHERS: &str = "the system may limit the number of programs that wa
 /// The remedy if this process may not watch a folder.
 const READABLE: &str = "a folder can be watched only if you may read it";
 /// The remedy if a folder cannot be watched for another reason.
-const BY_HAND: &str =
-    "run the command again after each change of a file; `render` can do this without --watch";
+const BY_HAND: &str = "start the command again after each change of a file; leave out --watch if you gave it";
 /// The interval at which a waiting command checks whether watched folders have been replaced.
 const LOOK_UP: Duration = Duration::from_millis(500);
 

@@ -30,7 +30,7 @@ use std::time::Instant;
 use timed::{Latency, Timed};
 
 /// The message of a run before the first additional launch of a group of points.
-const ADDITIONAL: &str = "the core-to-core latency was unusual, as on a virtual machine whose processors move, so additional launches replace some launches";
+const ADDITIONAL: &str = "the core-to-core latency was unusual in some launches (the processors of a virtual machine may have moved), so additional launches replace them";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {

@@ -61,7 +61,7 @@ impl Past {
         }
         let records = intact_lines(read_records(folder)?, folder.join(RECORDS).display());
         let controls = lines::<Record>(folder, CONTROLS)?;
-        let (samples, rounds) = (lines(folder, SAMPLES)?, lines::<RoundLoad>(folder, ROUNDS)?);
+        let (samples, rounds) = (lines::<Sample>(folder, SAMPLES)?, lines::<RoundLoad>(folder, ROUNDS)?);
         let anchors = lines::<AnchorSample>(folder, ANCHORS)?;
         let ends = lines::<LaunchEnd>(folder, LAUNCHES)?;
         // A launch's number is never used again, even if a journal was lost or damaged. Records whose
@@ -70,9 +70,10 @@ impl Past {
         let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
         let of_ends = ends.iter().map(|end| end.launch);
         let next = of_records.chain(of_lines).chain(of_ends).max().map_or(0, |last| last.saturating_add(1));
-        let mut past = Self::of(records, samples);
-        rounds.iter().for_each(|line| past.latencies.add(line.core_to_core_ns));
-        Ok(Self { ends: by_launch(ends), next_launch: past.next_launch.max(next), ..past })
+        let of_samples = samples.iter().map(|sample| sample.core_to_core_ns);
+        let latencies = Latencies::of(of_samples.chain(rounds.iter().map(|line| line.core_to_core_ns)));
+        let past = Self::of(records, samples);
+        Ok(Self { ends: by_launch(ends), latencies, next_launch: past.next_launch.max(next), ..past })
     }
 
     /// Takes the last record of each finished point from `lines`, and sorts the samples by their points.
@@ -82,7 +83,6 @@ impl Past {
         for sample in samples {
             let taken = Taken::of_sample(&sample);
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
-            past.latencies.add(sample.core_to_core_ns);
             let hardware = sample.measured_by;
             let device = sample.measured_on.map(|slug| MeasuredOn { slug, hardware });
             past.devices.extend(device.map(|device| (sample.launch, device)));

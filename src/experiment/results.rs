@@ -112,7 +112,7 @@ impl Results {
             past: Past::in_folder(folder)?,
             _lock: lock,
         };
-        results.latencies = results.past.latencies.clone();
+        results.latencies = std::mem::take(&mut results.past.latencies);
         sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
         Ok(results)
     }

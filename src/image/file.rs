@@ -63,8 +63,9 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     })
 }
 
-/// Returns an error, before any work is done, if [`save`] would refuse a picture of this size. The reason can
-/// be the size, the file's extension, a folder that is missing or cannot be written to, or an existing file.
+/// Returns an error, before any work is done, if [`save`] would refuse a picture of this size, or would write a
+/// file that no program can read. The reason can be the size, the file's extension, a folder that is missing or
+/// cannot be written to, or an existing file.
 pub fn check_target(target: &Target, size: [u32; 2]) -> Result<()> {
     check_size(target, size)?;
     target.check()

@@ -26,7 +26,8 @@ const REDIRECTIONS: [&str; 6] = [
 
 /// Returns the commit and the state of a file: "0123456789ab, unchanged", "0123456789ab, changed since" or "in no
 /// commit". Returns `None` outside a repository, or if git is not installed. A file that git converts when it checks
-/// the file out, such as the ends of its lines, counts as changed: to convert it back, git may run a program.
+/// the file out (its line ends, or a file in Git LFS) always counts as changed: to convert the file back, git may run
+/// a program.
 pub fn git_state(file: &Path) -> Option<String> {
     let file = file.canonicalize().ok()?;
     let (folder, name) = (file.parent()?, file.file_name()?);
@@ -42,6 +43,7 @@ pub fn git_state(file: &Path) -> Option<String> {
 
 /// Returns the commit and the state of a folder, like [`git_state`]. Only files with this extension (without a dot)
 /// count, in the folder and its subfolders; `files` are their names, relative to the folder and separated by `/`.
+/// A file that is a symbolic link always counts as changed, since the commit contains only the link.
 pub fn git_state_of_folder(folder: &Path, files: &[String], extension: &str) -> Option<String> {
     let commit = commit(folder)?;
     let tree = answer(git(folder).args(["ls-tree", "-r", "-z", "HEAD"]))?;

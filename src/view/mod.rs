@@ -251,7 +251,9 @@ impl<S: Screen> Viewer<S> {
                 let same = self.live.strategy();
                 self.compiled(same, |live| live.next_local_size(steps));
             }
-            Action::Device => self.tried(Live::next_device),
+            Action::Device => {
+                self.tried(Live::next_device);
+            }
             Action::Tests => self.turn_heat(),
             Action::Help => self.turn_help(),
             Action::Quit => return true,
@@ -324,18 +326,22 @@ impl<S: Screen> Viewer<S> {
     }
 
     /// Makes a change for which the program of `strategy` must be compiled. Until the compiler has finished,
-    /// no picture is shown and no key is obeyed, so the line beside the picture first names the strategy.
-    fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) {
+    /// no picture is shown and no key is obeyed, so the line beside the picture first names the strategy. Returns
+    /// true if the change succeeded.
+    fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) -> bool {
         // If the screen cannot show the line, it cannot show the next picture either. The error about showing
         // the next picture will end the view.
         let _ = self.screen.tell_at_once(&title::compiling(&strategy));
-        self.tried(change);
+        self.tried(change)
     }
 
     /// Makes a change of the strategy, the local size, the device, the picture's size or the files. If the
-    /// change fails, the scene is cast as before, and the line beside the picture states the reason.
-    fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
-        match change(&mut self.live) {
+    /// change fails, the scene is cast as before, and the line beside the picture states the reason. Returns true
+    /// if the change succeeded.
+    fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) -> bool {
+        let result = change(&mut self.live);
+        let succeeded = result.is_ok();
+        match result {
             Ok(()) => {
                 (self.mistake, self.answer, self.note) = (None, None, None);
                 self.rate.switched();
@@ -349,26 +355,23 @@ impl<S: Screen> Viewer<S> {
         }
         self.changed();
         self.stale = true;
+        succeeded
     }
 
     /// Reads the scene and the kernels again after a file has changed. If reading succeeds, the first note
     /// about the scene is shown again, since the change may have added or removed notes. If a file has a
     /// mistake, the message about the mistake stays even if the user moves the eye.
     fn reload(&mut self) {
-        if self.live.has_own_kernels() {
+        let succeeded = if self.live.has_own_kernels() {
             let same = self.live.strategy();
-            self.compiled(same, Live::reload);
+            self.compiled(same, Live::reload)
         } else {
-            self.tried(Live::reload);
-        }
-        self.note_again();
-        self.mistake = self.answer.take();
-    }
-
-    /// Shows the first note about the scene again, unless the last change has failed.
-    fn note_again(&mut self) {
-        if self.answer.is_none() {
+            self.tried(Live::reload)
+        };
+        if succeeded {
             self.note = of_scene(&self.live);
+        } else {
+            self.mistake = self.answer.take();
         }
     }
 

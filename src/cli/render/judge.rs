@@ -272,11 +272,15 @@ mod tests {
         };
         assert_eq!(wrong_part(|parts| parts.hit_shares[12] = 0.9995), Ok(()), "it is within the tolerance");
         let wrong_at = |picture: &str, pixel: &str| {
-            let wrong = format!("the hit share of 1 pixel is wrong; the worst, {pixel}, has 0.5 and should have 1");
+            let wrong =
+                format!("the hit share of 1 pixel is wrong; the worst, {pixel}, has 0.5 and should have 1");
             Err(format!("the picture is wrong: {picture}{wrong}"))
         };
         assert_eq!(wrong_part(|parts| parts.hit_shares[12] = 0.5), wrong_at("", "(4, 1)"));
-        assert_eq!(wrong_part(|parts| parts.half_hit_shares[6] = 0.5), wrong_at("in a picture of half the width and height, ", "(2, 1)"));
+        assert_eq!(
+            wrong_part(|parts| parts.half_hit_shares[6] = 0.5),
+            wrong_at("in a picture of half the width and height, ", "(2, 1)")
+        );
     }
 
     #[test]

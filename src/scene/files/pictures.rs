@@ -59,7 +59,8 @@ pub(in crate::scene) struct Pictures {
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
     /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
-    /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels.
+    /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels, except masks
+    /// whose alpha is made from brightness; the texels of such masks are not counted.
     texels: usize,
 }
 

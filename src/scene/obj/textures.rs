@@ -285,8 +285,7 @@ pub(super) fn apply(
     reach: Reach<'_>,
     notes: &mut Vec<String>,
 ) {
-    let mut used = vec![false; maps.len()];
-    mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
+    let used = mesh.materials_of_triangles();
     let mut pictures = Pictures::default();
     let mut loaded = vec![None; maps.len()];
     let mut unusable = FewNotes::default();
