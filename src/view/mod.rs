@@ -375,6 +375,13 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
+    /// Shows the first note about the scene again, unless the last change has failed.
+    fn note_again(&mut self) {
+        if self.answer.is_none() {
+            self.note = of_scene(&self.live);
+        }
+    }
+
     /// Finds the triangle at the pointer. Does nothing if the triangle at this pixel is known and cannot have changed.
     /// If the search needs more memory than is available, the line beside the picture states this.
     fn point(&mut self, pointer: Option<[u32; 2]>) {
