@@ -245,8 +245,10 @@ fn token_length(text: &[u8]) -> usize {
     let is_end = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'#';
     let length = |text: &[u8]| text.iter().position(is_end).unwrap_or(text.len());
     let (before, after) = text.split_at(length(text));
-    let more = if is_in_number(before, after) { 1 + length(&after[1..]) } else { 0 };
-    before.len() + more
+    match after {
+        [b'#', rest @ ..] if is_in_number(before, after) => before.len() + 1 + length(rest),
+        _ => before.len(),
+    }
 }
 
 /// Returns true if the `#` at the beginning of `after` begins no comment, but belongs to a number that is not finite,
