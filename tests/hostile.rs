@@ -118,7 +118,7 @@ fn nothing_is_left_behind_of_a_driver_that_is_left_out_and_a_pipe_is_read_once()
     };
     has(&failing("nothing.toml", 2), &["bad.icd is left out", "nothing.toml"]);
     let said = failing("-", 1);
-    has(&said, &["bad.icd is left out", "standard input cannot be read again", "a file instead of `-`"]);
+    has(&said, &["bad.icd fails", "standard input cannot be read again", "a file instead of `-`"]);
     let left =
         std::fs::read_dir(folder.path("tmp")).expect("the folder").map(|entry| entry.expect("a file").path());
     let left: Vec<_> = left.filter(|path| path.join("000.icd").exists()).collect();
