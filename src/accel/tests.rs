@@ -276,7 +276,7 @@ fn a_wrong_tree_is_found_out() {
     };
     assert!(spoil(&|bvh| bvh.order[0] = bvh.order[1]).contains("twice"));
     let beyond = spoil(&|bvh| bvh.order[0] = 999);
-    assert_eq!(beyond, "triangle 999 occurs twice, or is not one of the mesh's 500");
+    assert_eq!(beyond, "triangle 999 occurs twice in the leaf order, or the mesh of 500 triangles lacks it");
     let missing = spoil(&|bvh| bvh.order.truncate(499));
     assert_eq!(missing, "triangles in leaf order: 499, expected 500");
     let last = good.nodes.len() - 1;

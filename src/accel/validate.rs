@@ -155,7 +155,11 @@ fn is_permutation(order: &[u32], count: usize) -> Verdict {
     for &number in order {
         match seen.get_mut(number as usize) {
             Some(seen) if !*seen => *seen = true,
-            _ => return Err(format!("triangle {number} occurs twice, or is not one of the mesh's {count}")),
+            _ => {
+                return Err(format!(
+                    "triangle {number} occurs twice in the leaf order, or the mesh of {count} triangles lacks it"
+                ));
+            }
         }
     }
     Ok(())

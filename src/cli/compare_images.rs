@@ -19,8 +19,8 @@ use std::path::PathBuf;
 pub struct Args {
     /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance)
     found: PathBuf,
-    /// The expected picture, with which FOUND (the picture to check) is compared. Either both pictures should
-    /// have displayed values, or both should have radiance
+    /// The expected picture, with which FOUND (the picture to check) is compared. Both pictures should have the
+    /// same kind of values: displayed values (.png, .jpg) or radiance (.exr, .hdr)
     expected: PathBuf,
     /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]

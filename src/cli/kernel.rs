@@ -29,12 +29,12 @@ pub struct Args {
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
     /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
-    /// 32 work-items cast a tile of rays together: 32x4 if they can exchange values without barriers on --device, else
-    /// 32x1]
+    /// 32 work-items cast a tile of rays together: 32x4 if --device names a device whose work-items can exchange values
+    /// without barriers; otherwise, 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device for whose compiler the program is printed: part of the device's name, platform or vendor, its label
-    /// in `raycl devices`, or its kind (cpu, gpu, accelerator) [default: no particular device]
+    /// Print the program as the compiler of this device sees it. DEVICE is part of the device's name, platform or
+    /// vendor; its label in `raycl devices`; or its kind (cpu, gpu, accelerator) [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which

@@ -30,10 +30,10 @@ pub struct Args {
     /// missing. Not with --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard. The states are
-    /// begun (just started; if this state lasts, the process was killed when it started), going, hung (no
-    /// progress within the limit of `raycl run --hang-limit`), lost (killed, or its machine is down), and the
-    /// way in which the process ended
+    /// Merge nothing; print the state of each process that was started to measure a shard. Each state is one of:
+    /// begun (just started; if this state lasts, the process was killed when it started), going, hung (no progress
+    /// within the limit of `raycl run --hang-limit`), lost (killed, or its machine is down), done, interrupted,
+    /// launcher lost, or failed
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process

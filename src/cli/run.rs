@@ -83,8 +83,8 @@ pub struct Args {
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     pub(crate) resume: bool,
-    /// With --resume, also measure again the points that failed, and the points for which too little memory
-    /// was free at that moment, because other programs or other points used it
+    /// With --resume, also measure two kinds of points again: points that failed, and points that did not fit only
+    /// because other programs or other points used memory at that time
     #[arg(long, requires = "resume")]
     pub(super) retry_failed: bool,
     /// Time limit in seconds for building a point's kernels and casting its first image, and for casting each later

@@ -216,8 +216,8 @@ impl NamedStrategy {
     pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
         let meant = self.meant_for.filter(|meant| *meant != kind)?;
         Some(format!(
-            "meant for {}; set any_kind = true in the experiment, or in the strategy's [[strategy]] entry, \
-             to measure it here too",
+            "meant for {}; to measure the strategy on this device too, set any_kind = true in the experiment, or in \
+             the strategy's [[strategy]] entry",
             meant.plural()
         ))
     }
@@ -307,8 +307,8 @@ pub struct Timing {
     pub time_limit_ms: f64,
     /// Seed of two random orders: that of the groups in a launch, and that of the points in a round.
     pub seed: u64,
-    /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
-    /// the launch, divided by their mean, is below this value.
+    /// A launch that has its part of `min_samples` stops sampling a group when the samples of each point are precise:
+    /// their standard deviation, divided by their mean, is below this value.
     pub relative_sigma: f64,
 }
 

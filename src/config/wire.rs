@@ -136,8 +136,8 @@ pub struct Timing {
     /// in a round [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
-    /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
-    /// the launch, divided by their mean, is below this value [default: 0.005].
+    /// A launch that has its part of `min_samples` stops sampling a group when the samples of each point are precise:
+    /// their standard deviation, divided by their mean, is below this value [default: 0.005].
     #[schemars(with = "Option<f64>", range(min = 0, max = 1))]
     pub relative_sigma: Option<Spanned<f64>>,
 }

@@ -64,8 +64,8 @@ pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
 }
 
 /// Answers a run's requests in a worker for tests, which has no device. If a request asks for a frame, the
-/// worker waits for the time that a frame takes, and answers with the time of its wait. The worker answers
-/// all requests that ask for no frame without waiting.
+/// worker waits as long as a frame takes, and answers with the time that it waited. The worker answers all
+/// requests that ask for no frame without waiting.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,

@@ -201,9 +201,9 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     let not_shown = not_shown(left_out);
     format!(
         "Each mark is a point. A mark's height is the number of operations per second in ray-triangle tests \
-         (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
-         operations per byte that a test reads. The triangle's bytes are divided by the number of rays of a \
-         work-item. A ray that is in registers adds no bytes. If passes are fused, the time is that of the whole frame, \
+         (primary rays only; a multiply-add counts as one). A mark's horizontal position is the number of a \
+         test's operations, divided by the number of bytes that the test reads. The triangle's bytes are divided by \
+         the number of rays of a work-item. If the ray is in registers, the test reads no bytes of the ray. If passes are fused, the time is that of the whole frame, \
          so the rate is a lower bound. {roofs}{not_shown}"
     )
 }

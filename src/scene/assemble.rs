@@ -189,9 +189,8 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
         let [wanted, shown] = [colour, shown].map(name);
         let Display { exposure, tone, gamma } = display;
         format!(
-            "{}: the background {wanted} is displayed as {shown}, since with display.exposure = {exposure:?}, \
-             display.gamma = {gamma:?} and display.tone = {:?}, no radiance that a background may have is displayed as \
-             {wanted}",
+            "{}: the background {wanted} is displayed as {shown}: no radiance that a background may have is displayed as \
+             {wanted} with display.exposure = {exposure:?}, display.gamma = {gamma:?} and display.tone = {:?}",
             document.name,
             tone.name()
         )

@@ -81,8 +81,8 @@ fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     averted_part_of(mesh, mesh.triangles.len(), camera, aspect)
 }
 
-/// Returns the fraction of the visible surface of the first `own` triangles whose normals point away from the
-/// camera; `None` if none of these triangles is visible. Triangles after the first `own` ones hide what is
+/// Considers the visible surface of the first `own` triangles. Returns the fraction of this surface where normals
+/// point away from the camera; `None` if none of these triangles is visible. Triangles after the first `own` ones hide what is
 /// behind them, but do not count as visible surface.
 fn averted_part_of(mesh: &Mesh, own: usize, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;

@@ -47,7 +47,8 @@ pub fn usual_device_index(infos: &[DeviceInfo]) -> Result<Option<usize>> {
 pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| one_device_index(infos, pattern, settings::device());
     pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {
-        Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each device")
+        Error::run("no OpenCL device is usable")
+            .with_help("`raycl devices` says why each device is not usable")
     })
 }
 

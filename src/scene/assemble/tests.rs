@@ -339,8 +339,8 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
         notes.into_iter().find(|note| note.contains("the background #")).unwrap_or_default()
     };
     let black = note("background = \"white\"\ndisplay.exposure = 0\n");
-    let start = "the background #ffffff is displayed as #000000, since with display.exposure = 0.0, ";
-    let rest = "display.gamma = 2.2 and display.tone = \"clip\", no radiance";
+    let start = "the background #ffffff is displayed as #000000: no radiance that a background may have is displayed ";
+    let rest = "as #ffffff with display.exposure = 0.0, display.gamma = 2.2 and display.tone = \"clip\"";
     assert!(black.contains(&format!("{start}{rest}")), "{black}");
     // White would need a radiance of 1e30, which exceeds the limit for backgrounds. The dark grey #202020
     // would need a radiance that rounds to 0 in single precision.

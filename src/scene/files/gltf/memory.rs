@@ -30,7 +30,7 @@ pub(super) fn hold(
     maps: &[Option<ColourMap>],
 ) -> Result<()> {
     let (stored, read) = needed(numbers, placed, maps);
-    let sum = format!("{stored} B for all nodes + {read} B for reading a primitive");
+    let sum = format!("{stored} B for the meshes of all nodes + {read} B for reading the largest primitive");
     Available::read().hold(stored.saturating_add(read), &format!("reading {name}"), &sum)
 }
 

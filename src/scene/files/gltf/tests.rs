@@ -305,7 +305,10 @@ fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
             r#"{"componentType": 5126, "count": 65536"#,
         );
     let error = read(&text).err().unwrap().to_string();
-    assert!(error.starts_with("reading a.gltf needs about") && error.contains("B for all nodes"), "{error}");
+    assert!(
+        error.starts_with("reading a.gltf needs about") && error.contains("B for the meshes of all nodes"),
+        "{error}"
+    );
 }
 
 /// A scene file may name a mesh in another folder. This mesh may belong to somebody else, so errors and notes
