@@ -11,6 +11,7 @@ mod opening;
 mod report;
 mod split;
 mod timeline;
+mod turn;
 
 use super::choice::whole;
 use super::subject::Subject;

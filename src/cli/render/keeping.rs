@@ -4,7 +4,7 @@
 //! was not compiled in time for this picture.
 
 use super::hurry::Later;
-use super::{Args, guess, hurry};
+use super::{Args, guess, hurry, turn};
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, LaneOperations, LaneTest, pick_one};
 use crate::error::{Error, Result};
@@ -222,6 +222,8 @@ pub fn serve() -> Result<()> {
     let cache = Cache::of_user().only_while_it_exists();
     let Some(folder) = cache.folder().filter(|folder| folder.is_dir()) else { return Ok(()) };
     end_without(folder.to_owned())?;
+    // Another process compiles for too long: the next start of raycl will order this work again.
+    let Some(_turn) = turn::wait(folder, LONGEST) else { return Ok(()) };
     let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
     // A device's identity contains the version of its driver, so a device whose driver has changed is not
