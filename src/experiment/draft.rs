@@ -338,4 +338,29 @@ mod tests {
         assert_eq!((of("naive"), of("bvh")), ("", accel::FINGERPRINT));
         assert!(!accel::FINGERPRINT.is_empty());
     }
+
+    #[test]
+    fn a_key_is_computed_from_all_that_affects_the_measurement() {
+        let experiment = super::super::fixtures::experiment_of(
+            "scenes = ['scenes/triangle.toml']\n[[strategy]]\npreset = 'bvh'\nlocal_sizes = [[4, 2]]",
+        );
+        let (point, device) = (Plan::new(&experiment, 1).points[0], asleep::device(1.0));
+        let at = Hashed::load(&experiment.scenes[0], point.image_size).unwrap();
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let record = drafter.draft(&point, Some(&device), &at).unwrap();
+        let [width, height] = point.image_size;
+        let parts = KeyParts {
+            scene_hash: &at.hash,
+            device: &device.identity(),
+            state: &device.state(),
+            emulate: &experiment.emulate.to_string(),
+            strategy: &record.strategy,
+            local_size: "4x2",
+            image_size: &format!("{width}x{height}"),
+            program_hash: record.program_hash.as_deref().unwrap(),
+            timing: &experiment.timing.to_string(),
+            tree: accel::FINGERPRINT,
+        };
+        assert_eq!(record.key, key(&parts));
+    }
 }

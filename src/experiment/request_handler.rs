@@ -553,4 +553,19 @@ mod tests {
         let times = sample_of("baselines = ['serial']", DeviceKind::Gpu, Some(1_000_000_000));
         assert!(times.batch.is_none() && times.processor_ms.is_some(), "{times:?}");
     }
+
+    #[test]
+    fn processor_time_is_in_milliseconds() {
+        let least = std::time::Duration::from_millis(5);
+        let busy = || {
+            let begin = processor_time();
+            while processor_time().saturating_sub(begin) < least {
+                std::hint::spin_loop();
+            }
+        };
+        let before = processor_time();
+        let ((), used_ms) = with_processor_ms(None, busy);
+        let most_ms = processor_time().saturating_sub(before).as_secs_f64() * 1e3;
+        assert!(used_ms.is_some_and(|ms| (4.999..most_ms + 1e-3).contains(&ms)), "{used_ms:?} {most_ms}");
+    }
 }

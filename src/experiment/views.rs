@@ -181,4 +181,28 @@ mod tests {
         assert!(ends(&culled.tests_image, "-tests-tree-culled-01234567.png"), "{:?}", culled.tests_image);
         assert!(ends(&culled.nodes_image, "-nodes-tree-culled-01234567.png"), "{:?}", culled.nodes_image);
     }
+
+    #[test]
+    fn pictures_of_costs_and_of_differences_show_what_their_names_say() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("images")).expect("a folder");
+        let (scene, size) = (crate::reference::fixtures::random(30, 1), [12, 8]);
+        let strategy = crate::strategy::preset("bvh").expect("a preset").strategy.to_string();
+        let mut record = Record { image_size: size, strategy, ..Record::default() };
+        let expected = reference(&scene, size, Culling::None);
+        let mut image = expected.radiance.clone();
+        image.pixels[0] = [1.0; 3];
+        let mut pictures = Pictures::of(folder.path());
+        keep(&mut pictures, &mut record, &image, &expected, &scene, Culling::None).expect("it saves");
+        let saved = |path: &Option<String>| {
+            let path = folder.path().join(path.as_ref().expect("a picture"));
+            ::image::open(path).expect("a picture").into_rgb8()
+        };
+        let costs = cost::in_tree(&scene, size, Culling::None).expect("a small scene");
+        let tests = counts(size, costs.iter().map(|cost| cost.tests));
+        let nodes = counts(size, costs.iter().map(|cost| cost.nodes));
+        assert!(tests != nodes, "the test needs different pictures");
+        assert!(saved(&record.tests_image) == tests && saved(&record.nodes_image) == nodes);
+        assert!(saved(&record.difference_image) == difference_image(&image, &expected.radiance));
+    }
 }

@@ -500,4 +500,15 @@ mod tests {
         let winner = winner(&record);
         assert_eq!((winner.name.as_str(), winner.size.as_str()), ("wide", "32×4"));
     }
+
+    #[test]
+    fn a_winner_is_not_clear_beside_a_point_of_few_samples_that_may_be_faster() {
+        let ranked = [measured("gpu", "naive", 8, 41.0), measured("gpu", "wide", 4, 11.0)];
+        let of = |ms: f64| {
+            let records = [&ranked[..], &[few("gpu", "bvh", 8, ms, 3)]].concat();
+            let one = answers(&groups(&judged(records))).remove(0);
+            (one.sureness, one.sure.starts_with("A point without a rank may be as fast as the winner."))
+        };
+        assert_eq!([of(9.0), of(20.0)], [("unsure", true), ("clear", false)]);
+    }
 }

@@ -246,6 +246,8 @@ mod tests {
         let groups = groups(&records);
         let (plots, _) = device_against_device(&groups, &Looks::of(&groups));
         assert!(plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
+        let caption = &plots[0].caption;
+        assert!(caption.contains("equal times, b is faster; above this line, a is faster."), "{caption}");
     }
 
     #[test]
@@ -332,5 +334,22 @@ mod tests {
         let plots = scenes(&groups, &Looks::of(&groups));
         assert_eq!(plots.len(), 1, "the host has no plot of its own");
         assert!(plots[0].svg.contains("serial-f32 (host)"), "{}", plots[0].svg);
+    }
+
+    #[test]
+    fn the_first_device_is_across_and_each_point_is_compared_at_its_own_local_size() {
+        let points = [("a", 4, 10.0), ("a", 8, 40.0), ("b", 4, 20.0), ("b", 8, 5.0)];
+        let records = judged(points.map(|(device, side, ms)| measured(device, "naive", side, ms)));
+        let groups = groups(&records);
+        let (plots, _) = device_against_device(&groups, &Looks::of(&groups));
+        let series = plots[0].svg.split("class=\"series s0\"").nth(1).expect("a series");
+        let position = |dot: &str| -> Option<[f64; 2]> {
+            let start = dot.split(" d=\"M").nth(1)?.split(|letter: char| letter.is_ascii_alphabetic()).next()?;
+            let (x, y) = start.split_once(' ')?;
+            Some([x.parse().ok()?, y.parse().ok()?])
+        };
+        let dots: Vec<_> = series.split("class=\"dot\"").skip(1).take(2).filter_map(position).collect();
+        // 10 ms and 40 ms are across. In SVG, the larger y of 5 ms is further down than that of 20 ms.
+        assert!(dots[0][0] < dots[1][0] && dots[0][1] < dots[1][1], "{dots:?}");
     }
 }

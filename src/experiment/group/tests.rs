@@ -131,6 +131,14 @@ struct Mortals {
     fails_anchor: bool,
 }
 
+/// Returns the times that a worker answers: the anchor's device, host and processor times differ.
+fn times_of(request: &Request) -> FrameTimes {
+    match request {
+        Request::Anchor => FrameTimes { processor_ms: Some(3.0), ..FrameTimes::whole(1.0, 2.0) },
+        _ => FrameTimes::whole(1.0, 1.0),
+    }
+}
+
 struct Mortal {
     frames: Rc<Cell<usize>>,
     fails_anchor: bool,
@@ -162,7 +170,7 @@ impl Worker for Mortal {
         self.frames.set(self.frames.get() + 1);
         self.answer = match self.frames.get() {
             DEADLY => Wait::Dead(Death::default()),
-            _ => Wait::Reply(Reply::Sample(FrameTimes::whole(1.0, 1.0))),
+            _ => Wait::Reply(Reply::Sample(times_of(request))),
         };
     }
 
@@ -386,6 +394,8 @@ fn anchors_have_one_name_on_all_devices_that_stand_for_each_other() {
             group.settle(device);
             group.visit(&run, &mut supervisor, &mut sink).unwrap();
         }
+        let times = |one: &AnchorSample| (one.ms, one.host_ms, one.processor_ms);
+        assert!(sink.anchors.iter().all(|one| times(one) == (1.0, Some(2.0), Some(3.0))), "{:?}", sink.anchors);
         sink.anchors.iter().map(|sample| &sample.anchor).collect::<HashSet<_>>().len()
     };
     assert_eq!([true, false].map(count_names), [1, 2]);
@@ -547,6 +557,7 @@ fn a_checked_record_has_the_names_of_its_draft_and_the_results_of_its_check() {
         block: Some(3),
         is_control: true,
         image_hash: Some("of the draft".into()),
+        scene_notes: vec!["a note".into()],
         ..Record::default()
     };
     let checked =
@@ -571,4 +582,23 @@ fn a_launch_is_repeated_by_new_workers_on_all_devices() {
     group.points[1].job = 1;
     group.visit(&run, &mut supervisor, &mut sink).unwrap();
     assert_eq!((started.get(), sink.records.len()), (4, 2));
+}
+
+#[test]
+fn a_record_counts_the_launches_and_the_samples_that_were_left_out() {
+    let timing = "timing = { launches = 2, min_samples = 12, max_samples = 12, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) =
+        (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
+    let devices = [&device];
+    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
+    let some = |launch: u32, count: usize, ns: f64| vec![sample(launch, Some(ns)); count];
+    let all = [some(0, 6, 180.0), some(1, 5, 20.0), some(1, 2, 180.0), some(2, 6, 25.0)].concat();
+    let past = ["a", "b"].map(|key| (key.to_owned(), all.clone()));
+    let mut sink = Noting { past: past.into(), latencies_ns: vec![20.0], ..Noting::default() };
+    let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    let counts = sink.records.iter().map(|one| (one.moved_launches, one.moved_samples));
+    assert_eq!(counts.collect::<Vec<_>>(), [(Some(1), Some(2)); 2]);
 }

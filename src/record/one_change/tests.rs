@@ -219,3 +219,12 @@ fn records_without_axes_have_no_changes() {
     assert!(shown([measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 8, 5.0)]).is_empty());
     assert!(shown(Vec::<Record>::new()).is_empty());
 }
+
+#[test]
+fn a_tie_comes_after_a_certain_effect_however_large_the_ratio_of_the_tie_is() {
+    let mut noisy = wide(2, 10.0);
+    noisy.samples_ms[5..].iter_mut().for_each(|ms| *ms = 30.0);
+    let all = shown([wide(1, 10.0), noisy, wide(4, 12.0)]);
+    assert!(all[0].0.starts_with("width: 1 → 4"), "{all:?}");
+    assert!(all[1..].iter().all(|(_, results)| results[0].contains(" tie ")), "{all:?}");
+}

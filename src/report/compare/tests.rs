@@ -1001,7 +1001,9 @@ fn the_plot_has_the_first_folder_across_and_a_colour_for_each_verdict() {
     let comparison =
         Comparison::of(&folder("old", of(before, None)), &folder("new", of(before, Some(40.0))), 0.02, true);
     assert_eq!(comparison.summary(), "1 faster, 2 slower, 1 same, 0 unclear");
-    let svg = comparison.plot().svg;
+    let plot = comparison.plot();
+    let (svg, caption) = (&plot.svg, &plot.caption);
+    assert!(caption.contains("equal times, new is faster; above this line, old is faster."), "{caption}");
     assert!(svg.contains("<desc>new: median ms against old: median ms</desc>"), "{svg}");
     // In the plot, green means faster, vermilion means slower, and blue means the same.
     for (class, name) in [("s2", "faster (1)"), ("s1", "slower (2)"), ("s0", "same (1)")] {

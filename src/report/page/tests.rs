@@ -274,3 +274,10 @@ fn the_table_of_a_group_ends_with_the_baselines_of_the_host() {
     let rows: Vec<_> = page.views[0].rows.iter().map(|row| (row.name.as_str(), row.wins)).collect();
     assert_eq!(rows, [("naive", true), ("serial-f32 (host)", false)]);
 }
+
+#[test]
+fn a_row_has_its_time_as_a_multiple_of_the_best_time() {
+    let records = judged([measured("gpu", "naive", 8, 20.0), measured("gpu", "wide", 4, 10.0)]);
+    let slower = |index: usize| row(&records[index], Some(&records[1]), false).slower;
+    assert_eq!([0, 1].map(slower), ["2.00×", "1.00×"]);
+}

@@ -178,4 +178,13 @@ mod tests {
         assert_eq!([texts(marks[0]), texts(marks[7])], [["1x1", "1"], ["16x16", "L"]]);
         assert!(svg.contains("7.0 times as slow"), "{svg}");
     }
+
+    #[test]
+    fn the_fastest_cell_is_the_lightest_as_in_the_wide_form() {
+        let svg = map().narrow_svg();
+        let fill = |cell: &str| Some(cell.split(" fill=\"").nth(1)?.split('"').next()?.to_owned());
+        let fills: Vec<String> = svg.split("class=\"cell\"").skip(1).filter_map(fill).collect();
+        let expected = [1.0, 0.0].map(|position| hex(viridis(position)));
+        assert_eq!([&fills[0], &fills[6]], expected.each_ref());
+    }
 }

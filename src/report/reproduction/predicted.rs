@@ -120,4 +120,13 @@ mod tests {
         let marks: Vec<_> = marks.iter().map(|mark| (mark.x, mark.y, mark.tip.as_str())).collect();
         assert_eq!(marks, [(3.0, 192.0, "8 x 8: 192 threads\n67 registers, limited by registers")]);
     }
+
+    #[test]
+    fn the_published_threads_are_those_that_the_table_of_claims_quotes() {
+        let all = PUBLISHED.map(|(side, threads)| format!("{threads} ({side}x{side})")).join(", ");
+        let quoted = format!("threads per multiprocessor: {all}\"");
+        assert!(include_str!("../claims/claims.toml").contains(&quoted), "{quoted}");
+        let marks = PUBLISHED.map(|(side, threads)| mark(side, threads, ""));
+        assert_eq!(marks.map(|mark| BLOCKS[mark.x as usize]), PUBLISHED.map(|(side, _)| side));
+    }
 }
