@@ -1,7 +1,7 @@
 # Targets to build, test and measure raycl. `make` without a target lists them.
 
-# All builds pass this folder to cargo, since cargo's settings may name another one. The folder is quoted, since its
-# name may have blanks.
+# All builds pass this folder to cargo: cargo's own settings may name another folder, in which RAYCL would not find the
+# program. The folder is quoted, since its name may have blanks.
 TARGET_DIR = "$${CARGO_TARGET_DIR:-target}"
 RAYCL = $(TARGET_DIR)/release/raycl
 QUICK = results/quick
@@ -33,7 +33,7 @@ test: setup-tests ## run the tests
 test-long: setup-tests ## run all tests without sampling: every preset at every local size (several times as long as `make test`)
 	RAYCL_TEST_LONG=1 $(TEST)
 
-mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; for each, a test must fail; continues where it was stopped (an hour; Python 3.11)
+mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; tests must notice nearly all of them; continues where it was stopped (an hour; Python 3.11)
 	@tests/mutants/run
 	RAYCL_TEST_LONG=1 $(TEST) --test all -- ::a_broken_ --skip mutants::
 
@@ -46,11 +46,11 @@ oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, which is installed under target/
 	@.ci/test-intel
 
-test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill their processes in various ways (installs Slurm; root; half an hour)
+test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill the shards' processes in various ways (installs Slurm; root; half an hour)
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 
-test-slurm-short: setup-tests ## run the part of test-slurm that .ci/run runs: one raycl is killed, and one task is lost (installs Slurm; root; a minute)
+test-slurm-short: setup-tests ## run the part of test-slurm that .ci/run needs: kill one process of raycl, and lose one task (installs Slurm; root; a minute)
 	@tests/slurm/setup
 	cargo test --locked --no-run --target-dir $(TARGET_DIR)
 	RUNS=1 tests/slurm/run $(TARGET_DIR)/debug/raycl kill nokill
