@@ -354,8 +354,8 @@ mod tests {
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
         let actual: Vec<_> =
             groups.iter().flatten().map(|one| (one.record.name.as_str(), one.not_for.as_deref())).collect();
-        let reason = "meant for CPUs; set any_kind = true in the experiment, or in the strategy's \
-            [[strategy]] entry, to measure it here too";
+        let reason = "meant for CPUs; to measure the strategy on this device too, set any_kind = true in the \
+            experiment, or in the strategy's [[strategy]] entry";
         assert_eq!(actual, [("serial", None), ("naive", None), ("wide", Some(reason))]);
     }
 
