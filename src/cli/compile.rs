@@ -22,7 +22,7 @@ use std::sync::Arc;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   raycl compile scenes/teapot.toml --strategy naive --out made
-  raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
+  raycl compile scenes/teapot.toml --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
 Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions, and counts the instructions of each kind, such as loads from global memory. PoCL, a driver for CPUs, compiles a kernel for its local size only when the kernel is launched; with --out or --json, raycl therefore casts a frame of one pixel with PoCL. With drivers other than PoCL, raycl casts no ray.

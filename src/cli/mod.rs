@@ -66,10 +66,9 @@ use guarded::{Guarded, Screen};
 
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C, 128 + N ended by the signal with the number N.
 
-The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results). If
-XDG_CONFIG_HOME names a folder, the file is raycl/config.toml in this folder.
-The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults, and options override the
-variables.")]
+The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results). If XDG_CONFIG_HOME names a folder, the file is raycl/config.toml in this folder.
+
+The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults, and options override the variables.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal), always or never [default: never if NO_COLOR is set, else the value of
     /// color in your settings, else auto]
@@ -461,6 +460,39 @@ mod tests {
             }
         }
         assert!(seen > 0, "no example writes into a folder");
+    }
+
+    /// Returns the name of a command and the text after its help, and those of all its subcommands.
+    fn texts_after_help(command: &clap::Command) -> Vec<(String, String)> {
+        let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let below = command.get_subcommands().flat_map(texts_after_help);
+        std::iter::once((command.get_name().to_owned(), text)).chain(below).collect()
+    }
+
+    /// clap prints at most 100 columns (`max_term_width`). If an example were longer, a copy of the example would
+    /// be two commands.
+    #[test]
+    fn an_example_fits_on_a_line_of_the_help() {
+        let mut seen = 0;
+        for (name, text) in texts_after_help(&Cli::command()) {
+            for line in text.lines().filter(|line| line.starts_with("  ")) {
+                assert!(line.chars().count() <= 100, "{name}: more than 100 columns: {line}");
+                seen += 1;
+            }
+        }
+        assert!(seen >= 40, "only {seen} lines of examples and keys");
+    }
+
+    /// clap keeps the line breaks of the source. If a paragraph had several lines in the source, clap would
+    /// print short lines in the paragraph's middle.
+    #[test]
+    fn a_paragraph_after_the_help_is_one_line_of_the_source() {
+        for (name, text) in texts_after_help(&Cli::command()) {
+            for paragraph in text.split("\n\n") {
+                let lines = paragraph.lines().filter(|line| !line.starts_with(' ')).count();
+                assert!(lines <= 1, "{name}: a paragraph of {lines} lines: {paragraph}");
+            }
+        }
     }
 
     /// The test gives each option a value that is too large for every option. If the option has a range,

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
   raycl occupancy --paper
   raycl occupancy --compute-capability 9.0 --registers 40
   raycl occupancy --results results/figure-8
-  raycl occupancy --compute-capability 2.0 --registers 63 --local-bytes-per-item 108 --local-sizes 8x8,16x16")]
+  raycl occupancy --compute-capability 2.0 --registers 63 --local-bytes-per-item 108")]
 pub struct Args {
     #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper", help = help_of_capability())]
     compute_capability: Option<String>,

@@ -51,7 +51,7 @@ use timeline::Timeline;
   raycl render scenes/roll.toml --animate -o roll.apng
   zcat part.stl.gz | raycl render - -o - --up z > part.png
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
-  raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --strategy deferred --set width=4
+  raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --strategy deferred,width=4
   raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
   raycl render scenes/gourd.toml --json --repeat 10 | jq .frame_rays_per_s
 
