@@ -2,7 +2,7 @@
 """Writes hills as an OBJ file with about as many triangles as asked for (ten million: 391 MB, half a minute):
 
     scenes/hills.py /tmp/hills.obj 10000000
-    raycl render /tmp/hills.obj --plain --samples 1 --width 1920 --height 1080 --memory
+    raycl render /tmp/hills.obj --plain --samples 1 --width 1920 --height 1080
 """
 import math
 import sys
