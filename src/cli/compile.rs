@@ -45,7 +45,8 @@ pub struct Args {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
-    /// accelerator) [default: the device in RAYCL_DEVICE or your settings, else the most capable device]
+    /// accelerator). If several devices match, raycl uses the first of them in the order of `raycl devices` [default:
+    /// the device in RAYCL_DEVICE or your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the source, the build log, the binary, and the numbers of registers and instructions to this folder

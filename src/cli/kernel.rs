@@ -34,7 +34,8 @@ pub struct Args {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// Print the program as the compiler of this device sees it. DEVICE is part of the device's name, platform or
-    /// vendor; its label in `raycl devices`; or its kind (cpu, gpu, accelerator) [default: no particular device]
+    /// vendor; its label in `raycl devices`; or its kind (cpu, gpu, accelerator). If several devices match, raycl uses
+    /// the first of them in the order of `raycl devices` [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which

@@ -33,7 +33,8 @@ pub struct Subject {
     #[arg(long, default_value_t = 800, value_parser = whole::<u32>(1..=65536))]
     pub height: u32,
     /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
-    /// accelerator) [default: the device in RAYCL_DEVICE or your settings, else the most capable device]
+    /// accelerator). If several devices match, raycl uses the first of them in the order of `raycl devices` [default:
+    /// the device in RAYCL_DEVICE or your settings, else the most capable device]
     #[arg(long)]
     pub device: Option<String>,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the strategy that
