@@ -9,7 +9,8 @@ use ply_rs_bw::ply::{ElementDef, Property};
 /// and blue; the colour of an element has the names of the first row that is complete.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
-/// The name of the alpha channel that belongs to each row of [`CHANNELS`].
+/// The name of the alpha channel that belongs to each row of [`CHANNELS`]. The first name belongs to the other rows
+/// too, if an element lacks the row's own name.
 const ALPHA: [&str; 3] = ["alpha", "diffuse_alpha", "a"];
 /// The names of red, green, blue and alpha by which [`Colour::set`] knows them.
 const KNOWN: [&str; 4] = ["red", "green", "blue", "alpha"];
@@ -28,7 +29,8 @@ pub(super) fn channels(element: &ElementDef) -> Option<[&'static str; 4]> {
     let is_complete = |names: &[&str; 3]| names.iter().all(|name| has_number(element, name));
     let row = CHANNELS.iter().position(is_complete)?;
     let [red, green, blue] = CHANNELS[row];
-    Some([red, green, blue, ALPHA[row]])
+    let alpha = Some(ALPHA[row]).filter(|name| has_number(element, name)).unwrap_or(ALPHA[0]);
+    Some([red, green, blue, alpha])
 }
 
 /// Returns the element's definition with the names of `KNOWN` for the channels of its colour. All other properties

@@ -336,6 +336,8 @@ fn alpha_of_vertices_is_noted() {
         ["diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"],
         ["diffuse_red", "diffuse_green", "diffuse_blue", "Diffuse_Alpha"],
         ["r", "g", "b", "a"],
+        ["diffuse_red", "diffuse_green", "diffuse_blue", "alpha"],
+        ["r", "g", "b", "Alpha"],
     ] {
         let alpha = SQUARE.replace("uchar red", &format!("uchar {red}"));
         let alpha = alpha.replace("uchar green", &format!("uchar {green}"));
@@ -363,7 +365,7 @@ fn a_property_with_a_name_of_another_row_is_no_channel() {
     }
     // The row of `red` is not complete, so `r`, `g` and `b` are the channels.
     let text = SQUARE.replace("uchar red", "uchar r").replace("uchar green", "uchar g");
-    let text = text.replace("uchar blue", "uchar b\nproperty uchar red\nproperty uchar alpha");
+    let text = text.replace("uchar blue", "uchar b\nproperty uchar red\nproperty uchar diffuse_alpha");
     let file = read(&text.replace("255 0 0\n", "255 0 0 7 7\n"));
     assert_eq!(file.mesh, read(SQUARE).mesh);
     assert!(!file.notes.iter().any(|note| note.contains("alpha")), "{:?}", file.notes);
