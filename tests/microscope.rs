@@ -15,14 +15,25 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Returns true if the device's driver is a PoCL that names LLVM 16 or a later LLVM as its compiler. PoCL 3.1 has LLVM
-/// 15, and PoCL 6.0 has LLVM 18, whose line tables are less complete.
-fn compiles_with_a_later_llvm() -> bool {
+/// Returns the device on which tests run, as `raycl devices --json` lists it.
+fn listed_device() -> Value {
     let devices: Value =
         serde_json::from_str(&WorkFolder::new().output(&["devices", "--json"])).expect("JSON");
     let wanted = device().to_lowercase();
     let all = devices["devices"].as_array().expect("a list");
-    let used = all.iter().find(|one| one.to_string().to_lowercase().contains(&wanted)).expect("the device");
+    let used = all.iter().find(|one| one.to_string().to_lowercase().contains(&wanted));
+    used.expect("the device").clone()
+}
+
+/// Returns true if the device's driver is PoCL, which keeps compiled kernels in the folder of `POCL_CACHE_DIR`.
+fn is_pocl() -> bool {
+    listed_device()["platform"] == "Portable Computing Language"
+}
+
+/// Returns true if the device's driver is a PoCL that names LLVM 16 or a later LLVM as its compiler. PoCL 3.1 has LLVM
+/// 15, and PoCL 6.0 has LLVM 18, whose line tables are less complete.
+fn compiles_with_a_later_llvm() -> bool {
+    let used = listed_device();
     let version = used["platform_version"].as_str().expect("a text");
     let llvm =
         version.split_once("LLVM ").and_then(|(_, number)| number.split('.').next()?.parse::<u32>().ok());
@@ -139,6 +150,9 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
 /// the file's folder is named by the local size. Returns `None` if the driver is not PoCL, since other
 /// drivers do not use the folder for compiled kernels.
 fn rendered(folder: &WorkFolder, kernel: &str, local_size: &str, options: &[&str]) -> Option<PathBuf> {
+    if !is_pocl() {
+        return None;
+    }
     let (scene, device) = (repository("scenes/teapot.toml"), device());
     let scene = scene.to_str().expect("a path");
     let usual = ["render", scene, "--device", &device, "--width", "72", "--height", "45", "-o", "out.png"];
@@ -152,8 +166,8 @@ fn rendered(folder: &WorkFolder, kernel: &str, local_size: &str, options: &[&str
         names[0] == format!("{kernel}.so") && names[1].starts_with(&version)
     };
     let ran: Vec<_> = files.iter().filter(is_run).collect();
-    assert!(files.is_empty() || ran.len() == 1, "{kernel} {local_size}: {ran:?}");
-    ran.first().map(|file| (*file).clone())
+    assert_eq!(ran.len(), 1, "{kernel} {local_size}: {ran:?} of {files:?}");
+    Some(ran[0].clone())
 }
 
 /// Returns the files of a folder and of all folders in it.
@@ -232,10 +246,10 @@ fn a_version_for_any_local_size_is_named_and_not_called_the_timed_one() {
     let mut command = folder.raycl(&arguments);
     command.env("POCL_WORK_GROUP_SPECIALIZATION", "0").env("POCL_CACHE_DIR", folder.path("kernels"));
     command.assert().success();
-    if files(&folder.path("kernels")).is_empty() {
-        // The driver is not PoCL.
+    if !is_pocl() {
         return;
     }
+    assert!(!files(&folder.path("kernels")).is_empty(), "PoCL stored no kernel in POCL_CACHE_DIR");
     let made: Value = serde_json::from_str(&folder.text("made/private/made.json")).expect("JSON");
     let listing = &made["microscope"]["listings"][0];
     assert_eq!((&listing["for_any_local_size"], &listing["same_as_timed"]), (&true.into(), &false.into()));
