@@ -38,7 +38,8 @@ pub(super) fn lights(
     };
     if lights.is_empty() && wire.sky.is_none() {
         notes.push(format!(
-            "{}: no light, so every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
+            "{}: no light, so surfaces that emit no light are black; add [[light]] with position = [1, 3, 1] and \
+             power = 10",
             document.last_line()
         ));
     }

@@ -257,7 +257,7 @@ fn a_scene_without_any_light_is_noted() {
     let is_noted = |more: &str| {
         std::fs::write(&path, format!("{object}{more}")).unwrap();
         let notes = load_scene_with(&path, &[]).unwrap().notes;
-        notes.iter().any(|note| note.contains("no light, so every surface is black"))
+        notes.iter().any(|note| note.contains("no light, so surfaces that emit no light are black"))
     };
     assert!(is_noted(""));
     assert!(!is_noted("[[light]]\nposition = [1, 3, 1]\npower = 10\n"));
@@ -267,7 +267,7 @@ fn a_scene_without_any_light_is_noted() {
     std::fs::write(&path, object).unwrap();
     let settings = [("display.exposure".to_owned(), Value::Float(2.0))];
     let notes = load_scene_with(&path, &settings).unwrap().notes;
-    let expected = format!("{}:3: no light, so every surface is black", path.display());
+    let expected = format!("{}:3: no light, so surfaces that emit no light are black", path.display());
     assert!(notes.iter().any(|note| note.starts_with(&expected)), "{notes:?}");
 }
 
