@@ -83,8 +83,8 @@ pub struct Host {
     pub name: Option<String>,
     /// The operating system's name and version.
     pub os: String,
-    /// The processor's model. If Linux knows no model, as on ARM, implementer, part and variant of each kind of
-    /// processor, or else the board's name.
+    /// The processor's model. If Linux knows no model, as on ARM: the architecture, and implementer, part and variant of
+    /// each kind of processor; or else the board's name.
     pub cpu: String,
     /// Number of cores that this process may use.
     pub cores: usize,

@@ -66,8 +66,9 @@ pub struct Record {
     /// result is in another record, in which `is_control` is absent.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
-    /// The strategy's name: the name in the config or, without one, the preset's name and the axes that differ from the
-    /// preset.
+    /// The strategy's name in the config, followed by the axes that have several values in the config. Without a name in
+    /// the config, the preset's name, and the axes that differ from the preset or have several values in the config. For
+    /// a baseline, the baseline's name in the config.
     pub name: String,
     /// The name of the preset that is the point's strategy; null for a baseline, and if the strategy differs
     /// from its preset on an axis.
