@@ -142,7 +142,7 @@ fn a_bare_mesh_glows_in_soft_light_and_a_note_says_that_it_lights_nothing() {
         let usual = ["render", "room.obj", "--width", "72", "--height", "45", "--force", "-o", "a.png"];
         let options = ["--device", &device(), "--strategy", strategy, "--verify"];
         let said = folder.output(&[&usual[..], &options].concat());
-        has(&said, &["surfaces that emit light do not light others"]);
+        has(&said, &["surfaces that emit light do not light other surfaces"]);
     }
 }
 

@@ -60,9 +60,9 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, cache: FrameCache::default() })
     }
 
-    /// Checks for each frame in `frames` that the scene file, with the frame's values, can be parsed as a
-    /// scene. Also checks for each frame in `frames` that its background is transparent exactly if the
-    /// background of frame 1 is transparent. Files of meshes and pictures are not read.
+    /// Checks two conditions for each frame in `frames`: the scene file with the frame's values can be parsed
+    /// as a scene, and the frame's background is transparent exactly if that of frame 1 is transparent. Files
+    /// of meshes and pictures are not read.
     ///
     /// # Errors
     ///
@@ -81,9 +81,9 @@ impl Animation {
         })
     }
 
-    /// Builds the scenes of later frames, so that [`INPUTS`](super::INPUTS), the list of the files that were
-    /// read, contains all pictures that these frames use. Of the frames after frame 1, only keyframes of some
-    /// tracks are built: of tracks whose values can name pictures, or meshes that use pictures.
+    /// Adds all pictures that later frames use to [`INPUTS`](super::INPUTS), the list of the files that were
+    /// read. For this purpose, the function builds the scenes of some keyframes after frame 1: those of
+    /// tracks whose values can name pictures, or meshes that use pictures.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();

@@ -37,7 +37,8 @@ impl Area {
         first.cross(second).normalize_or_zero().as_vec3()
     }
 
-    /// Returns the largest distance of a point of the rectangle from its centre: half of the longer diagonal.
+    /// Returns half of the rectangle's longer diagonal: the largest distance of a point of the rectangle from
+    /// the rectangle's centre.
     pub fn reach(&self) -> f32 {
         let [first, second] = self.edges;
         (first + second).length().max((first - second).length()) / 2.0

@@ -64,7 +64,7 @@ pub(super) fn assemble(
         cache.joined(|cache| join(document, &wire, cache, notes))?;
     wire.set_origin(origin);
     if document.bare && mesh.is_emissive() {
-        notes.push("surfaces that emit light do not light others".to_owned());
+        notes.push("surfaces that emit light do not light other surfaces".to_owned());
     }
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
@@ -261,7 +261,8 @@ fn made(
     let mut one = |(number, object)| {
         cache.mesh(number, || {
             let mut file = objects::make(document, object, crease, alone, notes)?;
-            // Textures are left out before the object's `material` is applied, whose `emitted` counts.
+            // Textures are left out before the object's `material` is applied. Without its emission texture,
+            // a surface emits only the light that the object's `material` sets (`emitted`).
             if wire.textures == Some(false) {
                 file.mesh.leave_out_textures();
             } else if wire.mip_levels != Some(false) {
@@ -273,7 +274,7 @@ fn made(
     wire.object.iter().enumerate().map(&mut one).collect()
 }
 
-/// The camera and the lights that the mesh file itself contains, as a glTF may.
+/// The camera and the lights of the objects' mesh files. Only glTF files can contain a camera or lights.
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,

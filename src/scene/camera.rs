@@ -123,7 +123,7 @@ impl Camera {
     }
 
     /// Returns the camera of an image that shows the same field of view as another image. `size` is the size,
-    /// in pixels, of the image that has this field of view.
+    /// in pixels, of this other image.
     #[must_use]
     pub fn covering(&self, size: [u32; 2]) -> Self {
         Self { covers: Some(size), ..*self }

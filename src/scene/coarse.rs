@@ -6,12 +6,12 @@ use glam::DVec3;
 
 /// A triangle is coarse if smooth shadows lift its middle by more than this fraction of the radius of the
 /// ball around the mesh. If the mesh fills a picture that is 1000 pixels high, this fraction of the radius is
-/// about half a pixel. For comparison: of a sphere's area, 41% is in coarse triangles if the sphere has 9,000
-/// triangles, and nothing if it has 16,000.
+/// about half a pixel. For comparison: coarse triangles have 41% of the area of a sphere with 9,000
+/// triangles, and nothing of the area of a sphere with 16,000.
 const COARSE_LIFT: f64 = 1e-3;
 /// A mesh is coarse if coarse triangles have more than this share of its area. In fine scans, noise makes
-/// some triangles coarse: 1.2% of the Stanford bunny's area with 69,451 triangles, 0.1% of the dragon's with
-/// 202,520.
+/// some triangles coarse. Coarse triangles have 1.2% of the area of the Stanford bunny (69,451 triangles),
+/// and 0.1% of that of the dragon (202,520 triangles).
 const COARSE_SHARE: f64 = 0.05;
 /// In a mesh of more triangles, only about this many are examined, so that the decision takes little time.
 const MOST_EXAMINED: usize = 1 << 13;
@@ -88,7 +88,7 @@ mod tests {
             mesh.append(part);
             mesh
         };
-        // In the two meshes, the coarse part has 20% and 2% of the area.
+        // The coarse part has 20% of the first mesh's area, and 2% of the second mesh's.
         assert!(coarse(&with_coarse_part(0.5)));
         assert!(!coarse(&with_coarse_part(0.15)));
     }

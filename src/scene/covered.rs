@@ -94,8 +94,9 @@ mod tests {
     use crate::scene::{Mesh, Scene, load_scene_with};
     use std::path::Path;
 
-    /// Returns the scene of `scenes/triangle.toml`, whose triangle gets the corners `corners`. The camera is
-    /// at the origin and looks along -z, with a field of view of 90 degrees across the width.
+    /// Returns the scene of `scenes/triangle.toml`, with the corners `corners` in place of the triangle's
+    /// own. The camera is at the origin and looks along -z, with a field of view of 90 degrees across the
+    /// width.
     fn triangle(corners: [[f32; 3]; 3]) -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
         let scene = load_scene_with(&path, &[]).unwrap().scene;

@@ -14,7 +14,7 @@ use toml::{Table, Value};
 
 /// The help in an error about a scene file that cannot be parsed.
 pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
-/// The words for the expected input in a message that must not quote the scene file.
+/// The words with which a message that must not quote the scene file describes the expected input.
 const PERMITTED: &str = "a key or value that a scene may have there";
 /// The help in an error about a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";

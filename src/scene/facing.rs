@@ -20,7 +20,7 @@ const MOST: f64 = 0.5;
 /// infinite, and the second value is `None`. The second value is also `None` for a ground that raycl added.
 type Nearest = Vec<(f64, Option<bool>)>;
 
-/// The beginning of the note if the eye is inside an object, although the scene file does not set the eye's
+/// The note begins with this text if the eye is inside an object and the scene file does not set the eye's
 /// position. Without a position in the file, the eye is usually at the origin, which is often inside an
 /// object. If the file sets the position, its author probably wants to see an object's inside. An angle,
 /// which this text recommends, would have no effect on a camera whose position is set.
@@ -42,7 +42,7 @@ pub(super) fn note(
     let part = averted_part_of(&scene.mesh, own, &scene.camera, aspect)?;
     let ground = if own < scene.mesh.triangles.len() { " beside the ground" } else { "" };
     let remedy = match is_turned {
-        true => "a scene that is seen from all sides gets either all of its normals reversed or none",
+        true => "raycl reverses either all normals or none of a scene that is seen from all sides",
         false => "--two-sided (two_sided = true) reverses the normals of this part",
     };
     (part > MOST).then(|| {

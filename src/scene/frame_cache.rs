@@ -32,8 +32,8 @@ pub(super) struct FrameCache {
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
-    /// A text from which it can be seen whether two frames have equal objects: all objects of this frame, and
-    /// the scene's values that apply to all objects.
+    /// All objects of this frame, and the scene's values that apply to all objects, as one text. Two frames
+    /// with the same text have equal objects.
     objects: String,
     /// The value of `objects` when the objects were joined last, and the joined objects.
     joined: Option<(String, Joined)>,

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 /// Default field of view across the height. Like a portrait lens, this field of view distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's width, and at most this fraction of its height; or this
-/// fraction of the height, and at most this fraction of the width.
+/// The mesh fills this fraction of the picture's width or height. In the other direction, the mesh fills at
+/// most this fraction.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
@@ -40,9 +40,9 @@ const OUTWARDS_PART: f64 = 0.9;
 /// this fraction of the mesh's area.
 const BODIES_PART: f64 = 0.02;
 /// The surfaces between the walls of a mesh count as bodies only if they are nearly closed. They are nearly
-/// closed if the sum of their area vectors (normal times area) has at most this fraction of their area as its
-/// length. For a cube without a bottom face, this length is a fifth of the area. For a recess in the wall of
-/// a shell, the length is a larger part of the area.
+/// closed if the sum of their area vectors (normal times area) has a length of at most this fraction of their
+/// area. For a cube without a bottom face, this length is a fifth of the area. For a recess in the wall of a
+/// shell, the length is a larger part of the area.
 const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's
 /// normal has an absolute value of less than this.
@@ -58,8 +58,8 @@ pub(super) struct Ball {
     /// The centre of the bounding box.
     pub centre: DVec3,
     radius: f64,
-    /// The horizontal direction from which an open mesh is seen. For a room without its front wall, the field
-    /// is the direction to the missing wall. `None` for other meshes.
+    /// The horizontal direction from which an open mesh is seen. For a room without its front wall, this
+    /// direction leads to the missing wall. `None` for other meshes.
     opening: Option<DVec3>,
     /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero, or would
     /// do so if one wrongly wound triangle were reversed.
@@ -181,9 +181,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
     // The view pyramid, made narrower by `FILL`, has four sides. Consider the four planes that are parallel
     // to the sides of this pyramid and pass through the centre of the ball around the mesh. `reach_after`
-    // returns five numbers for a corner of the mesh. The first four numbers say how far, across or up the
-    // picture, the corner is beyond the right, left, upper and lower plane. The fifth number says how much
-    // nearer to the eye the corner is than the ball's centre.
+    // returns five numbers for a corner of the mesh. The first four numbers are the distances, measured
+    // across or up the picture, by which the corner is beyond the right, left, upper and lower plane. The
+    // fifth number says how much nearer to the eye the corner is than the ball's centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));

@@ -43,7 +43,7 @@ pub struct Material {
     /// Which reflectance formula the surface has.
     pub kind: MaterialKind,
     /// The radiance that both sides of the surface emit in every direction. The emitted radiance is added to
-    /// the reflected radiance; it does not light other surfaces.
+    /// the reflected radiance, but does not light other surfaces.
     pub emitted: Vec3,
     /// The index, in [`Textures::list`](super::Textures::list), of the texture by whose colour `emitted` is
     /// multiplied; `None` if the material has no emission texture. A triangle has the same texture
@@ -83,7 +83,8 @@ impl Material {
     }
 
     /// Gives the material the emission texture that its file names, or no texture if this texture cannot be used.
-    /// Without the texture, the surface emits no light: the factor alone is usually white, and would hide the surface.
+    /// Without the texture, the surface emits no light: `emitted` alone, without the texture's colours, is usually
+    /// white, and would hide the surface's own colour.
     pub(super) fn set_emission_texture(&mut self, texture: Option<u32>) {
         self.emission_texture = texture;
         if texture.is_none() {

@@ -27,7 +27,7 @@ pub struct Triangle {
 impl Triangle {
     /// Number of 32-bit words of a triangle.
     pub const WORDS: usize = size_of::<Self>() / size_of::<u32>();
-    /// The position, in words from the triangle's beginning, of the first index of a normal.
+    /// Number of 32-bit words of a triangle before its first index of a normal.
     pub const FIRST_NORMAL: usize = std::mem::offset_of!(Self, normals) / size_of::<u32>();
 }
 
@@ -102,8 +102,8 @@ impl Mesh {
         lamps.for_each(|lamp| lamp.set_emission_texture(None));
     }
 
-    /// Gives triangles that have an emission texture but no texture coordinates a copy of their material that
-    /// emits no light. `triangles` has the indices of the triangles without texture coordinates.
+    /// Assigns a copy of their material, which emits no light, to triangles that have an emission texture but
+    /// no texture coordinates. `triangles` has the indices of the triangles without texture coordinates.
     pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) {
         let mut copies = HashMap::new();
         for &number in triangles {

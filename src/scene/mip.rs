@@ -44,7 +44,7 @@ impl Textures {
             let levels = || with_levels(texture.size, &texture.texels, by_alpha);
             texture.texels = Arc::clone(made.entry(key).or_insert_with(levels));
         }
-        // If a mask's picture is also used as a colour, the mask gets the texels of the colour's texture, so
+        // If a mask's picture is also used as a colour, the mask gets the texels of the colour texture, so
         // that a device stores the texels once.
         let masks = self.list.iter_mut().zip(&weights).filter(|(_, by_alpha)| by_alpha.is_none());
         for (texture, _) in masks {
@@ -96,8 +96,8 @@ impl Textures {
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units.
 /// A ray cone that is as wide as a texel's side covers one texel if the cone meets the triangle at a right
-/// angle. Returns zeros if the triangle has no area or no texture. A triangle that has only an emission
-/// texture has the texels of this texture.
+/// angle. Returns zeros if the triangle has no area or no texture. For a triangle that has only an emission
+/// texture, the texels of this texture count.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let emission = || mesh.material(&mesh.triangles[triangle]).emission_texture;

@@ -144,9 +144,9 @@ fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
     sums
 }
 
-/// Returns the normal unchanged, unless its squared length is so small or so large that later products could
-/// leave the range of f32. A normal whose squared length is so small or so large is returned with the length
-/// 1, or as zero if it cannot be normalised.
+/// Returns the normal unchanged if later products of its squared length stay in the range of f32. If the
+/// squared length is too small or too large for such products, returns the normal with the length 1, or zero
+/// if the normal cannot be normalised.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;

@@ -167,7 +167,7 @@ impl Sample {
     /// divided among the samples of this sample's round and of the earlier round.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
-            return 1.0; // all samples pass through the centre
+            return 1.0; // all rays pass through the pixel's centre
         }
         let cast = self.earlier - self.number + self.count;
         (cast as f32).sqrt().recip().max(LEAST_CONE)
@@ -186,8 +186,9 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 /// samples follow Sobol's sequence (Owen-scrambled), and are denser where the filter is larger. The most
 /// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring the
 /// most central sample to the front, each sample's index is combined with the most central sample's index by
-/// exclusive or. The exclusive or keeps the samples of each aligned block of the sequence (2^k samples from a
-/// multiple of 2^k on) together. Only the samples of an aligned block are evenly distributed in the pixel.
+/// exclusive or. The exclusive or keeps together the samples of each aligned block of the sequence (2^k
+/// samples, the first of which has an index divisible by 2^k). Only the samples of an aligned block are
+/// evenly distributed in the pixel.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];

@@ -48,8 +48,8 @@ pub(super) struct TrackValue {
     /// The value's dotted path in the scene file: `light.0.power`.
     pub path: String,
     /// The dotted path of the keyframe's value from which the track's value is computed:
-    /// `animation.track.0.values.2`. The line of the keyframe's value is not stored, since finding it means
-    /// parsing the file, and few frames need it for a message.
+    /// `animation.track.0.values.2`. The line of the keyframe's value is not stored: few frames need this
+    /// line for a message, and the file must be parsed to find the line.
     pub keyframe: String,
     /// The track and the frame, for messages.
     pub name: String,
@@ -116,8 +116,8 @@ impl Changed {
         self.origin_of(&path, location.is_key, &self.tracks)
     }
 
-    /// Returns the origin of the key at `path` (if `is_key` is true) or of the value at `path`. The document
-    /// is that after all settings, and then all `tracks`, have set their values.
+    /// Returns the origin of the key at `path` (if `is_key` is true) or of the value at `path`. In the
+    /// document, first all settings and then all `tracks` have set their values.
     fn origin_of<'a>(&'a self, path: &[&str], is_key: bool, tracks: &'a [TrackValue]) -> Origin<'a> {
         let settings = self.settings.iter().map(Change::Setting);
         let mut latest = settings.chain(tracks.iter().map(Change::Track)).rev();

@@ -1,8 +1,9 @@
-//! Tone curves: how brightness beyond the range of a display becomes brightness that it can show.
+//! Tone curves: how brightness beyond the range of a display becomes brightness that the display can show.
 
 use schemars::JsonSchema;
 
-/// The tone curve [default: clip]. The curve maps exposed radiance, from 0 on, to brightness from 0 to 1.
+/// The tone curve [default: clip]. The curve maps exposed radiance, which is never negative, to brightness
+/// from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
@@ -15,8 +16,8 @@ pub enum Tone {
     Filmic,
 }
 
-/// Exposed radiance is cut at this value, which all curves display as the brightest: larger values could
-/// overflow.
+/// Exposed radiance is cut at this value, because larger values could overflow. All curves give this value
+/// their greatest brightness.
 const MOST: f64 = 1e6;
 
 impl Tone {
@@ -47,7 +48,7 @@ impl Tone {
         (x * (a * x + b) / (x * (c * x + d) + 1.0)).min(1.0)
     }
 
-    /// Returns the smallest exposed radiance that has this brightness, which is from 0 to 1.
+    /// Returns the smallest exposed radiance that has the brightness `brightness`, a number from 0 to 1.
     pub fn inverse(self, brightness: f64) -> f64 {
         // The positive root of (a - c y) x^2 + (b - d y) x - y = 0, in a form that needs no division by
         // a - c y.

@@ -171,7 +171,8 @@ impl Brightness {
     /// distance from the light to the scene's bounding box counts as the distance to the nearest surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
-        // Straight in front of it, an area light is four times as bright as a point light of the same power.
+        // Straight in front of an area light, four times as much light arrives as from a point light of the
+        // same power.
         let (reach, ahead) = light.area.map_or((light.radius, 1.0), |area| (area.reach(), 4.0));
         let nearest = (outside - reach).max(self.nearest);
         let spread = ahead / (4.0 * std::f64::consts::PI * f64::from(nearest).powi(2));
@@ -184,8 +185,8 @@ impl Brightness {
             let Self { reflectance, .. } = self;
             format!(
                 "a light with the power {} may be only {nearest:e} away from a surface, and surfaces have a \
-                 reflectance of up to {reflectance:e}; for as many such lights as the scene has, the computation of a \
-                 pixel may contain the number {product:e}; expected at most {MAX_PRODUCT:e}, so that every number fits into single precision; \
+                 reflectance of up to {reflectance:e}; if all lights of the scene were like this one, the computation of a \
+                 pixel could contain the number {product:e}; expected at most {MAX_PRODUCT:e}, so that every number fits into single precision; \
                  reduce the power or move the light away",
                 light.power
             )

@@ -221,7 +221,8 @@ pub(super) struct DisplayWire {
 }
 
 impl SceneWire {
-    /// Sets the scene's origin, in the file's coordinates, in the camera, in its positions and in those of the lights.
+    /// Stores the scene's origin (in the file's coordinates) in the camera, in the camera's positions and in the
+    /// lights' positions.
     pub(super) fn set_origin(&mut self, origin: DVec3) {
         self.camera.origin = origin;
         let camera = [&mut self.camera.position, &mut self.camera.look_at].into_iter().flatten();

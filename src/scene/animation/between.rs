@@ -65,8 +65,8 @@ pub(super) fn between(
 
 /// Returns the value at the frame `frame` of the monotone cubic interpolant of Fritsch and Butland (1984), as
 /// in SciPy's `PchipInterpolator`. The interpolant stays between the values of the two neighbouring
-/// keyframes. Therefore, a number that is valid at all keyframes is valid at all frames. Between two
-/// keyframes, a coordinate of a camera moves only towards its value at the second of them, and never back.
+/// keyframes. Therefore, a number that is valid at all keyframes is valid at all frames. For example, a
+/// coordinate of a camera moves only towards its value at the next keyframe, and never back.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];

@@ -107,7 +107,7 @@ impl Track {
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
         // A keyframe that was placed by `evenly` can lie between two frames. If a keyframe between two frames
-        // names a picture, the picture is needed from the later of these two frames on.
+        // names a picture, the picture is first needed at the later of these two frames.
         self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 

@@ -46,10 +46,11 @@ pub(super) fn camera(
     Ok(camera)
 }
 
-/// Returns the base camera. Without a `ball` (the ball around the scene), this is the paper's camera, at the
-/// file's origin and with a z_near of 0. With a `ball`, this is the camera of the mesh's file, and `notes`
-/// receives the notes on this camera. If the mesh's file has no camera, or if the scene file sets an azimuth,
-/// an elevation or `up`, this is a camera that shows the whole scene with the field of view `lens`.
+/// Returns the base camera. Without a `ball` (the ball around the scene), the base camera is the paper's
+/// camera, at the file's origin and with a z_near of 0. With a `ball`, the base camera is the camera of the
+/// mesh's file, and `notes` receives the notes on this camera. If the mesh's file has no camera, or if the
+/// scene file sets an azimuth, an elevation or `up`, the base camera shows the whole scene with the field of
+/// view `lens`.
 fn base_camera(
     wire: &CameraWire,
     lens: Option<Lens>,
@@ -133,7 +134,8 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, directio
     let keys = [wire.up.as_ref().map(Spanned::span), span(&wire.look_at), span(&wire.position)];
     let at = |order: [usize; 3]| order.iter().find_map(|&i| keys[i].clone()).unwrap_or_default();
     if direction == DVec3::ZERO {
-        // The camera is where it looks, so `look_at` is also the position of an eye that the file does not set.
+        // The camera looks at its own position. If the file does not set `position`, the point `look_at` is thus the
+        // camera's position too.
         let given = wire.position.as_ref().or(wire.look_at.as_ref());
         let in_file = given.map_or(position.as_dvec3(), |given| given.get_ref().in_file);
         let message = format!("the camera is at {in_file} and looks at the same point");

@@ -1,5 +1,6 @@
-//! The lights of a scene: the lights in the scene file, in a bare mesh's own file or in a studio (the default
-//! surroundings of a bare mesh), or else a key light and a fill light.
+//! The lights of a scene, which come from the scene file, from a bare mesh's own file or from a studio (the
+//! default surroundings of a bare mesh). A bare mesh without lights and without a sky gets a key light and a
+//! fill light.
 
 use super::Seen;
 use crate::error::Result;

@@ -72,7 +72,7 @@ fn transform(wire: &ObjectWire) -> Transform {
 }
 
 /// Returns the origin of a scene with these objects, in the file's coordinates: zero, unless the scene is far from the
-/// file's origin. A single bare mesh was moved to its origin when it was read, and stays there.
+/// file's origin. A single bare mesh was moved to an origin of its own when its file was read, and keeps this origin.
 pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files: &[MeshFile]) -> DVec3 {
     if is_alone(document, objects) {
         return DVec3::ZERO;
@@ -95,7 +95,8 @@ pub(super) fn placed(wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> Me
     let from = file.placement.origin;
     let mut transform = transform(wire);
     if origin == DVec3::ZERO {
-        // Positions near the file's origin are the same bit for bit as the cameras and lights in single precision.
+        // The scene has no origin of its own. The translation is then rounded to single precision, in which the
+        // positions of cameras and lights are stored, too.
         transform.translation = transform.translation.as_vec3().as_dvec3();
     }
     transform.apply(&mut file.mesh, from, origin);
@@ -147,7 +148,7 @@ fn read_file(
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: alone })?;
     match alone {
-        // From here on, the coordinates of the moved and scaled mesh count as those of the file.
+        // After this step, the coordinates of the moved and scaled mesh count as those of the file.
         true => read.notes.extend(std::mem::take(&mut read.placement).notes()),
         false => read = read.unscaled(),
     }
@@ -263,9 +264,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
 
 /// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
 /// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
-/// memory again. In total, the shape needs one and a half times the mesh's memory. For every two triangles of
-/// the shape, this is the memory of three triangles, one and a half positions and one and a half normals. The
-/// function rounds one and a half positions up to two positions, and the normals likewise.
+/// memory again. In total, the shape needs one and a half times the mesh's memory. For every two triangles,
+/// the shape thus needs the memory of three triangles, one and a half positions and one and a half normals.
+/// The function rounds the numbers of positions and of normals up to two.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

@@ -65,7 +65,8 @@ fn a_surface_that_turns_is_noted_if_it_faces_away_at_first() {
         [[object]]\nvertices = [[-0.3, -0.3, 2.9], [0, 0.6, 2.9], [0.3, -0.3, 2.9]]\nfaces = [[0, 1, 2]]\n";
     std::fs::write(&path, text).unwrap();
     let notes = |turns| load_scene_for(&path, &[], Shot { turns, ..Shot::SQUARE }).unwrap().notes;
-    let says = |turns| notes(turns).iter().any(|note| note.ends_with("all of its normals reversed or none"));
+    let says =
+        |turns| notes(turns).iter().any(|note| note.ends_with("none of a scene that is seen from all sides"));
     assert!(says(true) && !says(false), "{:?}", notes(true));
 }
 
@@ -450,7 +451,8 @@ fn the_shadow_bias_exceeds_the_rounding_of_coordinates_unless_the_scene_moves_to
     }
 }
 
-/// Two meshes, of which one is turned and scaled about the file's origin, a light and a camera.
+/// Returns a scene file with a camera, a light, two triangles and a sphere, all of which are moved by
+/// `offset`. The second triangle is turned and scaled about the file's origin.
 fn scene_at(offset: [f64; 3]) -> String {
     let at =
         |position: [f64; 3]| format!("{:?}", std::array::from_fn::<_, 3, _>(|i| position[i] + offset[i]));

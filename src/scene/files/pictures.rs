@@ -113,7 +113,7 @@ impl Pictures {
     }
 }
 
-/// Adds the number of a picture's texels to `sum`, which is the number of texels of the pictures before. Returns an
+/// Adds the number of a picture's texels to `sum`, which is the number of texels of all earlier pictures. Returns an
 /// error, and leaves `sum` unchanged, if the pictures together have too many texels.
 fn within_limit(picture: Decoded, sum: &mut usize) -> Parsed<Decoded> {
     let all = *sum + picture.1.len();

@@ -29,8 +29,8 @@ const COLOUR: &[u8] = b"COLOR=";
 type Sorted = ([u64; 3], u32);
 
 /// Memory for a triangle of a binary file while equal corners are joined, in bytes. For each of the three
-/// corners, four values are in memory: the corner as it is in the file, its entry in the sorted list, the
-/// index of its position, and its position.
+/// corners, four values are in memory: the corner as it is in the file, the corner's entry in the sorted
+/// list, the index of the corner's position, and this position.
 const JOINING_BYTES: u64 =
     (3 * (2 * size_of::<DVec3>() + size_of::<Sorted>() + size_of::<u32>()) + size_of::<Triangle>()) as u64;
 

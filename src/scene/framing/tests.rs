@@ -70,8 +70,8 @@ fn with_lens(mesh: &Mesh, degrees: f64, fov_is_vertical: bool, shot: Shot) -> (C
     (camera, across_and_down)
 }
 
-/// Returns the largest distance of a mesh's points from the middle of a picture, as fractions of half the
-/// picture's width and height, after the mesh was turned by `turn` about the origin.
+/// Turns a mesh by `turn` about the origin. Returns the largest distances of the mesh's points from the
+/// middle of a picture, as fractions of half the picture's width and height.
 fn reach(camera: &Camera, mesh: &Mesh, [tan_x, tan_y]: [f64; 2], turn: DMat3) -> [f64; 2] {
     let mut reach = [0.0_f64; 2];
     for position in &mesh.positions {

@@ -26,10 +26,10 @@ impl Face {
     }
 }
 
-/// Replaces the smooth normals of the triangles `triangles` at positions where the normals of two of their
-/// faces differ by more than the crease angle. At a position with such a crease, each face gets a separate
-/// normal: a mean of face normals, weighted by area. The mean includes the faces at the position whose
-/// normals differ from the face's normal by at most the crease angle.
+/// Replaces the smooth normals of the triangles `triangles` at all positions that have a crease: at such a
+/// position, the normals of two faces differ by more than the crease angle. Each face at the position gets a
+/// separate normal: a mean of face normals, weighted by area. The mean includes the faces at the position
+/// whose normals differ from the face's normal by at most the crease angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease_degrees = f64::from(crease_degrees.max(0.0)) + ROUNDING_DEGREES;
     // No two normals differ by more than 180 degrees.

@@ -55,7 +55,7 @@ impl Wish {
             }
             Self::Colour => ("a colour outside 0 to 1", "channels are limited to this range"),
             Self::EmissionPlace => (
-                "emitted light from a texture that is placed otherwise than the colour's",
+                "emitted light from a texture that is placed differently from the colour texture",
                 "the surface emits no light",
             ),
             Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),

@@ -10,7 +10,7 @@ use crate::scene::Mapped;
 pub(super) struct Coordinates {
     /// All coordinates, rounded to single precision.
     rounded: Vec<[f32; 2]>,
-    /// The coordinates far from 0 in double precision, each after its index in `rounded`. The list is sorted
+    /// The coordinates far from 0, in double precision, each with its index in `rounded`. The list is sorted
     /// by the index in `rounded`.
     far: Vec<(usize, [f64; 2])>,
 }

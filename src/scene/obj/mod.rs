@@ -1,4 +1,4 @@
-//! Reads Wavefront OBJ files into a [`Mesh`], also files with mistakes and unusual forms.
+//! Reads Wavefront OBJ files into a [`Mesh`], including files with mistakes or in unusual forms.
 //!
 //! This module does not use the OBJ reader of the crate `tobj`, because version 4.0.5 has several limits. The
 //! reader accepts NaN, infinities and `1e400`, and returns fewer normals than positions for `f 1//1 2 3`.
@@ -52,8 +52,8 @@ pub(in crate::scene) struct Permitted {
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
-    /// True if the mesh may be scaled, because the scene has neither a scene file nor other objects of the same
-    /// unit of length.
+    /// True if the mesh may be scaled: if the scene has no scene file and no other objects. All objects of a scene have
+    /// the same unit of length, so one of several objects cannot be scaled alone.
     pub scaled: bool,
 }
 
@@ -126,7 +126,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
-/// Refuses a mesh with more vertices or normals than the indices of 31 bits can count.
+/// Refuses a mesh with more vertices or normals than indices of 31 bits can distinguish.
 fn check_total(name: &str, total: faces::Start) -> Result<()> {
     if total.positions.max(total.normals) < i32::MAX as usize {
         return Ok(());
@@ -279,8 +279,8 @@ fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) 
 /// The pieces are read in groups of `at_a_time`. When a group has been read, its triangles are moved to the
 /// end of the list, and the next group is read into the same memory. For large files, reading into the same
 /// memory is faster than reading into new memory, since the system fills new memory with zeros. All threads
-/// move triangles, since the system also fills the new memory of the list with zeros. After the last group of
-/// pieces, the memory of each piece is freed as soon as its triangles are moved.
+/// together move the triangles, so that they also share the work of filling the list's new memory with zeros.
+/// After the last group of pieces, the memory of each piece is freed as soon as its triangles are moved.
 fn read_faces(
     source: &Source,
     context: &FaceContext,

@@ -21,13 +21,13 @@ pub(super) struct Odd {
     pub offset: usize,
 }
 
-/// Returns the vertices of all pieces that are not valid, with their indices within the whole file.
+/// Returns the file's vertices that are not valid, with their indices within the whole file.
 pub(super) fn vertices(points: &[PointChunk], starts: &[Start]) -> Vec<Odd> {
     let numbered = |(chunk, start): (&PointChunk, &Start)| after(&chunk.odd_vertices, start.positions);
     points.iter().zip(starts).flat_map(numbered).collect()
 }
 
-/// Returns the normals of all pieces that are not valid, with their indices within the whole file.
+/// Returns the file's normals that are not valid, with their indices within the whole file.
 pub(super) fn normals(points: &[PointChunk], starts: &[Start]) -> Vec<Odd> {
     let numbered = |(chunk, start): (&PointChunk, &Start)| after(&chunk.odd_normals, start.normals);
     points.iter().zip(starts).flat_map(numbered).collect()

@@ -8,7 +8,8 @@ use glam::{DVec2, DVec3};
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
 /// An outline with more corners than this is divided into a fan even if it is concave, provided that only
-/// rounding errors make it concave. With fewer corners, ear clipping is fast, and it reverses no triangle.
+/// rounding errors make it concave. A concave outline with fewer corners is divided by ear clipping, which is
+/// then fast and reverses no triangle.
 const MANY_CORNERS: usize = 1_024;
 
 /// The largest width of a seam (see [`has_sound_fan`]), as a fraction of the outline's size.
@@ -144,8 +145,8 @@ impl<'a> Remaining<'a> {
     /// Returns true if a corner is an ear: if it is convex and no other corner lies in its triangle. Only
     /// corners that are not convex are tested: if a corner lies in the triangle, a corner that is not convex
     /// lies there too. Corners at the positions of the triangle's own corners are not tested. If a polygon
-    /// has a hole, several corners of its outline have the same position: the outline contains a bridge, a
-    /// line from the outer edge to the hole, and passes twice through both ends of the bridge.
+    /// has a hole, its outline contains a bridge, a line from the outer edge to the hole. The outline passes
+    /// twice through both ends of the bridge, so several of its corners have the same position.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
         let [a, b, c] = corners.map(|corner| self.flat[corner]);

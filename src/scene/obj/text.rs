@@ -134,7 +134,7 @@ fn expected(text: &[u8]) -> &'static str {
         b"vt" => "`vt u v`: two finite numbers",
         b"f" | b"fo" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
         b"newmtl" => "`newmtl NAME`",
-        _ => "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`",
+        _ => "a mesh: vertices (`v x y z`) and faces (`f 1 2 3`)",
     }
 }
 
@@ -162,8 +162,8 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces: about `PIECES_PER_THREAD` for each thread, unless they would be
-/// too short or too long.
+/// Divides a text at line ends into pieces: about `PIECES_PER_THREAD` for each thread, unless such pieces
+/// would be too short or too long.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     let target = (text.len() / (PIECES_PER_THREAD * rayon::current_num_threads()))
         .clamp(CHUNK_BYTES, MOST_CHUNK_BYTES);
@@ -382,7 +382,7 @@ fn leading_number(text: &[u8]) -> Option<(f32, &[u8])> {
     Some((if digits.len() < text.len() { -size } else { size }, &digits[length..]))
 }
 
-/// Returns the text after the blanks at its beginning; `None` if it does not begin with a blank.
+/// Returns the text after the blanks at its beginning; `None` if the text does not begin with a blank.
 pub(super) fn after_blanks(text: &[u8]) -> Option<&[u8]> {
     let rest = text.trim_ascii_start();
     (rest.len() < text.len()).then_some(rest)
@@ -462,7 +462,7 @@ mod tests {
             ("vt x", "`vt u v`: two finite numbers"),
             ("f x", "`f 1 2 3`: the numbers of three or more vertices that the file has"),
             ("newmtl", "`newmtl NAME`"),
-            ("", "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`"),
+            ("", "a mesh: vertices (`v x y z`) and faces (`f 1 2 3`)"),
         ] {
             // Some programs indent the statements of a group.
             for line in [line.to_owned(), format!("  {line}"), format!("\t{line}")] {

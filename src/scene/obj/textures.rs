@@ -113,7 +113,7 @@ struct LoadedMaps<'a> {
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Map {
-    /// The text of the line from the name of the picture's file on. A comment may follow the name.
+    /// The end of the line, which begins with the name of the picture's file. A comment may follow the name.
     named: String,
     /// The location of the line that names the file, for messages.
     at: String,
@@ -226,7 +226,7 @@ impl Map {
         format!("{}: {what}{name} {why}{hint}: {instead}", self.at)
     }
 
-    /// Returns the paths at which the picture is searched, in this order. The paths are relative to the
+    /// Returns the paths at which raycl looks for the picture, in this order. The paths are relative to the
     /// mesh's folder. A picture may be in the mesh's folder or in the folder of the material file.
     fn paths(&self) -> impl Iterator<Item = String> {
         let folder = &self.folder;
@@ -434,7 +434,7 @@ mod tests {
         let all = paths(" -s 1 1 1 C:\\x\\a #2.png");
         assert!(expected.iter().all(|path| all.iter().any(|other| other == path)), "{all:?}");
         assert!(all[0] == expected[0] && all[1] == expected[1], "{all:?}");
-        // Only a comment names the file `b.png`, so this file is not searched.
+        // Only a comment names the file `b.png`, so raycl does not look for this file.
         let all = paths(" a.png # was x/b.png");
         assert!(!all.iter().any(|path| path == "b.png" || path == "mats/b.png"), "{all:?}");
     }

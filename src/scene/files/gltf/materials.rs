@@ -82,9 +82,9 @@ fn factor(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns true if every point of the surface would be a hole, whatever its texture is. This happens if the
-/// factor of alpha is 0 or less than the cutoff. raycl draws such a surface without holes, unless it is
-/// blended and its factor is above 0 (see [`least_alpha`]).
+/// Returns true if every point of the surface would be a hole, whatever its texture is. Every point is a hole
+/// if the factor of alpha is 0 or less than the cutoff. raycl draws such a surface without holes, unless it
+/// is blended and its factor is above 0 (see [`least_alpha`]).
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }

@@ -185,7 +185,7 @@ impl<'a> Walk<'a> {
         }));
     }
 
-    /// Adds the camera of a node, which looks along the node's -z axis.
+    /// Adds the camera of a node. The camera looks along the node's -z axis.
     fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
@@ -251,9 +251,9 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Returns true if the file's first camera and its lights, scaled like the mesh, are within raycl's
-    /// limits. If the result is false, the mesh is not scaled. A camera beyond the limits is so far away, at
-    /// least 1e11 radii of the mesh, that the mesh covers less than a pixel.
+    /// Returns true if the file's first camera and the file's lights, scaled like the mesh, are within
+    /// raycl's limits. If the result is false, the mesh is not scaled. A camera beyond the limits is so far
+    /// away, at least 1e11 radii of the mesh, that the mesh covers less than a pixel.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())

@@ -65,9 +65,9 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
-    /// Returns the texture of each material, in the file's order. A material without a texture, or whose
-    /// index is not in `used`, gets `None`. A texture that cannot be read adds a note to `notes`, and its
-    /// material keeps its own colour, or emits no light if the texture is emissive. The function also gives the
+    /// Returns the texture of each material, in the file's order. A material without a texture gets `None`, and so does
+    /// a material whose index is not in `used`. If a texture cannot be read, the function adds a note to `notes`; the
+    /// material then keeps its own colour or, if the texture is emissive, emits no light. The function also gives the
     /// emissive textures to `materials`, in the same order.
     pub fn colour_maps(
         self,
@@ -204,8 +204,8 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
-/// Returns the texture of a material's emitted light; `None` if there is none, or if it is placed otherwise
-/// than the colour's texture.
+/// Returns the texture of a material's emitted light; `None` if there is none, or if it is placed differently
+/// from the colour texture.
 fn emissive_texture(root: &Root, wire: &Wire) -> Option<Info> {
     wire.emissive_texture.clone().filter(|_| emits(wire) && !emissive_is_apart(root, wire))
 }

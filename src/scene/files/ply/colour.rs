@@ -6,7 +6,7 @@ use glam::Vec3;
 use ply_rs_bw::ply::{ElementDef, Property};
 
 /// The names of the colour channels of vertices and faces. Each row of this table has a name for red, green
-/// and blue; the colour of an element has the names of the first row that is complete.
+/// and blue. An element's colour is read by the names of the first row of which the element has all three.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 /// The name of the alpha channel that belongs to each row of [`CHANNELS`]. The first name belongs to the other rows

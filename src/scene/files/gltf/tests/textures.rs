@@ -381,7 +381,7 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
         |transform: &str| with(&both, &format!(r#", "baseColorTexture": {{"index": 0{transform}}}"#));
     assert_eq!(colour(""), ([0.0, 0.5, 1.0], Some(0), 1, none()));
     let moved = colour(r#", "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}"#);
-    let note = "1 material asks for emitted light from a texture that is placed otherwise than the colour's \
+    let note = "1 material asks for emitted light from a texture that is placed differently from the colour texture \
                 (emissiveTexture), which raycl does not support: the surface emits no light";
     assert_eq!((moved.0, moved.1, moved.3.as_str()), ([0.0; 3], None, note));
     // A texture that does not exist gives no light, although the factor alone would.
