@@ -63,7 +63,7 @@ impl Watch {
     }
 
     /// Returns the processor time that other processes took since the last reading; `None` if the system does not
-    /// report it or the interval is too short.
+    /// report this time or the interval is too short.
     pub fn look(&mut self) -> Option<Load> {
         let ms = ms_since(self.since);
         if ms < SHORTEST_MS {
@@ -94,9 +94,9 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     })
 }
 
-/// Returns the time in nanoseconds in which a cache line moves from one processor to another; `None` if it cannot be
-/// measured. A reading usually takes less than half a millisecond, and at most 5 ms if other programs keep the
-/// processors busy.
+/// Returns the time in nanoseconds in which a cache line moves from one processor to another; `None` if this time
+/// cannot be measured. A reading usually takes less than half a millisecond, and at most 5 ms if other programs keep
+/// the processors busy.
 #[cfg(target_os = "linux")]
 pub fn core_to_core_ns() -> Option<f64> {
     core_to_core::core_to_core_ns()

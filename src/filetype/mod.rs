@@ -99,7 +99,7 @@ pub struct Foreign {
 pub enum Wanted {
     /// The user wants to render the file: a scene or a single mesh.
     Scene,
-    /// The user's scene names the file as an object: a mesh.
+    /// The user's scene names the file as the mesh of an object.
     Mesh,
     /// The user wants to run the file as an experiment.
     Experiment,

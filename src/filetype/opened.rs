@@ -34,8 +34,8 @@ impl Opened {
     /// # Errors
     ///
     /// Fails if the system cannot open or read the file, if `path` is not an ordinary file, or if a packed
-    /// file is damaged. Also fails if standard input, or a packed file after unpacking, has more bytes than
-    /// half of the free memory.
+    /// file is damaged. Also fails if standard input, or a packed file after unpacking, is larger than half
+    /// of the free memory.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let mut head = Vec::new();
@@ -113,12 +113,13 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::InvalidData, message))
 }
 
-/// Returns a file's type. A complete binary STL file is recognised by its length, which matches its count of
-/// triangles. A binary file that matches no known type is STL if its name ends in `.stl`, or if the file
-/// begins with triangles and is cut off; the STL reader then reports the error. A JSON file without keys of
-/// glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes may
-/// contain the keys. If the contents show no format, the file's extension may name a format that raycl does
-/// not read. A text without a known format may also be a list of numbers, such as the coordinates of points.
+/// Returns a file's type. A complete binary STL file is recognised by its length, which matches the count of
+/// triangles in its header. A binary file that matches no known type is STL if its name ends in `.stl`, or if
+/// the file begins with triangles and is cut off. The STL reader then reports the error. A JSON file without
+/// keys of glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes
+/// may contain the keys. If the contents show no format, the file's extension may name a format that raycl
+/// does not read. A text without a known format may also be a list of numbers, such as the coordinates of
+/// points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     if of_contents == FileType::Unclear {
@@ -126,7 +127,8 @@ fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     }
     let FileType::Foreign(Foreign { name, remedy }) = of_contents else { return of_contents };
     let has_more = length > head.len() as u64;
-    // Some formats are archives of other files, or packed: a newer Blender file may be a zstd archive.
+    // The files of some formats are archives or packed: for example, a newer Blender file may be a zstd
+    // archive.
     let is_vague = name == UNKNOWN || remedy == signatures::UNPACK;
     if let Some(foreign) = endings::foreign(path).filter(|_| is_vague) {
         return FileType::Foreign(foreign);
@@ -192,7 +194,7 @@ mod tests {
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
 
-    /// When a file is opened, only its first bytes are read. This test checks that `bytes` returns also those
+    /// When a file is opened, only its first bytes are read. This test checks that `bytes` also returns the
     /// bytes that were not read when the file was opened.
     #[test]
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {

@@ -6,14 +6,14 @@ use super::{FileType, Foreign, MeshFormat, stl, text};
 pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
 /// The advice for files in a program's own format, which no other program reads.
 pub(super) const OWN: &str = "export the file as glTF or OBJ from the program that made it";
-/// The advice for files of CAD programs, which describe curved surfaces without triangles.
+/// The advice for files of CAD programs. Such files describe curved surfaces without triangles.
 pub(super) const CAD: &str = "export a mesh (STL) from the file, with FreeCAD for example";
 /// The advice for files with the meshes of simulations, such as finite elements.
 pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaView for example";
 /// The advice for files that contain points, but no triangles.
 pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
 /// The advice for files with volumes (a density at each point of a grid).
-pub(super) const SURFACE: &str = "extract its surface as PLY or STL, with ParaView for example";
+pub(super) const SURFACE: &str = "extract the surface as PLY or STL, with ParaView for example";
 /// All texts of advice that tell the user how to get a mesh from a file.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 pub(super) const UNPACK: &str = "unpack the file first";
@@ -158,8 +158,8 @@ fn is_utf16(head: &[u8]) -> bool {
 /// The first bytes of a SketchUp model, which look like UTF-16.
 const SKETCHUP: &[u8] = b"\xff\xfe\xff\x0eS\0k\0e\0t\0c\0h\0U\0p\0";
 
-/// For each type of zip file: a part of the name of a packed file by which the type is recognised, the type's
-/// name, and advice for the user.
+/// For each type of zip file: a part of the name of a file in the archive (this part shows the type), the
+/// type's name, and advice for the user.
 const ARCHIVES: &[(&[u8], &str, &str)] = &[
     (b"3D/3dmodel.model", "a 3MF model", EXPORT),
     (b"3dmanufacturing", "a 3MF model", EXPORT),
@@ -169,14 +169,14 @@ const ARCHIVES: &[(&[u8], &str, &str)] = &[
     (b"Document.xml", "a FreeCAD model", CAD),
 ];
 
-/// Returns the type of a zip file, which follows from the names of its first entries, and advice for the user.
+/// Returns the type of a zip file, and advice for the user. The names of the file's first entries show the type.
 fn archive(head: &[u8]) -> (&'static str, &'static str) {
     let known = ARCHIVES.iter().find(|(entry, ..)| contains(head, entry));
     known.map_or(("a zip archive", UNPACK), |&(_, name, remedy)| (name, remedy))
 }
 
-/// Returns true for an IGES file: its lines have 80 characters, of which the last eight are a section's letter, `S` in
-/// the first line, and the number of the line.
+/// Returns true for an IGES file: its lines have 80 characters. The last eight characters of a line are the letter of a
+/// section (`S` in the first line) and the line's number.
 fn is_iges(head: &[u8]) -> bool {
     let number = head.get(73..80).and_then(|number| std::str::from_utf8(number).ok());
     head.get(72) == Some(&b'S') && number.is_some_and(|number| number.trim() == "1")

@@ -1,4 +1,4 @@
-//! Tests with one small file of each format, which the tests create.
+//! Tests that create one small file of each format.
 
 use super::*;
 use crate::reader::Damaged;

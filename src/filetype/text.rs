@@ -192,7 +192,7 @@ fn is_title(first: &[u8], rest: &[&[u8]]) -> bool {
     count_fields(first) == if are_numbers(first) { 1 } else { columns }
 }
 
-/// Returns the fields of a line, which blanks, commas or semicolons separate.
+/// Returns the fields of a line. Blanks, commas or semicolons separate the fields.
 fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let separates = |byte: &u8| byte.is_ascii_whitespace() || b",;".contains(byte);
     line.split(separates).filter(|field| !field.is_empty())

@@ -1,6 +1,6 @@
-//! Opens the bytes of picture files for decoding. raycl opens every picture that a user or a folder of
-//! results names with [`picture_reader`], which refuses two kinds of damaged files that the decoders of the
-//! crate `image` would not refuse.
+//! Opens the bytes of picture files for decoding. With [`picture_reader`], raycl opens every picture that a
+//! user or a folder of results names. The function refuses two kinds of damaged files that the decoders of
+//! the crate `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 use image::codecs::png::PngDecoder;
@@ -20,8 +20,8 @@ const CUT_OFF: &str = "the file ends before the picture does";
 ///
 /// # Errors
 ///
-/// Fails if neither bytes nor name show the format, or if the file is damaged in a way that the decoder would
-/// not notice. The error's text says why the picture cannot be decoded.
+/// Fails if neither the bytes nor the file's name show the format, or if the file is damaged in a way that
+/// the decoder would not notice. The error's text says why the picture cannot be decoded.
 pub fn picture_reader(
     bytes: &[u8],
     by_name: Option<ImageFormat>,
@@ -38,8 +38,8 @@ pub fn picture_reader(
     Ok(ImageReader::with_format(Cursor::new(bytes), format))
 }
 
-/// Returns true if a picture is an animated PNG. The reader of [`picture_reader`] decodes only one of its pictures. Call
-/// this function only after [`picture_reader`], which refuses files at which the decoder panics.
+/// Returns true if a picture is an animated PNG. The reader that [`picture_reader`] returns decodes only one picture of
+/// an animated PNG. Call this function only after [`picture_reader`], which refuses files at which the decoder panics.
 pub fn is_animated(bytes: &[u8]) -> bool {
     let decoder = PngDecoder::new(Cursor::new(bytes));
     decoder.and_then(|decoder| decoder.is_apng()).unwrap_or(false)
@@ -84,7 +84,7 @@ fn check_palette(bytes: &[u8]) -> Result<(), String> {
 /// Returns true if a JPEG has the marker for the end of the picture after its first scan. If the end of a
 /// file is missing, the decoder reports no error, and the missing part of the picture becomes grey. The
 /// markers of a preview picture in the header do not count: they lie in a segment (a block of the header that
-/// begins with its length), which this function skips.
+/// begins with its length), and this function skips segments.
 fn is_complete(bytes: &[u8]) -> bool {
     let (mut rest, mut has_scan) = (bytes, false);
     while let Some(at) = rest.iter().position(|&byte| byte == MARKER) {
@@ -105,7 +105,7 @@ fn is_complete(bytes: &[u8]) -> bool {
     false
 }
 
-/// A damaged PNG of one pixel, whose palette has four bytes instead of a multiple of three.
+/// A damaged PNG of one pixel: the palette has four bytes, which is not a multiple of three.
 #[cfg(test)]
 pub const ODD_PALETTE: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x01\0\0\0\x01\x08\x03\0\0\0(\xcb4\xbb\
     \0\0\0\x04PLTE\x01\x02\x03\x04#\xdb\x8a\xab\0\0\0\x0aIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q\
@@ -173,8 +173,8 @@ mod tests {
         assert_eq!(refusal(b"nothing"), "its first bytes are those of no known format");
         let reader = picture_reader(b"nothing", Some(ImageFormat::Tga)).unwrap();
         assert_eq!(reader.format(), Some(ImageFormat::Tga));
-        // A missing end is searched for only in a file whose bytes show that it is a JPEG, not in a file that
-        // only has a JPEG's name.
+        // `picture_reader` looks for the end of the picture only in a file whose bytes show that it is a
+        // JPEG, not in a file that only has a JPEG's name.
         assert!(picture_reader(b"nothing", Some(ImageFormat::Jpeg)).is_ok());
     }
 

@@ -78,8 +78,8 @@ pub fn transform(radiance: f32, display: Display) -> u8 {
 /// pixel would need a power or a binary search, which would take longer than writing the picture's file.
 struct Thresholds {
     /// For each 8-bit value from 1 to 255, the smallest radiance that is shown as this or a greater value.
-    /// The array's first element belongs to the value 1. The array's last element is NaN, so that no radiance
-    /// reaches it.
+    /// The array's first element belongs to the value 1. The array's last element is NaN: comparisons with
+    /// NaN are false, so that the search for a radiance's value ends at 255.
     smallest: [f32; Shown::VALUES],
     /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. In
     /// most cases, the table's lower bound is at most 2 below the radiance's 8-bit value.

@@ -13,10 +13,10 @@ use image::{DynamicImage, ExtendedColorType, ImageEncoder as _, ImageResult, Rgb
 use std::fs::File;
 use std::io::{BufWriter, Error, Result, Write as _};
 
-/// The JPEG quality that the student paper that raycl reproduces uses for its figures.
+/// The JPEG quality of the figures in the student paper that raycl reproduces.
 pub const JPEG_QUALITY: u8 = 95;
-/// Length of the first two segments of a JPEG file, which are the start marker and JFIF's header. raycl
-/// inserts the comment with its mark after these two segments.
+/// Length of the first two segments of a JPEG file: the start marker and JFIF's header. raycl inserts the
+/// comment with its mark after these two segments.
 const JPEG_BEGIN_BYTES: usize = 20;
 /// The first line of an HDR file.
 const HDR_SIGNATURE: &str = "#?RADIANCE\n";

@@ -44,7 +44,8 @@ const CONVERTING_BYTES: u64 = 32;
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
 /// The only width in pixels that an HDR file cannot have. The crate `image` 0.25.10 compresses rows of this width,
-/// although the number of pixels of a compressed row has only 15 bits: no program could read the file.
+/// although the format has only 15 bits for the number of pixels of a compressed row. No program could read such a
+/// file.
 const NO_HDR_WIDTH: u32 = 1 << 15;
 
 /// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that `display`
@@ -202,9 +203,9 @@ fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> 
     available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
 }
 
-/// Turns a grey picture into a picture with three colour channels of the same number of bits. When the crate
-/// `image` converts values to floats, it divides the values of colour channels, but multiplies grey values by
-/// a rounded factor, so that equal grey and colour values would differ.
+/// Turns a grey picture into a picture with three colour channels of the same number of bits. To convert
+/// values to floats, the crate `image` divides the values of colour channels, but multiplies grey values by a
+/// rounded factor. Equal grey and colour values would therefore differ.
 fn with_colour_channels(picture: DynamicImage) -> DynamicImage {
     match picture {
         DynamicImage::ImageLuma8(_) => DynamicImage::ImageRgb8(picture.into_rgb8()),
@@ -534,9 +535,9 @@ mod tests {
         assert_eq!(again(&path, false), None);
     }
 
-    /// Returns a file that is put together from the files of two pictures: the bytes of one file up to the
-    /// end of the mark by which raycl recognises its own files, and the bytes of the other file after its
-    /// mark.
+    /// Returns a file that is put together from the files of two pictures. Up to the end of the mark (by
+    /// which raycl recognises its own files), the bytes are those of one file; after the mark, they are those
+    /// of the other file.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };

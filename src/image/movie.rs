@@ -157,7 +157,7 @@ fn mean([above, below]: [&[[u8; 3]]; 2], [left, right]: [usize; 2]) -> [f32; 3] 
     std::array::from_fn(|channel| four.iter().map(|rgb| rgb[channel]).sum::<f32>() / 4.0)
 }
 
-/// Rounds a value of a plane, which is positive.
+/// Rounds a positive value of a plane.
 fn rounded(value: f32) -> u8 {
     (value + 0.5) as u8
 }

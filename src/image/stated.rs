@@ -1,5 +1,5 @@
-//! Compares what the header of a Radiance HDR or OpenEXR picture states about the picture's channels, colours
-//! and projection with what raycl assumes.
+//! Compares the header of a Radiance HDR or OpenEXR picture with what raycl assumes about the picture's
+//! channels, colours and projection.
 
 use exr::meta::MetaData;
 use exr::meta::attribute::{Chromaticities, EnvironmentMap, Text};

@@ -1,7 +1,7 @@
 //! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A
-//! virtual machine's processors are threads of its host, and the host may move these threads: two of them may
-//! share a core, or run on distant cores. Each move of a virtual machine's processor changes the core-to-core
-//! latency, and the speed of all kernels that share data between work-groups.
+//! virtual machine's processors are threads of its host. The host may move these threads: two of them may
+//! then share a core, or run on distant cores. Each move of a virtual machine's processor changes the
+//! core-to-core latency, and the speed of all kernels that share data between work-groups.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
@@ -31,7 +31,7 @@ const OVER: u32 = 2;
 
 /// Returns the time in nanoseconds that a cache line takes to move from one processor to another: half a round trip.
 /// The two processors are the first ones on which the calling thread may run. Returns `None` if the thread may run on
-/// only one processor, if the system does not pin threads or cannot start another one, or if other programs keep the
+/// only one processor, if the system does not pin threads or cannot start another thread, or if other programs keep the
 /// processors busy.
 pub fn core_to_core_ns() -> Option<f64> {
     between(two_processors()?, [Builder::new(), Builder::new()])
