@@ -143,9 +143,9 @@ impl OutFolder {
         put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
     }
 
-    /// Finds out whether raycl made a file. raycl made the file if the list has the file's name with the
-    /// file's hash, or if the file equals the new content. The file counts as changed if the list has the
-    /// file's name, but only with hashes of other contents.
+    /// Finds out whether raycl made a file. The file counts as made by raycl if the list has the file's name
+    /// with the file's hash, or if the file equals the new content. The file counts as changed if the list
+    /// has the file's name, but only with hashes of other contents.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
         let old_hash = hasher.update_reader(file)?.finalize().to_hex().to_string();

@@ -121,15 +121,15 @@ impl Target {
     }
 }
 
-/// Writes to standard output. The output is written to a temporary file first. The hash in the output's mark
-/// is only known at the end, and a pipe cannot seek back to the mark.
+/// Writes to standard output. The output is first written to a temporary file, because the hash in the
+/// output's mark is known only at the end, and a pipe cannot seek back to the mark.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
     let file = temporary(&std::env::temp_dir(), write)?;
     copy(file, &mut std::io::stdout().lock())
 }
 
-/// Copies a file, from its current position on, to `out`, which is standard output. A closed pipe is not an
-/// error: the program that reads the pipe needs no more of the file.
+/// Copies the rest of a file, after its current position, to `out`, which is standard output. A closed pipe
+/// is not an error: the program that reads the pipe needs no more of the file.
 fn copy(mut file: File, out: &mut impl Write) -> Result<()> {
     match std::io::copy(&mut file, out).and_then(|_| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::unwritable_output(&error)),

@@ -34,7 +34,7 @@ impl Pose {
     /// The position of the scene's own camera.
     pub const START: Self = Self { turn: 0.0, tilt: 0.0, distance: 1.0, aside: [0.0; 2] };
 
-    /// Moves the eye around the scene, by angles to the right and upwards in radians, but never over the scene's top or
+    /// Moves the eye around the scene, by angles in radians to the right and upwards, but never over the scene's top or
     /// bottom. `elevation` is the angle by which the scene's own camera looks down.
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
@@ -86,7 +86,7 @@ impl Pose {
 
 /// Returns the pivot: the point towards which the eye zooms. The eye pans by fractions of its distance from
 /// the pivot. Usually, the pivot is the centre of the eye's orbit. If the eye itself is in the centre of its
-/// orbit, as in a panorama, orbiting only turns the eye, and the pivot lies one radius of the scene ahead of
+/// orbit, as in a panorama, orbiting only turns the eye. The pivot then lies one radius of the scene ahead of
 /// the eye.
 fn pivot(camera: &Camera, orbit: &Orbit) -> DVec3 {
     let position = camera.position.as_dvec3();

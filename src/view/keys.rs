@@ -20,7 +20,7 @@ pub enum Key {
 /// An action that the user wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// Move the eye around the scene, by angles to the right and upwards in radians.
+    /// Move the eye around the scene, by angles in radians to the right and upwards.
     Orbit([f64; 2]),
     /// Move the eye to the right and upwards, in units of the eye's distance from the point around which it
     /// orbits.
@@ -127,11 +127,11 @@ pub fn action(key: Key) -> Option<Action> {
 
 /// Returns the actions of keys that arrived together, for example because a program was being compiled when
 /// they were pressed. If one of the keys ends the view, no other key counts. Several steps from strategy to
-/// strategy become one action, so that the user does not wait while strategies are compiled that are only
-/// passed on the way. Several steps through the list of local sizes also become one action, and several
-/// changes of the device count as one change. A new strategy also sets another local size, and a new device
-/// also sets another strategy. Two changes of the same kind (strategy, local size or device) therefore stay
-/// separate if a change of another kind lies between them.
+/// strategy become one action, so that raycl does not compile the strategies in between. Several steps
+/// through the list of local sizes also become one action, and several changes of the device count as one
+/// change. A new strategy also sets another local size, and a new device also sets another strategy. Two
+/// changes of the same kind (strategy, local size or device) therefore stay separate if a change of another
+/// kind lies between them.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
     let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
     if all.contains(&Action::Quit) {

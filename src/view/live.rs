@@ -1,5 +1,5 @@
-//! Casts a scene on a device again and again, from the eye's current position and with the current strategy, by the
-//! same code as the command `raycl render`.
+//! Casts a scene on a device again and again, from the eye's current position and with the current strategy. The code
+//! is the same as that of the command `raycl render`.
 
 use super::camera::Pose;
 use super::choices::{Choices, local_sizes, strategies};
@@ -293,12 +293,12 @@ impl Live {
     /// Changes to the next device, with the strategy and the local size that the user has named on the
     /// command line. If the user has named no strategy or no local size, the next device's usual strategy or
     /// local size is used. If the next device cannot be opened or cannot cast the scene, changes to the first
-    /// usable device after it that can.
+    /// later device that can cast the scene.
     ///
     /// # Errors
     ///
     /// Fails if no other usable device can cast the scene. The message states why the last device that was
-    /// tried cannot.
+    /// tried cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
         let devices = others(self.device(), discover(&self.sources)?);
         self.move_to_first(devices)

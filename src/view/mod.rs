@@ -1,7 +1,7 @@
 //! `raycl view`: a scene that is cast while the user moves around it.
 //!
-//! A [`screen::Screen`] shows pictures and reads the user's input. [`live::Live`] casts the pictures, by the
-//! same code as the command `raycl render`. The loop in this file reads the user's input, carries out the
+//! A [`screen::Screen`] shows pictures and reads the user's input. [`live::Live`] casts the pictures, with
+//! the same code as the command `raycl render`. The loop in this file reads the user's input, carries out the
 //! user's actions, casts a picture, and shows it.
 
 mod camera;
@@ -32,7 +32,7 @@ pub use rate::Total;
 use screen::{Input, Screen};
 use std::time::{Duration, Instant};
 
-/// The angle around the scene, in radians, by which the eye goes if the pointer is dragged by the picture's
+/// The angle by which the eye goes around the scene, in radians, if the pointer is dragged by the picture's
 /// height.
 const DRAG: f64 = 3.0;
 /// The angle by which the eye spins with each frame, in radians: a whole turn in 360 frames.
@@ -85,8 +85,8 @@ pub struct Viewer<S: Screen> {
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
     redraws: bool,
-    /// True if the line of text beside the picture must be shown again, because something that the line
-    /// states has changed, such as the strategy, or because the screen was cleared.
+    /// True if the line of text beside the picture must be shown again, because the screen was cleared, or
+    /// because something that the line states (such as the strategy) has changed.
     stale: bool,
 }
 

@@ -85,8 +85,9 @@ impl Picker {
         self.building.is_some()
     }
 
-    /// Begins to build the tree of a scene, unless this tree was asked for last. Begins only after the tree before is
-    /// complete: if a scene changes quickly, the trees of its versions would otherwise be in memory together.
+    /// Begins to build the tree of a scene, unless this tree was asked for last. Begins only after the previous tree is
+    /// complete. Otherwise, if a scene changed quickly, the trees of several of its versions would be in memory
+    /// together.
     fn ask_for_tree(
         &mut self,
         scene: &Arc<Scene>,

@@ -1,4 +1,4 @@
-//! The memory for trees that `raycl view` builds on the host, beside those with which a device casts the pictures.
+//! The memory for the trees that `raycl view` builds on the host. A device that casts the pictures uses other trees.
 
 use crate::error::Result;
 use crate::memory::Available;

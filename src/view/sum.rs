@@ -3,8 +3,8 @@
 
 use crate::scene::{Sample, pixel_samples};
 
-/// The samples that are cast of every pixel from one position of the eye, and how many of these samples have
-/// been cast.
+/// The samples that the view casts for every pixel from one position of the eye, and the number of these
+/// samples that have been cast.
 pub struct Sum {
     samples: Vec<Sample>,
     cast: usize,

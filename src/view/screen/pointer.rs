@@ -1,6 +1,6 @@
 //! Every movement of the pointer with a button down, and every step of the wheel, as events of an X server. minifb, the
-//! library that opens windows, says only which buttons are down and where the pointer is whenever it is asked, so a drag
-//! that begins and ends between two frames would be lost.
+//! library that opens windows, reports only which buttons are down at present, and where the pointer is. A drag that
+//! begins and ends between two frames would therefore be lost.
 //!
 //! On an X server, only one program receives the presses of buttons in a window. Therefore raycl lays an
 //! invisible window of its own over the window that minifb opens; the invisible window receives the events

@@ -18,8 +18,8 @@ use std::time::Duration;
 const USUAL_CELLS: [u16; 2] = [80, 24];
 /// The size of a character in pixels that raycl assumes if the terminal does not report it.
 const USUAL_CELL_PIXELS: [u32; 2] = [8, 16];
-/// Longest wait for the rest of the terminal's answer, after the part that says which graphics it can show.
-/// The terminal sends all parts of its answer at once.
+/// Longest wait for the rest of the terminal's answer, after the part that says which graphics the terminal
+/// can show. The terminal sends all parts of its answer at once.
 const REST_OF_ANSWER: Duration = Duration::from_millis(20);
 /// The escape codes that select the terminal's default colours and clear the screen.
 const CLEAR: &str = "\x1b[0m\x1b[2J";
@@ -297,7 +297,7 @@ fn failed(error: std::io::Error) -> Error {
 }
 
 /// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; all other keys are
-/// ignored together with Ctrl.
+/// ignored while Ctrl is held.
 fn pressed(input: &mut Input, key: KeyEvent) {
     if key.kind == KeyEventKind::Release {
         return;

@@ -1,5 +1,5 @@
 //! Asks an X server, before a window opens, how it stores pixels. minifb is the library that opens windows. If the
-//! pixels of the display do not have 32 bits, minifb frees memory twice, and this ends the process.
+//! pixels of the display do not have 32 bits, minifb frees memory twice, and the process ends.
 
 use x11rb::connection::Connection as _;
 use x11rb::rust_connection::RustConnection;
@@ -9,8 +9,8 @@ use x11rb::rust_connection::RustConnection;
 pub const MOST_PIXELS: u32 = i16::MAX as u32;
 
 /// A connection to an X server, and the server's answer about how it stores pixels. Keep the connection open
-/// until the window's connection is open: a server without any connection may start again, which ends new
-/// connections.
+/// until the window's connection is open: a server without any connection may start again, and would then end
+/// the window's new connection.
 pub struct XServer {
     /// Bits of a pixel's colour.
     pub depth: u8,
