@@ -131,8 +131,8 @@ impl Asked<'_> {
 
     /// Ends the shadow rays farther from a hit than usual, and includes the resulting radiance in `sample`. A
     /// device that casts shadow rays from a distant light may end the rays at either of the two distances of
-    /// [`ends_before_hit`]. `radiance` returns the hit's radiance; its argument returns the distance from the
-    /// hit at which the shadow ray of a [`Sight`] ends.
+    /// [`ends_before_hit`]. `radiance` returns the hit's radiance. The argument of `radiance` is a function
+    /// that returns the distance from the hit at which the shadow ray of a [`Sight`] ends.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -145,7 +145,7 @@ impl Asked<'_> {
             false => [self.bias; 2],
         };
         // If no light is distant, all shadow rays end as usual, at the shadow bias from the hit, so the
-        // radiance cannot differ.
+        // radiance stays the same.
         if sights(&self.seen, point, normal).any(|sight| ends(&sight)[1] > self.bias) {
             for end in [0, 1] {
                 sample.consider(radiance(&|sight| ends(sight)[end]));
@@ -266,7 +266,7 @@ fn mesh_of(mesh: &Mesh, triangle: &Triangle, material: Material) -> Mesh {
 /// - Shadow rays start a little above, and below, the plane of the hit.
 /// - Shadow rays end as far from the hit as those that a device casts from a distant light.
 /// - Surfaces near lights are included as occluders, and left out.
-/// - Triangles become larger and holes smaller by rounding, and the reverse.
+/// - Rounding makes triangles larger and holes smaller, or triangles smaller and holes larger.
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
 /// - The hit's position in a texture is moved slightly.
@@ -500,7 +500,8 @@ mod tests {
         [sample(&asked), quick].map(|sample| is_certain(&sample, 1e-9))
     }
 
-    /// Between half the shadow bias and twice the bias, rounding may decide whether a surface casts a shadow.
+    /// Rounding may decide whether a surface casts a shadow if the surface's distance from the hit is between
+    /// half the shadow bias and twice the bias.
     #[test]
     fn a_shadow_of_what_is_about_as_near_as_the_bias_is_uncertain() {
         let of = |gap: f32| certain(&fixtures::lit_from_behind(gap));

@@ -74,9 +74,9 @@ pub struct Reference {
     pub judged: usize,
     /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
-    /// The smallest and the largest possible number of hits. The smallest and the largest number differ if a
-    /// nudge (a small turn of a ray) or another small change turns a pixel's hit into a miss or the reverse:
-    /// such a pixel may count as a hit or as a miss.
+    /// The smallest and the largest possible number of hits. The two numbers differ if a nudge (a small turn
+    /// of a ray) or another small change turns a pixel's hit into a miss, or a miss into a hit. Such a pixel
+    /// may count as a hit or as a miss.
     pub hits_range: [usize; 2],
     /// Differences of a pixel are divided by the pixel's brightest channel or, if the pixel is darker than
     /// this radiance, by this radiance (see [`dark_floor`]).
@@ -84,7 +84,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Returns how many of the pixels that were cast are uncertain, without the nearly certain ones.
+    /// Returns the number of uncertain pixels among those that were cast, without the nearly certain pixels.
     pub fn uncertain_pixels(&self) -> usize {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
@@ -120,9 +120,9 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
 }
 
 /// Casts only the pixels with the indices `pixels`. A pixel gets the first `count(pixel)` samples of
-/// `of_pixel`, and its value is their mean. Small changes (see [`certainty`]) alter the radiance of each
-/// sample; the pixel is certain if the mean of the samples' largest alterations is small. Pixels that are not
-/// cast are black and uncertain, and are not used in verification.
+/// `of_pixel`; the pixel's value is the mean of these samples. Small changes (see [`certainty`]) alter the
+/// radiance of each sample; the pixel is certain if the mean of the samples' largest alterations is small.
+/// Pixels that are not cast are black and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],

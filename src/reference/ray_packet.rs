@@ -44,7 +44,7 @@ impl RayPacket {
         Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
     }
 
-    /// Returns the packet of the same rays if these rays start at a light and end at the point `surface`.
+    /// Returns the same packet for rays that start at a light and end at the point `surface`.
     pub fn from_light(self, surface: DVec3) -> Self {
         Self { end: surface, ..self }
     }

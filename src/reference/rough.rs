@@ -25,13 +25,13 @@ pub fn pixels_of_some_blocks(size: [u32; 2], some: usize) -> Vec<usize> {
 
 /// Returns the blocks whose roughness does not depend on rounding: the column and row of each block's first pixel, and
 /// true if the block is rough. `means` contains the means of each pixel's first samples, whose number is `first`. A
-/// block is left out if a pixel of the block, or of the ring around it, is uncertain (as are pixels that were not
-/// cast), or if the block's difference is close to the limit.
+/// block is left out if its difference is close to the limit, or if a pixel of the block or of the ring around the
+/// block is uncertain. Pixels that were not cast are uncertain.
 pub fn certain_blocks(means: &Reference, display: Display, first: u32) -> Vec<([u32; 2], bool)> {
     let size = [means.radiance.width, means.radiance.height];
     let limit = rough_steps(first);
     // The radiance of a certain pixel may be off by the relative limit. With a gamma of 2, the displayed value is then
-    // off by half of the relative limit, and the difference of two displayed values by all of it.
+    // off by half of the relative limit, and the difference of two displayed values by the whole relative limit.
     let close = 0.01 * limit + 255.0 * RELATIVE_LIMIT;
     let starts: Vec<_> = block_starts(size).collect();
     let judged = |start: &[u32; 2]| {

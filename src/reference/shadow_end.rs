@@ -3,7 +3,8 @@
 use super::shade::Sight;
 use glam::DVec3;
 
-/// The rounding error of a hit's distance from a light, relative to this distance: four roundings.
+/// The largest rounding error of a hit's distance from a light, relative to this distance: the error of four
+/// roundings.
 const ROUNDING_AT_DISTANCE: f64 = 5e-7;
 /// The gap between a shadow ray's end and the hit is proportional to 1 / cosine, but does not grow beyond
 /// this value of 1 / cosine. The cosine belongs to the angle between the light's direction and the surface's
@@ -14,12 +15,12 @@ const MOST_PER_COSINE: f64 = 50.0;
 /// from a light towards the hit.
 ///
 /// The least distance is the one that cl/common/shadow_end.cl computes. Usually, the least distance is the
-/// shadow bias. If the light is so distant that rounding seems to move the hit's triangle by more than the
-/// bias, the least distance is this rounding error. The greatest distance is the sum of the least distance
-/// and the largest rounding error, that of a surface that the light grazes. A surface that is nearer to the
-/// hit than the greatest distance may or may not block the light. The least and the greatest distance both
-/// equal the shadow bias if no rounding error exceeds the bias, or if the light is behind the surface.
-/// `normal` is the unit normal at the hit.
+/// shadow bias. If the light is so distant that rounding may move the hit's triangle by more than the bias,
+/// the least distance is this rounding error. The greatest distance is the sum of the least distance and the
+/// largest rounding error, that of a surface that the light grazes. A surface that is nearer to the hit than
+/// the greatest distance may or may not block the light. The least and the greatest distance both equal the
+/// shadow bias if no rounding error exceeds the bias, or if the light is behind the surface. `normal` is the
+/// unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
     ends(bias, sight.distance, sight.w_i.dot(normal))
 }

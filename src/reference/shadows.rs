@@ -37,7 +37,8 @@ pub struct Points {
     pub spread: f64,
 }
 
-/// True if a light reaches all points near a hit, false if it reaches none of them; `None` if that is uncertain.
+/// `Some(true)` if a light reaches all points near a hit, `Some(false)` if the light reaches none of these points, and
+/// `None` if both are uncertain.
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {

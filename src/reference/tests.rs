@@ -522,7 +522,8 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
     assert_eq!((lit(5e-3), lit(2e-2)), (true, false));
 }
 
-/// Between half the shadow bias and twice the bias, rounding may decide whether a surface casts a shadow.
+/// Rounding may decide whether a surface casts a shadow if the surface's distance from the hit is between
+/// half the shadow bias and twice the bias.
 #[test]
 fn a_shadow_of_what_is_about_as_near_as_the_bias_is_uncertain() {
     let certain = |gap: f32| reference(&fixtures::lit_from_behind(gap), [1, 1], Culling::None).certain[0];

@@ -194,9 +194,9 @@ fn centre(t: &Indexed) -> DVec3 {
 /// Splits a node's triangles into two non-empty parts, and returns the number of triangles in the first part.
 /// The triangles are split along the axis along which their centres are spread most. The split is where a ray
 /// is expected to test the fewest triangles (the surface area heuristic over bins of centres, from "On fast
-/// Construction of SAH-based Bounding Volume Hierarchies" by Ingo Wald, 2007). From the tree's level
-/// `LEVELS_BY_COST` on, or if the centres of all triangles are in one bin, the two parts get nearly equal
-/// numbers of triangles.
+/// Construction of SAH-based Bounding Volume Hierarchies" by Ingo Wald, 2007). At the tree's level
+/// `LEVELS_BY_COST` and all deeper levels, or if the centres of all triangles are in one bin, the two parts
+/// get nearly equal numbers of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);

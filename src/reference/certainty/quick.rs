@@ -55,8 +55,8 @@ impl Hits {
     }
 
     /// Returns the points of all hits in `self`, as a centre and a largest distance from the centre. The
-    /// centre is the hit of the pixel's own ray. Two more points are the centre, moved off the triangle's
-    /// plane by each of the offsets `offs`.
+    /// centre is the hit of the pixel's own ray. The points also include two copies of the centre, moved off
+    /// the triangle's plane by the two offsets `offs`.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
         let at = |(ray, hit): &RayHit| surface_at(scene, ray, hit);
         let point = |of: &RayHit| at(of)[0];
@@ -73,8 +73,8 @@ impl Hits {
         }
     }
 
-    /// Returns the triangle's normal on the side of `point`. Smooth shadows have moved the hit of the pixel's
-    /// own ray to `point`; the function returns `None` if they have not moved this hit.
+    /// Returns the triangle's normal on the side of `point`, the point to which smooth shadows move the hit
+    /// of the pixel's own ray. Returns `None` if smooth shadows do not move this hit.
     fn moved_to(&self, scene: &Scene, point: DVec3) -> Option<DVec3> {
         let (ray, hit) = &self.centre;
         let off = point - (ray.origin + ray.direction * hit.t);
