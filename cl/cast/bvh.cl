@@ -1,5 +1,5 @@
 // Each work-item traverses the tree with one ray, or with a packet of WIDTH rays that walk the tree together. A program
-// includes this file twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
+// includes this file twice. The file defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. The rays run in
@@ -25,8 +25,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
-    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Among the children of
-    // one node, the nearest is on top of the stack.
+    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. The nearest child of a
+    // node lies above the node's other children.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {

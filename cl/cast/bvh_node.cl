@@ -19,7 +19,7 @@ BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
     return probe;
 }
 
-// An entry of the traversal's stack: a child of a node, which the rays have still to visit.
+// An entry of the traversal's stack: a node's child that the rays still have to visit.
 typedef struct {
     uint word;   // the child's word in the node: see common/tree.cl
     float entry; // the smallest t at which a ray enters the child's box
@@ -61,7 +61,7 @@ BoxLanes pass_sides(const __global float *sides, float origin, float per_directi
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
-// Pushes those children of a node onto the stack whose boxes the ray enters before t = `reach`. The nearest child is on
+// Pushes onto the stack those children of a node whose boxes the ray enters before t = `reach`. The nearest child is on
 // top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
@@ -111,8 +111,8 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes those children of a node onto the stack whose boxes at least one ray enters before t = `reach` of the ray. The
-// nearest child is on top of the stack. Returns the new number of the stack's entries.
+// Pushes onto the stack those children of a node whose boxes at least one ray enters before t = `reach` of this ray.
+// The nearest child is on top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {

@@ -1,5 +1,5 @@
 // The kernels for rays that are cast one by one, or together in the lanes of a vector. These kernels call functions
-// from a file for each axis of the strategy (see cast/parts.cl). The kernels also declare the __local arrays that these
+// from files that depend on the strategy (see cast/parts.cl). The kernels also declare the __local arrays that these
 // functions need, because OpenCL C allows __local arrays only in kernels.
 
 #ifndef FUSED

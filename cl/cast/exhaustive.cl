@@ -1,6 +1,6 @@
 // Every ray is tested against every triangle. In the search for any hit, a work-item tests no more triangles once all
-// of its lanes have a hit. A program includes this file twice: it defines any_hit if ANY_HIT is 1, and closest_hit if
-// ANY_HIT is 0.
+// of its lanes have a hit. A program includes this file twice. The file defines any_hit if ANY_HIT is 1, and
+// closest_hit if ANY_HIT is 0.
 //
 // The work-items of a warp test the same triangle at the same time, so that one load serves all of them. A ray is read
 // from the working vectors at each test, as in the kernel of the student paper; the strategy chooses the memory of the
@@ -8,7 +8,7 @@
 // shadow ray runs from the light to P, because the planes of the edges were computed for rays that start at the light.
 //
 // If triangles are streamed through __local memory, the loop over them is unrolled by 8. On a GPU, unrolling by 8 makes
-// casting 7% faster than unrolling by 4, which the compiler chooses. With PLANES_OF_ORIGIN, the loop over triangles is
+// casting 7% faster than the compiler's choice, unrolling by 4. With PLANES_OF_ORIGIN, the loop over triangles is
 // unrolled by 4. Unrolling by 4 makes casting 5% faster than unrolling by 8, by 2, or as the compiler chooses.
 
 #if ANY_HIT

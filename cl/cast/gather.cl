@@ -36,7 +36,7 @@ void move_hits(const Geometry *geometry, varying_int triangle, const Surface *su
     const varying weight[3] = {weights.x, weights.y, weights.z};
     move_to_smooth_surface(corner, normal, weight, point);
 }
-// The additional parameter of shading functions, each lane's triangle, including the comma after the parameter.
+// The additional parameter of shading functions (each lane's triangle), including the comma after the parameter.
 #define TRIANGLE_PARAMETER varying_int triangle,
 #define TRIANGLE_ARGUMENT(triangle) triangle,
 #else

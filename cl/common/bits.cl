@@ -1,7 +1,7 @@
 // Converts a mask (a truth value per lane) to the bits of a word: bit i is set if the mask is set in lane i.
 
-// A mask has -1 in the lanes that are set, and 0 in all others. To convert a mask to bits, each set lane i is replaced
-// by 2^i, and then all lanes are combined by a bitwise or:
+// A mask has -1 in the lanes that are set, and 0 in all others. The conversion to bits replaces each set lane i by 2^i,
+// and then joins all lanes by a bitwise or:
 //     mask    -1  0  0 -1  0 -1 ...
 //     and      1  2  4  8 16 32 ...
 //     gives    1  0  0  8  0 32 ...  ->  or: 41 = 0b101001

@@ -11,10 +11,10 @@
 //     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v  | wrap u
 //
-// The least alpha is stored in units of 1 / LEAST_ALPHA_UNIT of a step of an 8-bit alpha. A least alpha of 1 is 65535.
+// The least alpha is stored in units of 1 / LEAST_ALPHA_UNIT of a step of an 8-bit alpha; 65535 stands for 1.
 //
-// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. Where the mean alpha is above
-// the least alpha in a whole region, distant foliage would grow. Where it is below, the foliage would vanish.
+// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. Distant foliage would grow
+// where the mean alpha is above the least alpha in a whole region, and would vanish where the mean alpha is below.
 
 // Returns 1 if a triangle is solid at one of its points, and 0 if it has a hole there. w1 and w2 are the point's
 // barycentric weights of the second and third corner.
@@ -27,8 +27,8 @@ int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
-    // One unit is subtracted from the least alpha, because rounding could make a hole where all four texels have
-    // exactly the least alpha.
+    // One unit is subtracted from the least alpha, because rounding could otherwise make a hole where all four texels
+    // have exactly the least alpha.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 

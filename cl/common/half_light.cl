@@ -4,7 +4,7 @@
 // the ratio. The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no
 // noise, by the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D
 // 2018). The half pictures and the full picture contain emitted light. Where a surface only emits light, the half
-// pictures are equal: a ratio of 1 changes no emitted light. src/reference/half_light.rs computes the same in f64.
+// pictures are equal: the ratio, 1, changes no emitted light. src/reference/half_light.rs computes the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -23,8 +23,8 @@ INLINED_ROWS varying light_scale(Vec3 own) {
     return 1.0f / max(max(max(own.x, own.y), own.z), (varying)(FLT_MIN));
 }
 
-// Returns another pixel's light times `factor`. The likeness of light that is much brighter than 1 is 0, so limiting
-// channels to 1e4, which keeps their fourth powers finite, changes no likeness.
+// Returns another pixel's light times `factor`. Channels are limited to 1e4, so that their fourth powers stay finite.
+// The limit changes no likeness: the likeness of light that is much brighter than 1 is 0.
 INLINED_ROWS Vec3 scaled_light(Vec3 light, varying factor) {
     const Vec3 scaled = scale(light, factor);
     const varying most = (varying)(1e4f);
@@ -32,8 +32,8 @@ INLINED_ROWS Vec3 scaled_light(Vec3 light, varying factor) {
 }
 
 // Returns the weight of a pixel in the filtered value of another pixel. `a` and `b` are the unoccluded light of the two
-// pixels, both multiplied by the light_scale of one of them. The weight is large if a and b are nearly equal, and 0 if
-// they differ much, as do most pixels on different surfaces, or on different sides of an edge.
+// pixels, both multiplied by the light_scale of one of them. The weight is large if a and b are nearly equal. The
+// weight is 0 if a and b differ much, as for most pixels on different surfaces or sides of an edge.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));

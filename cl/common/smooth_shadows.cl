@@ -1,7 +1,7 @@
 // The point at which a hit is lit in a scene with smooth shadows. The facets of a coarse mesh with interpolated normals
 // shadow each other in steps along the border between light and dark. Therefore, a hit P is lit at a point P' of a
-// smooth surface above the triangle, where its shadow rays start or end, too (Hanika, "Hacking the Shadow Terminator",
-// Ray Tracing Gems II, 2021):
+// smooth surface above the triangle. The hit's shadow rays start or end at P', too (Hanika, "Hacking the Shadow
+// Terminator", Ray Tracing Gems II, 2021):
 //
 //        n1            P'            n2
 //          \           .            /        A corner's plane is perpendicular to its normal. P' is the mean of P's

@@ -162,8 +162,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
 
 // Returns the mean of the sky's radiance around a normal, weighted by the cosine. A direction's height is its dot
 // product with up, but at least 0. The mean height of the directions around the normal is 2 / (3 pi) (sin a + (pi - a)
-// cos a), where a is the angle between the normal and up. The code computes it by a parabola in the cosine of a, with
-// an error of at most 0.006. (A picture of the sky needs no mean, since such a sky is not cast at half resolution.)
+// cos a), where a is the angle between the normal and up. A parabola in the cosine of a gives this mean, with an error
+// of at most 0.006. (A picture of the sky needs no mean, since such a sky is not cast at half resolution.)
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);

@@ -33,8 +33,8 @@
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
 // With mip levels, a third float4 holds the triangle's unit normal, multiplied by the side of a texel on the triangle
-// (in the scene's units). The texel belongs to the triangle's texture or, if it has none, to its emission texture,
-// whose number is in the material.
+// (in the scene's units). The texel belongs to the triangle's texture. If the triangle has none, the texel belongs to
+// the emission texture that the material names.
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
@@ -55,7 +55,7 @@ float coordinate_in_texture(float coordinate, uint wrap) {
 }
 
 // Returns the column (or row) of a texel, moved into the texture. With WRAP_REPEAT, a column beyond an edge continues
-// at the opposite edge; with other wrap modes, a column beyond it becomes the last column before the edge.
+// at the opposite edge; with other wrap modes, a column beyond an edge becomes the last one before this edge.
 int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
     // Whatever the texture coordinates are, no texel outside the texture may be read.

@@ -58,7 +58,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }
 
-    // Each work-group makes one addition to each of the `counters`, since atomic additions at the same address wait for
+    // Each work-group adds to each of the `counters` at most once, since atomic additions at the same address wait for
     // each other.
     if (own_hits) atomic_add(&hits, own_hits);
     if (own_wrong) atomic_add(&wrong, own_wrong);

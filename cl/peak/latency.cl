@@ -23,7 +23,7 @@ __kernel void chain_private(const int loops, const float factor, const float add
 #define FILL(next) \
     for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
 
-// Measures the latency of a private array. Each index is only known when the previous read returns, so the array cannot
+// Measures the latency of a private array. Each index is known only when the previous read returns, so the array cannot
 // be kept in registers.
 __kernel void chase_private(const int loops, const int stride, __global int *out) {
     volatile int next[ENTRIES];

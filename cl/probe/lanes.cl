@@ -1,6 +1,6 @@
 // Tests whether one implementation of the operations across lanes works on a device. Each lane computes results that
-// the host knows; a wrong result means that the implementation does not work. Lane i of group g uses the number (7
-// i + g) mod 32, which is different in every lane of a group.
+// the host knows; a wrong result means that the implementation does not work. Lane i of group g uses the number (7i+g)
+// mod 32, which is different in every lane of a group.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"

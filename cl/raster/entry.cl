@@ -1,7 +1,7 @@
 // The rasteriser of the textbook (Hughes et al., "Computer Graphics"), with one work-item per triangle. Unlike the
-// textbook's version, this rasteriser clips at the near plane. The rasteriser interpolates 1 / depth, linear in the
-// pixel. Edge functions are computed from homogeneous coordinates without a division by a vertex's depth, so triangles
-// may extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
+// textbook's version, this rasteriser clips at the near plane. It interpolates 1 / depth, which is linear in the pixel.
+// Edge functions are computed from homogeneous coordinates without a division by a vertex's depth, so triangles may
+// extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
 // floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; of several triangles
@@ -155,8 +155,8 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
 }
 
-// The first lines of the kernels raster_depth and raster_nearest: compute the coverage of the work-item's triangle.
-// Work-groups have a fixed size, so the last group may have more work-items than there are triangles left.
+// The first lines of the kernels raster_depth and raster_nearest. They compute the coverage of the work-item's
+// triangle. Work-groups have a fixed size, so the last group may have more work-items than there are triangles left.
 #define COVERAGE_OF_TRIANGLE                 \
     const int triangle = get_global_id(0);   \
     if (triangle >= triangle_count) return;  \

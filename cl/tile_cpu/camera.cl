@@ -130,8 +130,8 @@ void leave_out_others(Slices *slices, uint cast) {
 // Computes the rays of the tile's ray vectors. Returns the ray vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
-    // A direction is corner + x step_x + y step_y. Each direction is computed as the sum of two vectors. `first`, the
-    // direction to this corner, is the same for all lanes. `within` is the same for all vectors of rays.
+    // A direction is corner + x step_x + y step_y. Each direction is the sum of `first` and `within`. `first`, the
+    // direction to this corner of the pixel, is the same for all lanes. `within` is the same for all vectors of rays.
     const varying_int column = LANE_X >> SUBPIXEL_BITS, row = LANE_Y >> SUBPIXEL_BITS;
 #if SAMPLED
     const varying right = TO_FLOAT(column) + samples->x, below = TO_FLOAT(row) + samples->y;
@@ -152,8 +152,8 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
         bundle->x[vector] = first.x + within.x;
         bundle->y[vector] = first.y + within.y;
         bundle->z[vector] = first.z + within.z;
-        // No ray has hit anything yet, so its nearest hit is at infinity. Lanes outside the image are finished from the
-        // start.
+        // No ray has hit anything yet, so each ray's nearest hit is at infinity. Lanes outside the image are finished
+        // from the start.
         bundle->inv_t[vector] = SELECT(rays, (varying)(LEAST_INV_T), (varying)(FAR));
         bundle->leaf_index[vector] = (varying_int)(NO_HIT);
         prepare_rays(bundle, vector, rays);

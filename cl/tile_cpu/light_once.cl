@@ -1,8 +1,8 @@
 // The light on pixels that are shaded once (shade_once.cl).
 
-// Stores the intervals of the shadow rays' directions in `slices`, and two numbers per pixel, per_reach and end: the
-// rays from the light meet the pixel's hits at t = 1 / per_reach, and end shortly before, at t = 1 / end. Returns the
-// pixels that the light can reach.
+// Stores the intervals of the shadow rays' directions in `slices`, and two numbers per pixel, per_reach and end. The
+// rays from the light meet the pixel's hits at t = 1 / per_reach. The rays end shortly before, at t = 1 / end. Returns
+// the pixels that the light can reach.
 uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light, Slices *slices, varying *per_reach,
                      varying *end) {
     const Vec3 from = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light));

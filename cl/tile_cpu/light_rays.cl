@@ -1,6 +1,6 @@
 // The rays from a light to a tile's hits.
 
-// The direction from hits to a light. (Inlined functions return no structures, because LLVM would then insert an
+// The direction from hits to a light. (Inlined functions return no structures: to return one, LLVM would insert an
 // instruction that the simulator Oclgrind lacks.)
 typedef struct {
     Vec3 to_light;                  // the unit vector towards the light

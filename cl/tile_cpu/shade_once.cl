@@ -31,7 +31,7 @@ typedef struct {
     uint vectors;                    // the pixels that are shaded once, one bit each
     uint split;                      // those of `vectors` for which some light reaches only a part of the samples
     varying sum[3][PARTS];           // red, green and blue from the lights that reach all samples
-    varying inverse_depth[3][PARTS]; // this vector . a sample's direction = 1 / t of the sample's hit
+    varying inverse_depth[3][PARTS]; // its dot product with a sample's direction is 1 / t of the sample's hit
     Shaded mean[PARTS];              // the hit at the mean position of the samples
     Vec3 low[PARTS], high[PARTS];    // the box that contains the hits of all samples
     varying radius[PARTS];           // an upper bound of the distance between a sample's hit and `mean`
@@ -190,8 +190,8 @@ varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
     // The highlight h is cos^s of the angle between half vector and normal. Relative to h and the angle `turn`, the
     // first derivative of h is s tan, and the second at most s + s^2 tan^2. Two more products are at most the sums of
-    // the squares of their factors. One is 2 h' g', of the second derivative of h g with g = cosine / r^2. The other is
-    // 2 s tan turn * bend: `bend` is there because half vector and normal are no linear functions of the pixel.
+    // the squares of their factors. One is the term 2 h' g' of (h g)'', where g = cosine / r^2. The other is 2 s tan
+    // turn * bend: `bend` is there because half vector and normal are no linear functions of the pixel.
     const varying power = s + 3.0f * s * s * light->tangent_squared, bend = step->stretch + step->depth;
     return second + light->glossy * (turn * turn * power + first * first + bend * bend);
 }
@@ -205,7 +205,7 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     const Mask glossy = lit & (mean->surface.kind > 0.0f);
     if (!ANY(glossy)) return (Mask)(-1);
     // A small highlight can be much brighter at a sample than at the mean. `nearest` bounds the cosine of half vector
-    // and normal at the samples: the half vector turns by at most `turn`, in which 1.1 allows for second derivatives.
+    // and normal at the samples: the half vector turns by at most `turn` (1.1 allows for second derivatives).
     const varying turn = 1.1f * reach * (half_turn(light, right) + half_turn(light, below));
     const varying cosine = dot3(add(to_light, mean->to_eye), mean->normal) * light->per_half;
     const varying here = max(cosine, (varying)(0.0f)), sine = sqrt(max(1.0f - cosine * cosine, (varying)(0.0f)));
@@ -213,7 +213,7 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     const varying s = light->shininess, factor = 0.125f * (s + 8.0f);
     const varying most = factor * power_of(nearest * nearest, 0.5f * s);
     const varying at_mean = factor * power_of(here * here, 0.5f * s);
-    // Reflectances are multiplied by the light's colour, since the light may be dark where the surface is bright.
+    // Reflectances are multiplied by the light's colour: light and surface may be bright in different channels.
     const Vec3 colour = splat(uniform_scale(power, 1.0f / max(max(power.x, max(power.y, power.z)), FLT_MIN)));
     const Vec3 k_g = multiply(colour, mean->surface.glossy);
     const Vec3 all = add(multiply(colour, mean->surface.lambertian), scale(k_g, at_mean));

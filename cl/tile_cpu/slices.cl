@@ -9,8 +9,8 @@
 // The smallest value of 1 / t: a lower bound of 1 / t keeps t finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or of
-// zero, occur along an axis, the axis is mixed: along it, each reciprocal is less than low or greater than high.
+// The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or
+// zeros, occur along an axis, the axis is *mixed*: each reciprocal is less than low or greater than high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates

@@ -79,9 +79,9 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     return wanted & !open;
 }
 
-// Adds the light of a light with an extent to `sum`: the radiance that a tile's hits reflect from this light. The array
-// `sum` has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures (of
-// half the width and height), the points repeat every 4 pixels, across and down.
+// Adds to `sum` the radiance that a tile's hits reflect from a light with an extent. The array `sum` has one element
+// per vector of rays. Each sample of a pixel has its own point of the light. In half pictures (of half the width and
+// height), the points repeat every 4 pixels, across and down.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;

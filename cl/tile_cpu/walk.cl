@@ -17,7 +17,7 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes those children of a node onto the stack that a ray vector of `live` meets. The nearest child is on top of the
+// Pushes onto the stack those children of a node that a ray vector of `live` meets. The nearest child is on top of the
 // stack, unless `any` is 1 (then, the order of children does not matter). `reach` is the largest t at which a ray of
 // the tile can hit something. Returns the new number of the stack's entries. To find a child's place in the stack, the
 // function counts the pushed children that the tile enters later, and that are thus below this child. An example with

@@ -113,8 +113,8 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`. Its first remaining ray determines the pass's axis. If the lane in the
-    // middle of the tile still has a ray, it is chosen, because its rays are closest to the other rays. Otherwise, the
-    // first lane that still has a ray is chosen.
+    // middle of the tile still has a ray, all choose this lane, because its rays are closest to the others. Otherwise,
+    // the first lane that still has a ray is chosen.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // `first` has a single bit: the bit of the leading ray among the rays of the lane `leader`. In every lane, `own` is

@@ -197,7 +197,7 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or
 // NO_HIT. Returns which of this lane's rays hit, one bit each. `packet.leaf_index` keeps the hits of earlier passes,
-// since a pass only changes the hits of its own rays.
+// since a pass changes only the hits of its own rays.
 INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 grid, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     int unlimited = 0;

@@ -230,8 +230,8 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float *
 INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
                      __global uint *queued) {
     const uint enqueuing = lane_ballot(group, lights != 0);
-    // The function continues even if no lane has a ray to enqueue: with barriers, one compiler failed after an early
-    // return here.
+    // The function continues even if no lane has a ray to enqueue: with barriers, one compiler fails after an early
+    // return.
     uint first = 0;
     // One atomic operation per group is enough: a lane with a ray to enqueue finds its place in the queue by its rank
     // among such lanes.

@@ -35,10 +35,10 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 #define DISTANCE(size, s) (fabs((s).x) + fabs((s).y) + fabs((s).z))
 #endif
 
-// Returns a triangle's row. A barycentric weight may be below 0 or above 1 by its largest rounding error, its slack, so
-// that no ray falls through between two triangles (which only the watertight test guarantees). A weight's slack grows
-// with the ray origin's distance from the corner, and with the edge in the weight's cross product. If a triangle is
-// seen nearly edge-on, it is not hit, since no digit of the determinant `a` is correct. With PAPER_EPSILONS, the
+// Returns a triangle's row. A barycentric weight may be below 0 or above 1 by its *slack*, its largest rounding error.
+// Rays then hardly ever slip through between two triangles (no ray does with the watertight test). A weight's slack
+// grows with the ray origin's distance from the corner, and with the edge in the weight's cross product. If a triangle
+// is seen nearly edge-on, it is not hit, since no digit of the determinant `a` is correct. With PAPER_EPSILONS, the
 // weights' slacks and the bound of the determinant are the paper's constants. Without, a weight's slack is proportional
 // to one edge's size (its 1-norm), and the determinant's bound to the product of both edges' sizes.
 Row row_of(Corners corners) {
@@ -70,7 +70,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     // with |a|. The comparison is the same for front and back faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
-    // The variable w1 is the weight times |a|. With the slack, a weight of 0 to 1 is -slack1 <= w1 <= |a| + slack1.
+    // w1 is the weight times |a|. With the slack, a weight from 0 to 1 means -slack1 <= w1 <= |a| + slack1.
     const Vec3 s = subtract(origin, splat(row.a));
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);
@@ -91,9 +91,9 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // A ray within the edges still misses if the triangle is seen edge-on, or if t is not between t_min and t_max. If
-    // |a| is at most slack1 or slack2, this slack would at least double the triangle's length. A triangle whose |a| is
-    // below its slacks looks so narrow that the slacks of its neighbours cover it.
+    // A ray within the edges still misses if t is not between t_min and t_max, if the triangle is seen edge-on, or if
+    // |a| is at most slack1 or slack2. A slack of |a| or more would at least double the triangle's length. A triangle
+    // with so small an |a| looks so narrow that its neighbours' slacks cover it.
     const varying least = max(max(slack1, slack2), EDGE_ON(row));
     hit->lanes = inside & (size > least) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK

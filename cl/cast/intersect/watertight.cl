@@ -28,7 +28,7 @@ typedef struct {
 // lanes may have different dominant axes, so a vector of rays would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
-    // The axis of the direction's largest component becomes z, so that divisions by it do not make the shear large.
+    // The axis of the largest component becomes z: dividing by a small component would make the shear large.
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
     const Mask along_y = !along_x & (size.y >= size.z);
     const varying zero = (varying)(0.0f);

@@ -128,7 +128,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // u, v and w, at least 0 inside the triangle, are a dot product per edge, plus 1: the overlap of triangles.
+        // u, v, w: one dot product per edge, plus 1 for the overlap of triangles. All three are at least 0 inside.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;

@@ -100,8 +100,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // If more than FEW_VECTORS ray vectors are left, the triangle is first tested against the intervals of the vectors'
 // directions. Testing sixteen such intervals takes about as long as testing four vectors of rays.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. It
-// also covers the errors of the test of sheared corners, which grow with the angle between rays and their common axis.
+// Bounds the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. Also
+// bounds the errors of the test of sheared corners, which grow with the angle between rays and their common axis.
 #define VOLUME_ROUNDING 2e-5f
 
 // Returns the ray vectors in `live` of which a ray may run on the positive side of a plane through the origin: the side
