@@ -90,7 +90,7 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
         // Each pixel of the half-size picture covers exactly two columns of the whole picture. Neighbouring lanes need
-        // neighbouring pixels, so these are loaded together, and a shuffle distributes them to the lanes.
+        // neighbouring pixels, so the pixels are loaded together, and a shuffle distributes them to the lanes.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;

@@ -36,9 +36,9 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// The positions, in pixels, of the rays of one vector, which form a block. `x` and `y` are the positions of the first
-// column and row of rays, relative to the corner of the block's first pixel. `across` and `down` are the distances from
-// the first to the last column and row.
+// The positions, in pixels, of the rays of one vector. The rays form a block. `x` and `y` are the positions of the
+// first column and row of rays, relative to the corner of the block's first pixel. `across` and `down` are the
+// distances from the first to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;

@@ -13,7 +13,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
     const TileInterval interval = interval_of_tile(&slices);
     Boxes boxes;
-    // A tile that shows only background ends here, before any ray is computed.
+    // For a tile that shows only background, no ray is computed.
     if (!children_overlap(&interval, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
     finish_slices(bundle, &slices);
     const uint open = make_camera_rays(CAST_ARGUMENTS bundle, eye, corner, step_x, step_y, image_size);

@@ -25,8 +25,8 @@ INLINED void spread_row(const __global float *row, int step, varying *column) {
     (float16)(vload4(0, from + at[lane]), vload4(0, from + at[lane + 1]), vload4(0, from + at[lane + 2]),       \
               vload4(0, from + at[lane + 3]))
 
-// Transposes 16 quads (of four floats each), which are in four registers, into 4 columns (vectors). Separating even and
-// odd lanes twice transposes the quads:
+// Transposes 16 quads (of four floats each) in four registers into 4 columns (vectors). Separating even and odd lanes
+// twice transposes the quads:
 //
 //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x ..., z z z ..., y y y ..., w w w ...
 INLINED void transpose_quads(float16 a, float16 b, float16 c, float16 d, varying *column) {

@@ -58,11 +58,11 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     find_unblocked_radiance(lighting, light, shaded, &direction, lit, arriving);
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have
     // length 1, not the lengths of the rays. Bounds of rounding errors are relative to the longest direction of the
-    // tile: with the rays' lengths, they would be far too large for rays to hits near the light.
+    // tile: with the rays' lengths, these bounds would be far too large for rays to hits near the light.
     bundle->x[vector] = -direction.to_light.x;
     bundle->y[vector] = -direction.to_light.y;
     bundle->z[vector] = -direction.to_light.z;
-    // The shadow ray ends shortly before t = distance, which is the hit.
+    // The shadow ray ends shortly before the hit, which is at t = distance.
     const varying gap = gap_before_hit(lighting->bias * direction.per_distance, 1.0f / direction.cosine);
     bundle->inv_t[vector] = SELECT(lit, direction.per_distance / (1.0f - gap), (varying)(FAR));
     ((float *)slices->reach)[vector] = most_lane(SELECT(lit, direction.distance, (varying)(0.0f)));

@@ -1,7 +1,7 @@
 // Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), a vector's rays
 // are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs. A pixel
 // whose samples hardly differ is shaded only at their mean position, together with other pixels. In most variables
-// here, a lane belongs to a pixel, not to a ray. (A pixel is one ray vector, so the lanes are those of Slices.)
+// of this file, a lane belongs to a pixel, not to a ray. (A pixel is one ray vector, so the lanes are those of Slices.)
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
 //     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...

@@ -1,4 +1,4 @@
-// Casts a single ray of a tile, which traverses the tree alone. Rays to the sky run in all directions, so a packet of
+// Casts a single ray of a tile. The ray traverses the tree alone. Rays to the sky run in all directions, so a packet of
 // them would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
 // triangles of a leaf together.
 

@@ -62,7 +62,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
     if (right && below) add_samples(mean + 1, (float4)(r.w, g.w, b.w, h.w), samples->earlier, samples->count);
 }
 
-// Returns the sum of the samples of one pixel, which are the rays of a vector. Samples that hit nothing add the
+// Returns the sum of the samples of one pixel. The samples are the rays of a vector. Samples that hit nothing add the
 // background. The sum's fourth component is the number of hits.
 float4 sum_of_samples(const FrameSamples *samples, float4 background, const Vec3 *sum, Mask hits) {
     const varying none = (varying)(0.0f);

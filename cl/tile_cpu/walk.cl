@@ -43,7 +43,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     }
     for (uint left = pushed; left; left &= left - 1) {
         const int child = LOWEST_BIT(left);
-        // A child's place is the number of children below it in the stack: this sorts without a loop over pairs.
+        // A child's place is the number of children below it in the stack, so sorting needs no loop over pairs.
         const uint before = pushed & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
         const uint below =

@@ -7,13 +7,13 @@
 //
 // This is the test of Moeller and Trumbore 1997 as the textbook (Hughes et al., "Computer Graphics") has it: with a
 // division per weight, and with constants as thresholds. In the student paper that raycl reproduces, the function
-// `intersect` allocates five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so here each test
-// has an array of its own for each vector. Two measures prevent compilers from keeping the vectors' arrays in
-// registers. The arrays are volatile. Each vector begins at an index that is computed from the triangle, although the
-// index is always 0. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the
-// arrays are in the work-item's private memory, which is off the chip. Most misses are found after 15 operations: 6 for
-// direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight. The 6 operations for the
-// triangle's edges e1 and e2 are not counted.
+// `intersect` allocates five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so in raycl, each
+// test has an array for each vector. Two measures prevent compilers from keeping the vectors' arrays in registers. The
+// arrays are volatile. Each vector begins at an index that is computed from the triangle, although the index is always
+// 0. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the arrays are in
+// the work-item's private memory, which is off the chip. Most misses are found after 15 operations: 6 for direction x
+// e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight. The 6 operations for the triangle's edges
+// e1 and e2 are not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 

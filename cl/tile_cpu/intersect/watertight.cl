@@ -1,8 +1,8 @@
 // The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. The test shears a triangle's
-// corners so that the ray becomes a coordinate axis. Here all rays of a vector use the same axis: an axis along which
-// all of them run in the same direction, their common axis. All rays start at one origin, so the corners relative to
-// the origin are the same for all rays. With a common axis, a ray's shear takes only two products per corner. Vectors
-// whose rays have no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
+// corners so that the ray becomes a coordinate axis. Here, all rays of a vector use one axis, their common axis, along
+// which all of them run in the same direction. All rays start at one origin, so the corners relative to the origin are
+// the same for all rays. With a common axis, a ray's shear takes only two products per corner. Vectors whose rays have
+// no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
 
 #define NO_AXIS 3
 

@@ -3,8 +3,8 @@
 // the axis of the pass, not along the axis of each direction's largest component. The test stays watertight: a ray has
 // the same axis for all triangles, so a corner that two triangles share is sheared in the same way. A prepared triangle
 // contains the corners along the pass's axes, relative to the origin. The corner `a` has a fourth component: the sign
-// that `det`, the sum of the edge functions, has for front faces. This sign is reversed for rays that run against the
-// axis, since their coordinates are mirrored, and for shadow rays, since they are tested from their light:
+// that `det`, the sum of the edge functions, has for front faces. This sign is reversed in two cases: for rays that run
+// against the axis (their coordinates are mirrored), and for shadow rays (they are tested from their light):
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
