@@ -33,7 +33,7 @@ impl Bounds {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
 
-    /// Returns half the surface area of the box, which is infinite for the empty box.
+    /// Returns half the box's surface area; infinity for the empty box.
     #[inline(always)]
     pub fn half_area(self) -> f32 {
         let e = self.high - self.low;

@@ -118,7 +118,7 @@ pub(super) fn boxes_of(primitives: &[Primitive]) -> (Bounds, Bounds) {
         .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)))
 }
 
-/// Builds the subtree over a list of cells, which must not be empty.
+/// Builds the subtree over a list of at least one cell.
 fn grow_cells(cells: &mut [Cell], order: &mut [u32], depth: u32, leaf_size: usize) -> Subtree {
     let bounds = cells.iter().map(|cell| cell.primitive().0).fold(Bounds::EMPTY, Bounds::union);
     if let [cell] = cells {

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// The grid has at most one cell per this many triangles of the mesh. Most cells of a grid around a surface
-/// are empty, so the cells that are not empty have several times as many triangles on average.
+/// are empty, so the cells that are not empty have several times this number of triangles on average.
 const TRIANGLES_PER_CELL: usize = 256;
 /// The largest number of cells, because a cell's number is stored in 16 bits.
 const MOST_CELLS: usize = 1 << 16;
@@ -151,7 +151,7 @@ fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) 
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     low: Vec4,
-    /// Number of cells per length along each axis; 0 along an axis whose extent is zero, infinite or too
+    /// Number of cells per unit of length along each axis; 0 along an axis whose extent is zero, infinite or too
     /// small for the division. If the scale is 0, all points lie in the first cell along the axis.
     scale: Vec4,
     /// Number of cells along each axis.

@@ -38,7 +38,7 @@ pub enum TreeUse {
     ManyFrames,
     /// Only one frame is cast with the tree, so the upper part of a large mesh's tree is built over the cells
     /// of a grid, for fast building. With ten million triangles, building a tree for one frame takes three
-    /// quarters of the time of building a tree for many frames, but casting with it takes a few per cent
+    /// quarters of the time of building a tree for many frames. Casting with a tree for one frame takes a few per cent
     /// longer.
     OneFrame,
 }

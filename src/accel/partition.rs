@@ -1,4 +1,4 @@
-//! Sorts a node's primitives by the side of a cut on which they lie, in place. A second buffer would take 32
+//! Sorts a node's primitives in place, by the side of a cut on which they lie. A second buffer would take 32
 //! more bytes per triangle while a tree is built.
 
 use super::bins::{Bins, Boxed, Cut, Slicer};
@@ -17,9 +17,8 @@ pub(super) fn partition<const N: usize>(items: &mut [impl Boxed], slicer: &Slice
 
 /// Moves the items on the left side of the cut to the front, and returns their number. The function exchanges
 /// each item in turn with the first of the previous items that lies on the right side of the cut. If the
-/// exchanged item itself lies on the right side, the exchange only reorders the items on this side. The
-/// function does not skip the items on the right side, because the processor would often mispredict a branch
-/// that skips items.
+/// exchanged item itself lies on the right side, the exchange reorders only the items on this side. The function does
+/// not skip the items on the right side, because the processor would often mispredict a branch that skips items.
 ///
 /// ```text
 ///   0         left        at            the end

@@ -35,7 +35,7 @@ use rayon::prelude::*;
 ///
 /// A node has W slots for children. The used slots come first, the unused slots last. An unused slot is a
 /// leaf without triangles ([`WideBvh::UNUSED`]). The box of an unused slot is the point (`f32::MAX`,
-/// `f32::MAX`, `f32::MAX`), and a traversal that visits the slot does no harm.
+/// `f32::MAX`, `f32::MAX`), and a leaf without triangles does no harm if a traversal visits it.
 ///
 /// # Order
 ///
