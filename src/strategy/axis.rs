@@ -1,6 +1,6 @@
 //! The axes of a strategy (the choices of which a way to cast rays consists), and their values. Some values
 //! are kernel files: each kernel family that supports such a value has a file for it under `cl/`, and the
-//! file's header describes the value. All values without a kernel file of their own are listed here, with
+//! file's header describes the value. This file lists all values without a kernel file of their own, with
 //! their names and descriptions.
 
 use super::header::Header;
@@ -197,7 +197,7 @@ axis! {
     }
 }
 axis! {
-    /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
+    /// When the ray-triangle test counts a ray as parallel to a triangle, or as passing outside the triangle.
     Epsilons "epsilons" "when a ray-triangle test counts a ray as parallel to the triangle, or as passing outside it" {
         Paper "paper" "the paper's absolute numbers: |determinant| <= 1e-7, weights < -1e-10",
         Relative "relative" "tolerances relative to the triangle, independent of the scene's scale",

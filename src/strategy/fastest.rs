@@ -63,7 +63,7 @@ impl Task {
 pub enum Candidate {
     /// Every ray is tested against every triangle.
     Exhaustive,
-    /// Single rays traverse a tree on a GPU; packets of rays traverse it on a CPU.
+    /// Single rays (on a GPU) or packets of rays (on a CPU) traverse a tree.
     Single,
     /// Tiles of rays traverse a tree together.
     Tiles {
@@ -297,8 +297,8 @@ impl Candidate {
 ///
 /// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in
 /// vectors of rays. On a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU
-/// without PTX's lane operations casts single rays, because tiles have not been measured on it; scenes with
-/// fewer than `TREE_TRIANGLES` triangles are cast exhaustively on this GPU. A CPU that reports no vectors
+/// without PTX's lane operations casts single rays, because tiles have not been measured on such GPUs. On such a GPU,
+/// scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. A CPU that reports no vectors
 /// casts in the same way as a GPU without PTX's lane operations. In soft light, every GPU, and every CPU that
 /// reports no vectors, casts single rays. If triangles are much smaller than pixels, single rays are faster,
 /// since the rays of a tile take different paths. On a GPU, single rays are also faster in small pictures,

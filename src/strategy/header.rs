@@ -129,7 +129,7 @@ impl Reader<'_> {
 
     /// Returns the error for a kernel file whose header does not state what the file's value means. The key
     /// `meaning` is usually missing from a header for one of two reasons: the header is not at the file's
-    /// start, or the file is only meant to be included by other files.
+    /// start, or the file is meant only to be included by other files.
     fn no_meaning(&self, text: &str) -> Error {
         let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
         let further_down = text.lines().position(bare).map(|row| row + 1);

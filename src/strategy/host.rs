@@ -123,9 +123,9 @@ impl HostNeeds {
         self.bytes().saturating_sub(self.program_bytes)
     }
 
-    /// Returns an error if casting needs more memory than this process can have now: the available memory, plus the
-    /// memory that the process already uses for casting. `other_bytes`
-    /// is the number of bytes that this process uses for data that `self` does not count.
+    /// Returns an error if casting needs more memory than this process can have now. The process can have the available
+    /// memory, plus the memory that it already uses for casting. `other_bytes` is the number of bytes that this process
+    /// uses for data that `self` does not count.
     pub fn check_now(&self, other_bytes: u64) -> Result<(), Infeasible> {
         self.check(&Available::read(), own_bytes(resident_bytes(), other_bytes))
     }

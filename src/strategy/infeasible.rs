@@ -53,9 +53,8 @@ impl Infeasible {
     /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads'
     /// stacks. Returns false if the reason is temporary, so that the point may fit at another moment of the
     /// session. In another session, the limits of the same device's global memory, buffers and stacks may be
-    /// larger, for example if a variable of its driver or `ulimit -s` changes. If a limit of a device other
-    /// than these three changes, the point's key changes too, since everything that determines such a limit
-    /// is part of the key.
+    /// larger, for example if a variable of its driver or `ulimit -s` changes. If a device's limit other than these
+    /// three changes, the point's key changes too, since everything that determines such a limit is part of the key.
     pub fn is_of_the_session(reason: &str) -> bool {
         let limits = [Self::LARGEST_BUFFER, Self::GLOBAL_MEMORY, Self::CPU_STACK];
         !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))

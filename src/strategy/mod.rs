@@ -84,7 +84,7 @@ strategy! {
     records: Records,
     /// Whether rays hit the back faces of triangles.
     culling: Culling,
-    /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
+    /// When the ray-triangle test counts a ray as parallel to a triangle, or as passing outside the triangle.
     epsilons: Epsilons,
     /// The number of rays that a work-item casts side by side.
     width: Width,

@@ -16,7 +16,7 @@ pub struct Preset {
     pub about: &'static str,
     /// The strategy that the preset names: a value on every axis.
     pub strategy: Strategy,
-    /// The kind of device that the preset is meant for; on other kinds, the preset is only measured if requested.
+    /// The kind of device that the preset is meant for; on other kinds, the preset is measured only if requested.
     /// `None` means all kinds.
     pub meant_for: Option<DeviceKind>,
 }

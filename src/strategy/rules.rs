@@ -91,7 +91,8 @@ impl Strategy {
             ),
             (
                 planes && self.layout.index_bits().is_some(),
-                "intersector = {intersector} reads data that is computed in advance for each triangle instead of the triangle's corners, so layout must be soup",
+                "intersector = {intersector} reads no corners of triangles, but data that is computed from the \
+                 corners in advance, so layout must be soup",
             ),
             (
                 planes && !tables,

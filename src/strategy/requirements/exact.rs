@@ -44,7 +44,7 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
         needs_of(&of("tile-group"), &w).global_bytes
     };
     // Each half picture (of half the width and height) has the same data per pixel as the picture of full
-    // size. For each pixel, these are a value of the image, the nearest triangle, one entry of the queue of
+    // size. The data of a pixel are a value of the image, the nearest triangle, one entry of the queue of
     // leftover shadow rays (rays that tiles do not finish), and a word whose bits say which lights reach the
     // pixel's hit. Each half picture also has the triangle's planes for the eye and the light.
     assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51 + 2 * 2 * 48);

@@ -6,7 +6,7 @@ use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{Fact, GROUP_LANES};
 use crate::strategy::{Infeasible, Strategy, WorkingMemory, Workload};
 
-/// The largest number to which the counters in kernels, which have the type `uint`, can count.
+/// The largest number to which the counters in kernels can count. The counters have the type `uint`.
 const MOST_COUNTED: u128 = u32::MAX as u128;
 
 /// Checks that the device supports a work-group of this shape.

@@ -76,8 +76,8 @@ pub fn includes_file(sources: &Sources, file: &str, other: &str) -> Result<bool>
     Ok(false)
 }
 
-/// Returns the line that probably includes a file by a wrong path: its path names no file, and its last part is the
-/// file's name or a similar name.
+/// Returns the line that probably includes a file by a wrong path. The path in this line names no file, and the path's
+/// last part is the file's name or a similar name.
 pub fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Include> {
     let mut wrong = includes.iter().filter(|include| !include.is_there);
     let meant = nearest(stem(file), wrong.clone().map(|include| stem(&include.path)))?;

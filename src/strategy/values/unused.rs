@@ -157,7 +157,7 @@ mod tests {
             let help = error.remedy();
             assert!(help.contains(&line) && help.ends_with("write #include \"cast/helper.cl\""), "{help}");
         }
-        // The user may mean another file than the one with the similar name, so the help only asks whether
+        // The user may mean another file than the one with the similar name, so the help asks only whether
         // the similar name is meant.
         let error = refused_of(&[(value, "int a;\n#include \"cast/helpr.cl\"\n"), ("cast/helper.cl", "")]);
         let asked =
