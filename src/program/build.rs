@@ -38,7 +38,7 @@ pub struct BuildError {
 
 impl BuildError {
     /// Replaces the names of kernel files in the log by their paths, and sets `has_own_file`. The compiler
-    /// names a file relative to `cl/` or to the user's folder, or only states a line number in the whole
+    /// names a file relative to `cl/` or to the user's folder, or states only a line number in the whole
     /// program. The log of an error that may not occur again (`may_pass`), such as a lack of memory, stays
     /// unchanged, since such an error says nothing about the program.
     pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {

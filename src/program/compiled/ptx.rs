@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct InstructionCounts {
     /// Number of instructions by operation and address space: "ld.global", "st.shared", "ld.global.nc"
-    /// (through the read-only cache), "atom.global"; "ld.generic" if the space is only known at run time.
+    /// (through the read-only cache), "atom.global"; "ld.generic" if the space is known only at run time.
     /// `ld.param` reads the kernel's arguments; `.local` is private memory outside registers.
     pub instructions: BTreeMap<String, u32>,
     /// Bytes per work-item of private arrays that are not in registers (the `.local` depot).
@@ -123,9 +123,8 @@ fn after_head<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     (tail.starts_with(['(', '{', '.']) && !before.contains(';')).then_some(body)
 }
 
-/// Returns the part of `text` after the brackets at the start of `text`, which contain the results of a
-/// function. Returns the whole text if the text does not begin with a bracket, and `None` if the bracket is
-/// not closed.
+/// Returns the part of `text` after the brackets at the start of `text`. The brackets contain the results of a
+/// function. Returns the whole text if the text does not begin with a bracket, and `None` if the bracket is not closed.
 pub(crate) fn after_results(text: &str) -> Option<&str> {
     match text.trim_start().strip_prefix('(') {
         Some(results) => results.split_once(')').map(|(_, after)| after),

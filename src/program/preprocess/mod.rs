@@ -98,7 +98,7 @@ struct Branch {
     position: Position,
 }
 
-/// The position of a line: the source file and the line's number in it.
+/// The position of a line: the source file, and the line's number in this file.
 #[derive(Clone, Debug)]
 struct Position {
     file: Rc<str>,

@@ -61,7 +61,7 @@ impl Token {
     }
 }
 
-/// Splits a text into tokens. The tokens joined together are again the same text.
+/// Splits a text into tokens. The texts of all tokens, joined together, are the same text again.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     let (mut rest, mut line) = (text, 1);
