@@ -30,7 +30,7 @@ impl Alone {
         Self { program: program.unwrap(), queue }
     }
 
-    /// Returns a builder for the kernel `name` of this program, which will run with `items` work-items.
+    /// Returns a builder for the kernel `name` of this program. The kernel will run with `items` work-items.
     pub fn kernel<'b>(&'b self, name: &str, items: usize) -> KernelBuilder<'b> {
         let mut builder = Kernel::builder();
         builder.program(&self.program).name(name).queue(self.queue.commands.clone()).global_work_size(items);

@@ -62,8 +62,8 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // The fastest device alone casts the whole frame in `enough` milliseconds, so all devices together need
-    // no longer.
+    // The fastest device alone casts the whole frame in `enough` milliseconds, so `enough` milliseconds are enough for
+    // all devices together.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
         let middle = (short + enough) / 2.0;

@@ -59,7 +59,9 @@ pub enum LaunchError {
     /// The heap, the buffer from which a kernel allocates working vectors, was too small: the header of a kernel file
     /// states too few bytes.
     #[error(
-        "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`, which must be the number of bytes of all vectors of a ray"
+        "the heap of the working vectors is too small: {used} values requested, {size} available; \
+         in the header of the kernel file for the axis `vectors`, correct `bytes_per_ray`, the number of bytes \
+         of all vectors of a ray"
     )]
     HeapExhausted {
         /// Number of values that the kernel's work-items requested.

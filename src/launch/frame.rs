@@ -114,7 +114,7 @@ impl FrameTimes {
     }
 
     /// Returns why the driver's times are impossible; `None` if these times are possible. The time on the
-    /// device's clock cannot be much longer than the time on the host's clock, which includes it. For a long
+    /// host's clock includes the time on the device's clock, so the latter cannot be much longer. For a long
     /// sample, the time on the device's clock cannot be 0. `timer_ns` is a step of the device's timer in
     /// nanoseconds; `None` if it is unknown.
     pub fn why_impossible(&self, timer_ns: Option<u64>) -> Option<String> {

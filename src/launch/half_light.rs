@@ -104,8 +104,8 @@ impl HalfLight {
         Ok(FrameTimes::of(&events, ms_since(start), 1)?)
     }
 
-    /// In the two half pictures for soft light, uses the background of `scene`, and its shadow bias (the
-    /// distance from a surface at which shadow rays start).
+    /// Sets the background and the shadow bias of the two half pictures for soft light to those of `scene`. (The shadow
+    /// bias is the distance from a surface at which shadow rays start.)
     pub fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         let arguments = background_arguments(Arguments::default(), scene);
         self.apply.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;

@@ -166,8 +166,8 @@ impl<'a> Parts<'a> {
     }
 
     /// Returns the steps of a rasteriser. The first two steps clear buffers, the third finds the depth of
-    /// each pixel, and the last finds the triangle at this depth. If there are no triangles, the buffers are
-    /// only cleared.
+    /// each pixel, and the last finds the triangle at this depth. If there are no triangles, the steps only clear the
+    /// buffers.
     fn rasterise(&self, arguments: &Arguments<'a>, nearest: &Buffer<i32>) -> Result<Steps, LaunchError> {
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let depth = allocate::<i32>(self.setup.queue, width * height)?;

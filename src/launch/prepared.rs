@@ -26,7 +26,7 @@ pub struct Prepared {
     pub spec: ProgramSpec,
     /// The compiled program.
     pub program: BuiltProgram,
-    /// The time for building the program, if this happened after the scene was loaded; 0 if the program was
+    /// The time for building the program, if the program was built after the scene was loaded; 0 if the program was
     /// built earlier.
     pub build_wait_ms: f64,
     /// The largest amount of host memory that the strategy needs at any time.

@@ -68,12 +68,12 @@ impl Prepared {
 fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, LaunchError> {
     if !matches!(setup.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
         return Err(LaunchError::GivenRays(
-            "arbitrary rays can only be cast with private or local working vectors",
+            "arbitrary rays can be cast only with private or local working vectors",
         ));
     }
     if setup.strategy.intersector.counts_in_pixels() {
         return Err(LaunchError::GivenRays(
-            "ray-triangle tests with planes that depend on a pixel's position only suit a camera's rays",
+            "ray-triangle tests with planes that depend on a pixel's position suit only a camera's rays",
         ));
     }
     setup.kernel_for(Role::Rays)

@@ -23,10 +23,10 @@ pub(super) struct SharedFrame<'p, 'a> {
     /// first lights).
     fused: bool,
     /// True if the shading kernel also casts the leftover shadow rays (shadow rays that tiles have not
-    /// decided). A group of 32 work-items that has cast all shadow rays of a pixel that tiles left undecided
-    /// then shades and stores this pixel itself. At the same time, other groups of work-items shade the
-    /// pixels without leftover shadow rays. `shades_leftover` is false if `fused` is false. It is also false
-    /// if frames cast several samples of a pixel: a pixel then has several primary rays.
+    /// decided). When a group of 32 work-items has cast all leftover shadow rays of a pixel, the same group shades and
+    /// stores this pixel. At the same time, other groups of work-items shade the pixels without leftover shadow rays.
+    /// `shades_leftover` is false if `fused` is false. `shades_leftover` is also false if frames cast several samples
+    /// of a pixel: a pixel then has several primary rays.
     shades_leftover: bool,
 }
 

@@ -194,7 +194,7 @@ fn failed(error: impl std::fmt::Display) -> Error {
 }
 
 impl Split<'_> {
-    /// Casts the frame on several devices at the same time. Left out are devices that cannot be prepared, devices
+    /// Casts the frame on several devices at the same time. Leaves out devices that cannot be prepared, devices
     /// that would slow the frame down, and devices for which the frame has too few rows.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
         let (ready, mut left_out) = self.all_ready(castings)?;

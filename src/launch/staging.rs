@@ -103,8 +103,7 @@ impl Staging {
                 let (buffer, offset) = enqueue(rows.clone())?;
                 let values: &mut [T] = pieces.values(number % 2, rows.len() * row);
                 let mut event = Event::empty();
-                // SAFETY: nobody reads the values before the event has completed, and the values stay in
-                // place until that moment.
+                // SAFETY: until the event has completed, nobody reads the values, and the values stay in place.
                 unsafe {
                     enqueue_read_buffer(
                         commands,
