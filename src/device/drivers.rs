@@ -27,7 +27,7 @@ pub fn crash_advice(others: usize) -> &'static str {
     if others > 0 { USE_OTHERS } else { CORRECT_DRIVER }
 }
 
-/// A driver, given by what an OpenCL loader reads to find it.
+/// A driver, identified by the file or the library by which an OpenCL loader finds the driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
     /// An .icd file, which names the driver's library.

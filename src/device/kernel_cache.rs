@@ -94,7 +94,7 @@ fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String 
 }
 
 /// Returns advice if PoCL can store no compiled kernel in its folder, because the disk is full, or can run no
-/// kernel from there, because the file system is mounted with the option noexec. With a full disk or the
+/// kernel from this folder, because the file system is mounted with the option noexec. With a full disk or the
 /// option noexec, PoCL reports that the build of a program has failed, or ends the process.
 pub fn folder_advice() -> Option<String> {
     let folder = folder().filter(|folder| folder != Path::new(NO_FOLDER))?;

@@ -141,8 +141,8 @@ fn now() -> u64 {
 }
 
 /// Returns true if a list of devices probably stays the same until the system starts again. A device that may
-/// be usable soon may change the list before the system's next start. So may a driver that lists no device
-/// although the system shows accelerators of the driver's vendor. A driver may list no device, for example,
+/// be usable soon may change the list before the system's next start. A driver may change the list, too, if it lists no
+/// device although the system shows accelerators of the driver's vendor. A driver may list no device, for example,
 /// while a GPU is being reset, or while the driver's kernel module is being loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);

@@ -34,9 +34,8 @@ pub enum LaneTest {
     /// raycl tests all devices while it lists them, before it chooses a device.
     Now,
     /// raycl tests a device when [`Device::test_lanes`](super::Device::test_lanes) is called. Until the test
-    /// has run, raycl assumes that the device has the fastest operations that its extensions suggest. The
-    /// test takes 0.4 s on a GPU, so a picture whose kernels do not exchange values between work-items need
-    /// not wait for the test.
+    /// has run, raycl assumes that the device has the fastest operations that its extensions suggest. A picture whose
+    /// kernels do not exchange values between work-items thus does not wait for the test, which takes 0.4 s on a GPU.
     Later,
 }
 
@@ -391,7 +390,7 @@ mod tests {
         assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Barriers);
         gpu.extensions.push("cl_nv_compiler_options".into());
         assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Ptx);
-        // A CPU does not support PTX, so a test of `Ptx` would fail there.
+        // A CPU does not support PTX, so a test of `Ptx` would fail on a CPU.
         let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         assert!(device.lanes_are_tested);
         device.info.limits.lane_operations = LaneOperations::Ptx;

@@ -269,8 +269,8 @@ impl DeviceInfo {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Returns true if the device's compiler has an option to print registers and spills. A compiler that has
-    /// this option is NVIDIA's, which returns PTX as the binary of a program.
+    /// Returns true if the device's compiler has an option to print registers and spills. NVIDIA's compiler has this
+    /// option, and returns PTX as the binary of a program.
     pub fn prints_resources(&self) -> bool {
         self.extensions.iter().any(|extension| extension == "cl_nv_compiler_options")
     }

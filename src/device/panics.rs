@@ -55,7 +55,7 @@ pub fn report_panics() {
 ///
 /// Fails if the crate `ocl` panics in `work`. Panics outside the crate `ocl` propagate to the caller. While
 /// the first panic unwinds, the freeing of a second OpenCL object may panic too. Rust then aborts the
-/// process, which raycl cannot prevent. If the program has replaced the panic hook that the first call of
+/// process; raycl cannot prevent the abort. If the program has replaced the panic hook that the first call of
 /// this function sets, panics of the crate `ocl` propagate to the caller, too.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {
     hide_caught_panics();

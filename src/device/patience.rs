@@ -8,7 +8,8 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 /// The environment variable that marks a process that does a command's work for its parent process. If a
-/// process with the variable `RAYCL_GUARDED` exits because its driver hangs, the parent process reports this.
+/// process with the variable `RAYCL_GUARDED` exits because its driver hangs, the parent process reports that the driver
+/// hangs.
 pub const GUARDED: &str = "RAYCL_GUARDED";
 /// The exit code of a process whose driver did not answer. Only processes that raycl starts for its own work
 /// exit with this code.
@@ -75,7 +76,7 @@ impl Drop for Patience {
     }
 }
 
-/// Prints the message and ends the process without running exit handlers, since these may wait for the
+/// Prints the message and ends the process without running exit handlers, since exit handlers may wait for the
 /// hanging driver.
 fn end(message: &str) {
     #[cfg(unix)]

@@ -1,5 +1,5 @@
 //! The hardware limits of a multiprocessor of each CUDA compute capability. The numbers are from NVIDIA's
-//! CUDA C++ Programming Guide, "Compute Capabilities", and from its occupancy calculator.
+//! CUDA C++ Programming Guide, "Compute Capabilities", and from NVIDIA's occupancy calculator.
 
 use crate::error::{Error, Result};
 
@@ -74,7 +74,7 @@ pub fn capabilities() -> String {
 /// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If raycl does not support
 /// this compute capability, the error suggests a supported capability: the one that differs only by its dot
 /// (8.6 for "86") or, if none does, the one with the nearest number. If the text is not a number, the error
-/// only says how to write a compute capability.
+/// says only how to write a compute capability.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let wanted = compute_capability.trim();
     if let Some(sm) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
