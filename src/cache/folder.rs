@@ -141,7 +141,7 @@ pub fn existing_ancestor(folder: &Path) -> Option<&Path> {
 
 /// Returns true if no other user except the superuser can put files into a folder, or can replace the folder
 /// by writing into its parent. Ancestors further up are not examined. If the folder does not exist, this
-/// function only checks whether another user could create it in its nearest ancestor that exists.
+/// function checks only whether another user could create the folder in its nearest ancestor that exists.
 pub fn is_private(folder: &Path) -> bool {
     if folder.symlink_metadata().is_ok() && trusted(folder).is_none() {
         return false;

@@ -60,7 +60,7 @@ impl Cache {
         Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes, only_existing: false }
     }
 
-    /// Returns a cache in the given folder, whose entries take at most `limit_bytes` together.
+    /// Returns a cache in the given folder. The cache's entries take at most `limit_bytes` together.
     pub fn at(folder: &Path, limit_bytes: u64) -> Self {
         Self { folder: Some(folder.to_owned()), limit_bytes, only_existing: false }
     }
@@ -173,9 +173,8 @@ fn counted_bytes(bytes: u64) -> u64 {
     bytes.max(BLOCK_BYTES)
 }
 
-/// Removes entries. Returns the number of removed entries and their size in bytes. If an entry is already
-/// gone, this is no error: another process may have finished, replaced or removed the entry's file since the
-/// entries were listed.
+/// Removes entries. Returns the number of removed entries and their size in bytes. It is no error if an entry is
+/// already gone: another process may have finished, replaced or removed the entry's file since the entries were listed.
 fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
     let (mut count, mut bytes, mut failed) = (0, 0, None);
     for entry in entries {
@@ -195,7 +194,7 @@ fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
 fn write(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
     file.write_all(bytes)?;
-    // If the modification time were not set here, a file server would date the file by the server's clock,
+    // Without the following call, a file server would date the file by the server's clock,
     // which may differ from this machine's clock.
     let _ = file.as_file().set_modified(SystemTime::now());
     file.persist(path)?;

@@ -209,8 +209,8 @@ impl Locks {
     }
 }
 
-/// Makes up to [`LOCK_ATTEMPTS`] attempts to lock a file, until the file has not been removed meanwhile. The
-/// argument of `attempt` says whether the file must still be there, which is false only for the last attempt.
+/// Makes up to [`LOCK_ATTEMPTS`] attempts to lock a file, until an attempt ends without the file having been removed.
+/// The argument of `attempt` is true if the file must still be there: true for every attempt except the last.
 fn unless_removed(attempt: impl Fn(bool) -> IoResult<Attempt>) -> IoResult<Attempt> {
     for _ in 1..LOCK_ATTEMPTS {
         match attempt(true)? {

@@ -1,5 +1,5 @@
 //! Measures the peak rates, one per function. Each of these functions checks the numbers that its kernel
-//! computed, which shows that the kernel did the work.
+//! computed. The check shows that the kernel did the work.
 
 use super::rig::{NO_TIMES, PeakProgram, Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};

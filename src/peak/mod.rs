@@ -72,11 +72,11 @@ pub struct Peak {
     pub copy_bytes_per_s: Figure,
     /// Bytes of `__local` memory read per second by all units together.
     pub local_bytes_per_s: Figure,
-    /// Device time of a kernel that only stores one number, in microseconds.
+    /// Device time of a kernel that stores only one number, in microseconds.
     pub launch_device_us: Figure,
-    /// Host time of a kernel that only stores one number, from enqueueing to its end, in microseconds.
+    /// Host time of a kernel that stores only one number, from enqueueing to its end, in microseconds.
     pub launch_host_us: Figure,
-    /// Host time per kernel if many kernels that only store one number are enqueued one after another, in microseconds.
+    /// Host time per kernel if many kernels that store only one number are enqueued one after another, in microseconds.
     pub launch_batched_us: Figure,
     /// Latency of a multiply-add on private values, in nanoseconds.
     pub private_ns: Figure,

@@ -2,8 +2,8 @@
 
 use crate::strategy::{Axis, Intersector};
 
-/// Returns the number of floating-point operations of a ray-triangle test. Most rays miss the triangle, so only the
-/// operations up to the point at which most misses are found are counted. Additions, multiplications and fused
+/// Returns the number of floating-point operations of a ray-triangle test. Most rays miss the triangle, so the number
+/// includes only the operations up to the point at which most misses are found. Additions, multiplications and fused
 /// multiply-adds count as one each. Comparisons, sign changes, minima and the tolerances of edges do not
 /// count as operations. If edges are tested one by one (on GPUs), some tests end after one or two edges, but
 /// the count includes all three. The count is `operations` in the header of the test's file. The function

@@ -17,7 +17,7 @@ pub trait Sensor: Send {
     fn read(&mut self) -> Reading;
 }
 
-/// A reading at one moment. A value that the device does not report is `None`; `throttled` is then false.
+/// A reading at one moment. A value that the device does not report is `None`, or false in the case of `throttled`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// All values except the energy of a frame, which is not defined for a single moment.
@@ -38,7 +38,7 @@ pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
 }
 
 /// The sensors' values while a sample was taken. A record has the means over its samples. A value that the
-/// device does not report is `None`; `throttled` is then false.
+/// device does not report is `None`, or false in the case of `throttled`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SensorReading {

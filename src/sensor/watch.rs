@@ -24,7 +24,7 @@ pub struct Watch {
 
 impl Watch {
     /// Starts reading the sensor that `find` returns, if any. Callers do not wait for the sensor: a library that lists
-    /// all devices of a machine takes seconds to start, and until then there are no readings.
+    /// all devices of a machine takes seconds to start. Until the library has started, there are no readings.
     pub fn start(find: impl FnOnce() -> Option<Box<dyn Sensor>> + Send + 'static) -> Self {
         let (readings, ended) = (Arc::default(), Arc::new(AtomicBool::new(false)));
         let (shared, end) = (Arc::clone(&readings), Arc::clone(&ended));
