@@ -6,11 +6,11 @@ use super::Interval;
 /// threshold count as equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// The new time is shorter by more than the threshold: this holds for the whole 95% interval.
+    /// In the whole 95% interval, the new time is shorter by more than the threshold.
     Faster,
-    /// The new time is longer by more than the threshold: this holds for the whole 95% interval.
+    /// In the whole 95% interval, the new time is longer by more than the threshold.
     Slower,
-    /// The times differ by at most the threshold: this holds for the whole 95% interval.
+    /// In the whole 95% interval, the times differ by at most the threshold.
     Same,
     /// The 95% interval contains ratios within the threshold and ratios beyond the threshold.
     Unclear,

@@ -267,7 +267,7 @@ mod tests {
     fn two_speeds_are_detected_with_their_times() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
         // Every third time is slow. Each set has at least 24 times: of 15 times, only five would be slow,
-        // which are too few for a second mode.
+        // too few for a second mode.
         for n in [24, 30, 60] {
             let mut time = |index: usize| {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();

@@ -104,7 +104,7 @@ fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
     assert!(hardly_verified([0, 100], [91, 100]).is_some());
 }
 
-/// If pixels of the background agree with the reference, this does not show that surfaces are right. But if
+/// Pixels of the background that agree with the reference do not show that surfaces are right. But if
 /// the picture has no surfaces, only the background can be compared.
 #[test]
 fn certain_misses_do_not_make_up_for_uncertain_hits() {
@@ -137,7 +137,7 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
 }
 
-/// A wide nudge turns a ray ten times as far as a narrow nudge does, which is much farther than rounding can turn it.
+/// A wide nudge turns a ray ten times as far as a narrow nudge, and much farther than rounding can turn a ray.
 /// Pixels that only wide nudges change do not depend on rounding, so they must agree with the reference.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {

@@ -209,7 +209,7 @@ fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
     (0..table.len()).map(of_row).collect()
 }
 
-/// Returns the indices of the rows whose changes from column to column are most alike. These are a third of
+/// Returns the indices of the rows whose changes from column to column are most alike. The result has a third of
 /// all rows, but at least [`LEAST_STEADY`] rows if the table has so many. Each row forms a set with its
 /// nearest rows (by the sum of squared differences). The function returns the set with the least distance
 /// between the row that formed the set and the set's farthest row.
