@@ -239,7 +239,7 @@ impl Error {
 
     /// Adds `how`, a text that says how to continue the command, to the remedy. If the run failed, the text
     /// `how` follows the error's own remedy. If the run was interrupted, the text `how` replaces the error's
-    /// own remedy. A mistake in the input is returned unchanged, since the command can only be continued when
+    /// own remedy. A mistake in the input is returned unchanged, since the command can be continued only when
     /// the mistake is corrected.
     #[must_use]
     pub fn to_be_continued(self, how: String) -> Self {

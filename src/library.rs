@@ -101,9 +101,8 @@ impl Raycaster {
     ///
     /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or
     /// value, if the strategy's values contradict each other, if casting needs more memory than the device or
-    /// the host has, or if the driver fails. After a failed launch, the `Raycaster` casts no more pictures,
-    /// and its memory on the device and its scene are not freed, since freeing could fail too: open another
-    /// `Raycaster`.
+    /// the host has, or if the driver fails. After a failed launch, the `Raycaster` casts no more pictures: open
+    /// another `Raycaster`. The scene and the device memory of the old one are not freed, since freeing could fail too.
     ///
     /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate
     /// `ocl` panics while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees

@@ -140,8 +140,8 @@ pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<Str
     match (&owners[..], header_above(text, at, &tables)) {
         ([], _) => None,
         (["", ..], Some(header)) => Some(format!(
-            "`{key}` is a key of the top level, but this line belongs to the table {header}: move it above the first \
-             line in brackets"
+            "`{key}` is a key of the top level, but this line belongs to the table {header}: move the line above the \
+             first line in brackets"
         )),
         (["", ..], None) => Some(format!("`{key}` is a key of the top level")),
         (owners, _) => Some(format!("`{key}` is a key of {}", owners.join(" and "))),
@@ -256,7 +256,7 @@ mod tests {
         let top = |table: &str| {
             let belongs = format!("but this line belongs to the table {table}");
             Some(format!(
-                "`devices` is a key of the top level, {belongs}: move it above the first line in brackets"
+                "`devices` is a key of the top level, {belongs}: move the line above the first line in brackets"
             ))
         };
         assert_eq!(remedy("[timing] # How long.\nseed = [\n[8]\n]\ndevices = 1"), top("[timing]"));

@@ -188,7 +188,8 @@ fn a_misspelt_key_names_the_nearest() {
 fn a_key_below_the_wrong_table_is_answered_with_its_own_table() {
     let entry = "[[strategy]]\npreset = \"deferred\"\n";
     let text = format!("{}{entry}strategies = [\"naive\"]\n", GOOD.replace("strategies", "# "));
-    let above = "but this line belongs to the table [[strategy]]: move it above the first line in brackets";
+    let above =
+        "but this line belongs to the table [[strategy]]: move the line above the first line in brackets";
     refuses(
         &text,
         &[

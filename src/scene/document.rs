@@ -396,8 +396,8 @@ mod tests {
         };
         let bias = error_of("[camera]\nz_near = 0.1\nshadow_bias = 1\n");
         assert_eq!(bias.to_string(), "unknown key `shadow_bias`");
-        let place = "`shadow_bias` is a key of the top level, but this line belongs to the table [camera]: move it \
-                     above the first line in brackets; the valid keys here are ";
+        let place = "`shadow_bias` is a key of the top level, but this line belongs to the table [camera]: move the \
+                     line above the first line in brackets; the valid keys here are ";
         assert!(bias.remedy().starts_with(place), "{}", bias.remedy());
         let light = error_of("[light]\nposition = [0, 9, 0]\npower = 9\n");
         assert_eq!(light.remedy(), "write [[light]] with double brackets");
