@@ -9,7 +9,7 @@ use ocl::{Device, Platform, Program};
 use std::ffi::{CStr, c_void};
 use std::ptr;
 
-/// The largest answer to a query that raycl accepts, in bytes. A driver that announces an answer of more than
+/// The largest answer, in bytes, that raycl accepts to a query. A driver that announces an answer of more than
 /// `LARGEST_BYTES` bytes is broken.
 const LARGEST_BYTES: usize = 1 << 30;
 

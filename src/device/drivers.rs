@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// The folder whose .icd files OpenCL loaders read by default.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
-/// The environment variable that names a folder of .icd files to be read instead of `VENDORS`, a single .icd
-/// file, or the library of a driver.
+/// The environment variable that names what OpenCL loaders read instead of `VENDORS`: a folder of .icd files,
+/// a single .icd file, or the library of a driver.
 const FOLDER: &str = "OCL_ICD_VENDORS";
 /// The environment variable that names a folder of .icd files to be read instead of `VENDORS`. Loaders read
 /// this variable if `OCL_ICD_VENDORS` is not set.

@@ -26,7 +26,7 @@ pub struct Reading {
     pub energy_counter_mj: Option<f64>,
 }
 
-/// Watches a device's sensors, if it has any that raycl can read.
+/// Watches a device's sensors, if the device has any that raycl can read.
 pub fn watch(hardware: &Hardware) -> Watch {
     let hardware = hardware.clone();
     Watch::start(move || nvml::find(&hardware))

@@ -394,8 +394,8 @@ mod tests {
             [10_000, 9_999].map(|covered| of(625, 40_000, covered, false)),
             [TILES, Candidate::Single]
         );
-        // The geometric means of the number of all pixels and the number of covered pixels are 5,000,000 and
-        // 4,999,990.
+        // In the two cases, the geometric means of the number of all pixels and the number of covered pixels
+        // are 5,000,000 and 4,999,990.
         assert_eq!([1_250_000, 1_249_995].map(|covered| of(625, 20_000_000, covered, false)), [large, TILES]);
         // A picture of few triangles counts as small if it has few pixels, whether triangles cover them or
         // not.

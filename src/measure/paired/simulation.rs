@@ -234,8 +234,8 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     Interval { middle, low, high, error: 0.0, degrees: 0.0, bias: 0.0 }
 }
 
-/// Shows why launches are repeated: the bootstrap ignores launches, and far fewer of its intervals contain
-/// the result of another run than of the intervals of [`Paired`].
+/// Shows why launches are repeated: the bootstrap ignores launches, and its intervals contain the result of
+/// another run far less often than the intervals of [`Paired`].
 #[test]
 fn the_plain_interval_of_a_median_does_not_hold() {
     let plain = |samples: &Vec<PairedSample>, point: usize| {
