@@ -141,6 +141,24 @@ fn the_picture_gets_the_size_of_the_window() {
     assert_eq!(report["image_size"], serde_json::json!([60, 40]));
 }
 
+/// All samples are cast before the window is hidden, so only the lost picture is a reason to show the picture again.
+#[test]
+fn a_window_that_was_hidden_shows_its_picture_again() {
+    let folder = new_folder();
+    let own = rendered(&folder, &[]);
+    let is_own = |shown: &RgbImage| differences(shown, &own) == 0;
+    let server = Server::start(SIZE);
+    let child = start(&folder, &server, &["--samples", "1", "--json"]);
+    server.until_shown("it shows the picture", is_own);
+    let mut user = server.user();
+    user.show(false);
+    server.until_shown("the window is hidden", |shown| !is_own(shown));
+    user.show(true);
+    server.until_shown("it shows the picture again", is_own);
+    let report = quit(child, &server);
+    assert_eq!(report["frames"], 1, "nothing is cast again: {report}");
+}
+
 #[test]
 fn a_display_with_few_colours_is_a_mistake_with_a_remedy() {
     let folder = new_folder();

@@ -188,6 +188,14 @@ impl User {
         self.until_done();
     }
 
+    /// Shows the window, or hides it. An X server forgets the picture in a window that is hidden.
+    pub fn show(&mut self, is_shown: bool) {
+        let mut request = vec![if is_shown { 8 } else { 10 }, 0, 2, 0];
+        request.extend(self.window.to_le_bytes());
+        self.send(&request);
+        self.until_done();
+    }
+
     /// Returns the window's title.
     pub fn title(&mut self) -> String {
         let mut request = vec![20, 0, 6, 0];

@@ -34,7 +34,8 @@ pub struct Input {
     pub room: Option<[u32; 2]>,
     /// The pixel at the pointer; `None` if the pointer is not over the picture, or if its position is not known.
     pub pointer: Option<[u32; 2]>,
-    /// True if the last picture and the line of text must be shown again, because the screen was cleared.
+    /// True if the last picture and the line of text must be shown again, because the screen was cleared or has lost a
+    /// part of the picture.
     pub redraws: bool,
     /// True if the window was closed, if the user pressed Ctrl-C in the terminal, or if nobody reads the
     /// terminal's output any more.

@@ -2,6 +2,9 @@
 //! library that opens windows, reports only which buttons are down at present, and where the pointer is. A drag that
 //! begins and ends between two frames would therefore be lost.
 //!
+//! minifb also ignores the events with which an X server says that a part of the window's picture is lost, for
+//! example because another window covered it. Any number of programs may receive these events.
+//!
 //! On an X server, only one program receives the presses of buttons in a window. Therefore raycl lays an
 //! invisible window of its own over the window that minifb opens; the invisible window receives the events
 //! instead of minifb's window.
@@ -10,14 +13,15 @@ use super::x_server::MOST_PIXELS;
 use x11rb::connection::Connection as _;
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    ButtonPressEvent, ConnectionExt as _, CreateWindowAux, EventMask, KeyButMask, WindowClass,
+    ButtonPressEvent, ChangeWindowAttributesAux, ConnectionExt as _, CreateWindowAux, EventMask, KeyButMask,
+    WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 
 /// The buttons that X servers report for steps of the wheel: away from the user, and towards the user.
 const WHEEL: [u8; 2] = [4, 5];
 
-/// What the pointer did. Distances are in pixels, to the right and down.
+/// What the pointer did, and whether the picture was lost. Distances are in pixels, to the right and down.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moves {
     /// The drags with the left button.
@@ -26,9 +30,12 @@ pub struct Moves {
     pub pan: [f64; 2],
     /// The steps of the wheel; steps away from the user are positive.
     pub wheel: f64,
+    /// True if the server has lost a part of the window's picture, so that the picture must be shown again.
+    pub loses_picture: bool,
 }
 
-/// The invisible window over minifb's window, which receives the events of the pointer.
+/// The invisible window over minifb's window, which receives the events of the pointer. Its connection also receives
+/// the events about lost parts of the picture in minifb's window.
 pub struct Pointer {
     connection: RustConnection,
     /// The pointer's position at the last event.
@@ -54,10 +61,12 @@ impl Pointer {
             .check()
             .ok()?;
         connection.map_window(cover).ok()?.check().ok()?;
+        let values = ChangeWindowAttributesAux::new().event_mask(EventMask::EXPOSURE);
+        connection.change_window_attributes(window, &values).ok()?.check().ok()?;
         Some(Self { connection, at: [0; 2] })
     }
 
-    /// Returns what the pointer did since the last call.
+    /// Returns what the pointer did since the last call, and whether the picture was lost.
     pub fn moves(&mut self) -> Moves {
         let mut moves = Moves::default();
         while let Ok(Some(event)) = self.connection.poll_for_event() {
@@ -72,6 +81,7 @@ impl Pointer {
                 Event::MotionNotify(event) => {
                     moves.follow(&mut self.at, [event.event_x, event.event_y], event.state);
                 }
+                Event::Expose(_) => moves.loses_picture = true,
                 _ => {}
             }
         }
@@ -125,7 +135,7 @@ mod tests {
         ] {
             moves.follow(&mut at, to, down);
         }
-        assert_eq!(moves, Moves { orbit: [4.0, -2.0], pan: [-9.0, 12.0], wheel: 0.0 });
+        assert_eq!(moves, Moves { orbit: [4.0, -2.0], pan: [-9.0, 12.0], ..Moves::default() });
         assert_eq!(at, [41, 62]);
     }
 }

@@ -96,20 +96,21 @@ impl Window {
         moved(std::mem::replace(&mut self.dragged, at), at, self.size)
     }
 
-    /// Returns the movements of the pointer that X11's events report: the drags that orbit, the drags that
-    /// pan (both in heights of the picture), and the steps of the wheel. minifb does not receive these
-    /// events.
+    /// Returns what X11's events report: the drags of the pointer that orbit, the drags that pan (both in
+    /// heights of the picture), the steps of the wheel, and whether the server has lost a part of the
+    /// picture. minifb does not receive these events.
     #[cfg(unix)]
-    fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
-        let Moves { orbit, pan, wheel } = self.events.as_mut().map(Pointer::moves).unwrap_or_default();
-        ([orbit, pan].map(|by| in_heights(by, self.size)), wheel)
+    fn moves(&mut self) -> ([[f64; 2]; 2], f64, bool) {
+        let moves = self.events.as_mut().map(Pointer::moves).unwrap_or_default();
+        let Moves { orbit, pan, wheel, loses_picture } = moves;
+        ([orbit, pan].map(|by| in_heights(by, self.size)), wheel, loses_picture)
     }
 
-    /// Returns zeros: on systems other than Unix there is no X server, and `drag` returns all movements that
-    /// minifb reports.
+    /// Returns zeros and false: on systems other than Unix there is no X server, and `drag` returns all
+    /// movements that minifb reports.
     #[cfg(not(unix))]
-    fn moves(&mut self) -> ([[f64; 2]; 2], f64) {
-        ([[0.0; 2]; 2], 0.0)
+    fn moves(&mut self) -> ([[f64; 2]; 2], f64, bool) {
+        ([[0.0; 2]; 2], 0.0, false)
     }
 
     /// Shows the pixels. The call of minifb that shows the pixels also reads the user's input, and sends the
@@ -161,7 +162,7 @@ impl Screen for Window {
         }
         let by = self.drag();
         let asked = orbit_and_pan(by, self.pans());
-        let (moves, wheel) = self.moves();
+        let (moves, wheel, redraws) = self.moves();
         let sum = |drag: usize| [0, 1].map(|axis: usize| asked[drag][axis] + moves[drag][axis]);
         Ok(Input {
             keys: self.keys.try_iter().collect(),
@@ -170,7 +171,7 @@ impl Screen for Window {
             wheel: wheel + self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
             room: Some(self.room()),
             pointer: self.pointer(),
-            redraws: false,
+            redraws,
             closed: !self.window.is_open(),
         })
     }
