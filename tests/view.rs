@@ -160,9 +160,9 @@ fn a_window_that_was_hidden_shows_its_picture_again() {
 }
 
 #[test]
-fn a_display_with_few_colours_is_a_mistake_with_a_remedy() {
+fn a_display_whose_colours_do_not_have_24_bits_is_a_mistake_with_a_remedy() {
     let folder = new_folder();
-    for bits in [8, 16] {
+    for bits in [8, 16, 30] {
         let server = Server::with_depth([160, 100], bits);
         let output = finish(start(&folder, &server, &["--frames", "1"]));
         assert_eq!(output.status.code(), Some(2), "{output:?}");

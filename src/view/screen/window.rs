@@ -4,7 +4,7 @@
 #[cfg(unix)]
 use super::pointer::{Moves, Pointer};
 #[cfg(unix)]
-use super::x_server::{MOST_PIXELS, XServer};
+use super::x_server::{MOST_PIXELS, Pixels, XServer};
 use super::{Input, Screen};
 use crate::error::{Error, Result};
 use crate::view::keys::{self, Key};
@@ -20,6 +20,10 @@ const REMEDY: &str = "--terminal shows the scene in this terminal instead; `rayc
 /// window on other displays.
 #[cfg(unix)]
 const PIXEL_BITS: u8 = 32;
+
+/// The bits of a pixel in which minifb writes red, green and blue, on every display.
+#[cfg(unix)]
+const MASKS: [u32; 3] = [0xff_0000, 0xff00, 0xff];
 
 /// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;
@@ -49,7 +53,8 @@ impl Window {
     /// # Errors
     ///
     /// Returns a user error if there is no display, if the display's pixels do not have 32 bits, if the
-    /// display supports no windows of this size, or if the window's libraries are missing.
+    /// display stores colours in other bits of a pixel than minifb, if the display supports no windows of
+    /// this size, or if the window's libraries are missing.
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
         // The connection to the display must stay open until the window is open.
         let display = checked_display(size)?;
@@ -217,8 +222,8 @@ fn orbit_and_pan(by: [f64; 2], pans: bool) -> [[f64; 2]; 2] {
 ///
 /// # Errors
 ///
-/// Returns a user error if there is no display, if X11 supports no windows of this size, or if the display's
-/// pixels do not have the 32 bits that minifb needs.
+/// Returns a user error if there is no display, if X11 supports no windows of this size, or if minifb cannot
+/// write the display's pixels.
 #[cfg(unix)]
 fn checked_display(size: [u32; 2]) -> Result<Option<XServer>> {
     if cfg!(target_os = "macos") {
@@ -231,8 +236,9 @@ fn checked_display(size: [u32; 2]) -> Result<Option<XServer>> {
     }
     check_size(size)?;
     let display = name.to_str().and_then(XServer::of);
-    match display.as_ref().filter(|display| display.bits != PIXEL_BITS) {
-        Some(XServer { depth, bits, .. }) => Err(too_few_colours(&name.to_string_lossy(), *depth, *bits)),
+    let pixels = display.as_ref().map(|display| display.pixels);
+    match pixels.filter(|pixels| (pixels.bits, pixels.masks) != (PIXEL_BITS, MASKS)) {
+        Some(pixels) => Err(other_pixels(&name.to_string_lossy(), pixels)),
         None => Ok(display),
     }
 }
@@ -258,13 +264,15 @@ fn check_size([width, height]: [u32; 2]) -> Result<()> {
     Err(Error::input(message).with_help(remedy))
 }
 
-/// Returns the error for a display on which minifb can open no window.
+/// Returns the error for a display whose pixels minifb cannot write, or would write with wrong colours.
 #[cfg(unix)]
-fn too_few_colours(display: &str, depth: u8, bits: u8) -> Error {
+fn other_pixels(display: &str, Pixels { depth, bits, masks }: Pixels) -> Error {
+    let [found, needed] =
+        [masks, MASKS].map(|[red, green, blue]| format!("{red:#x}, {green:#x} and {blue:#x}"));
     Error::input(format!(
-        "the window cannot be opened: the display {display} has {depth}-bit colours, in pixels of {bits} bits, but a window needs pixels of {PIXEL_BITS} bits"
+        "the window cannot be opened: the display {display} has {depth}-bit colours, in pixels of {bits} bits with the masks {found} of red, green and blue, but a window needs pixels of {PIXEL_BITS} bits with the masks {needed}"
     ))
-    .with_help(format!("use a display with {PIXEL_BITS} bits per pixel (usual for 24-bit colours), or no window: {REMEDY}"))
+    .with_help(format!("use a display with 24-bit colours in pixels of {PIXEL_BITS} bits, or no window: {REMEDY}"))
 }
 
 /// Collects keys as soon as they are pressed, so that a short tap counts even if a frame takes long.
