@@ -9,6 +9,12 @@ use std::path::{Path, PathBuf};
 
 /// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
+
+/// Returns true if the path means standard input, which can be read only once.
+pub fn is_standard_input(path: &Path) -> bool {
+    path.as_os_str() == STANDARD_INPUT
+}
+
 /// A file with more bytes than this number is read by all threads, in pieces of this size.
 const PIECE_BYTES: usize = 4 << 20;
 

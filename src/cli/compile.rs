@@ -33,7 +33,7 @@ pub struct Args {
     /// parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks and of
     /// some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples
     /// 1`
-    scene: PathBuf,
+    pub(super) scene: PathBuf,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). The option may
     /// be given several times; if the program of one strategy cannot be built, the programs of the other
     /// strategies are built nevertheless

@@ -43,7 +43,7 @@ pub struct Args {
     /// some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples
     /// 1` [default: a small scene]
     #[arg(long, value_name = "FILE")]
-    scene: Option<PathBuf>,
+    pub(super) scene: Option<PathBuf>,
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,

@@ -45,6 +45,7 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::device::{cache_variables, pinning_variables, thread_variables, variables};
 use crate::error::{Error, Result};
+use crate::filetype::is_standard_input;
 use crate::own_program::remember_libraries;
 use crate::sources::Sources;
 use crate::threads::start_pool;
@@ -197,6 +198,8 @@ impl Command {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
                 subject.reads_standard_input()
             }
+            Self::Compile(compile::Args { scene, .. }) => is_standard_input(scene),
+            Self::Kernel(kernel::Args { scene, .. }) => scene.as_deref().is_some_and(is_standard_input),
             _ => false,
         }
     }
@@ -657,6 +660,17 @@ mod tests {
         }
         for line in ["raycl render a.toml", "raycl view a.toml", "raycl worker --keep"] {
             assert!(!command(line).measures(), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_command_that_reads_its_scene_from_standard_input_reads_it_only_once() {
+        let reads = |words: &str| command(&format!("raycl {words}")).guarded().reads_standard_input;
+        for words in ["render -", "view -", "compile - --strategy naive", "kernel naive --scene -"] {
+            assert!(reads(words), "{words}");
+        }
+        for words in ["render ./-", "compile a.toml --strategy naive", "kernel naive", "peak"] {
+            assert!(!reads(words), "{words}");
         }
     }
 

@@ -9,7 +9,7 @@ use super::choice::{
 use crate::accel::WideBvh;
 use crate::device::DeviceInfo;
 use crate::error::Result;
-use crate::filetype::STANDARD_INPUT;
+use crate::filetype::is_standard_input;
 use crate::launch::{Prepared, Refused, Session};
 use crate::scene::{Loaded, Scene, Setting, Shot, load_scene_for};
 use crate::strategy::{Strategy, Task, preset};
@@ -59,7 +59,7 @@ pub struct Subject {
 impl Subject {
     /// Returns true if the scene comes from standard input, which can only be read once.
     pub fn reads_standard_input(&self) -> bool {
-        self.scene.as_os_str() == STANDARD_INPUT
+        is_standard_input(&self.scene)
     }
 
     /// Returns the picture's size: pixels across and down.

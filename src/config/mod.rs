@@ -24,7 +24,7 @@ pub use types::{
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::filetype::{Opened, Wanted, scene_instead};
+use crate::filetype::{Opened, Wanted, is_standard_input, scene_instead};
 use crate::reader::Kind;
 use document::Document;
 
@@ -47,6 +47,11 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
             `raycl reproduce` contains the paper's experiments";
         Error::unreadable("experiment", path, &error, otherwise)
     };
+    if is_standard_input(path) {
+        return Err(Error::input("an experiment is not read from standard input (`-`)").with_help(
+            "save the experiment as a file, and name this file: raycl reads it again, for example to resume the run",
+        ));
+    }
     let opened = Opened::at(path).map_err(unreadable)?;
     if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Experiment) {
         return Err(refusal);

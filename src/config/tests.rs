@@ -713,6 +713,17 @@ fn a_message_and_its_label_are_not_mixed_up() {
     }
 }
 
+/// raycl reads an experiment several times: for each of two folders of kernels, for each shard, and to resume a run.
+#[test]
+fn an_experiment_is_not_read_from_standard_input() {
+    let error = load(Path::new("-"), &[]).expect_err("standard input");
+    assert_eq!(error.to_string(), "an experiment is not read from standard input (`-`)");
+    assert!(
+        error.exit_code() == 2 && error.remedy().starts_with("save the experiment as a file"),
+        "{error:?}"
+    );
+}
+
 #[test]
 fn a_file_of_another_type_is_named() {
     let (_folder, path) = folder("[camera]\nz_near = 0.1\n");

@@ -13,7 +13,7 @@ mod tests;
 
 pub use swapped::{experiment_instead, scene_instead};
 
-pub use crate::reader::STANDARD_INPUT;
+pub use crate::reader::{STANDARD_INPUT, is_standard_input};
 pub use opened::Opened;
 
 use crate::error::Error;

@@ -2,7 +2,7 @@
 
 use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, endings, signatures, stl, text};
 use crate::memory::Available;
-use crate::reader::{self, Damaged, Kind, STANDARD_INPUT};
+use crate::reader::{self, Damaged, Kind, is_standard_input};
 use crate::words::counted;
 use flate2::bufread::GzDecoder;
 use std::fs::File;
@@ -37,7 +37,7 @@ impl Opened {
     /// file is damaged. Also fails if standard input, or a packed file after unpacking, is larger than half
     /// of the free memory.
     pub fn at(path: &Path) -> io::Result<Self> {
-        if path.as_os_str() == STANDARD_INPUT {
+        if is_standard_input(path) {
             let mut head = Vec::new();
             within_memory(io::stdin().lock(), half_of_memory(), &mut head)?;
             return if head.starts_with(GZIP) {

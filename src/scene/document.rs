@@ -3,7 +3,7 @@
 use super::setting::{Changed, Origin, Setting, TrackValue, error_in};
 use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
-use crate::filetype::{MeshFormat, Opened, STANDARD_INPUT, Wanted, unpacked_name};
+use crate::filetype::{MeshFormat, Opened, Wanted, is_standard_input, unpacked_name};
 use crate::reader::{self, Kind, NotUtf8};
 use crate::toml_error::{expectation, mistake};
 use std::cell::RefCell;
@@ -264,7 +264,7 @@ impl Document {
 /// Returns a file's name without its extension and without the extension of a compressed file (`.gz`); for
 /// standard input, `picture`.
 fn stem(path: &Path) -> String {
-    if path.as_os_str() == STANDARD_INPUT {
+    if is_standard_input(path) {
         return "picture".to_owned();
     }
     unpacked_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned()
