@@ -93,6 +93,7 @@ pub fn run(args: Args) -> Result<()> {
 /// Measures the configs one after another and writes their reports. Returns one line for each config with
 /// failed points.
 fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
+    run::named_in_text([&args.out])?;
     unpack(out)?;
     let devices = find_devices(None)?;
     let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
@@ -296,6 +297,17 @@ mod tests {
         assert_eq!(refused(&missing), format!("there is no folder {}", missing.display()));
         let own = refused(&folder.path().join("rep"));
         assert!(own.contains("rep is a folder of results; expected a folder that contains "), "{own}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_written_into_a_folder_whose_path_is_not_utf8() {
+        use std::os::unix::ffi::OsStrExt as _;
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
+        let error = run(Args { out: out.clone(), ..args() }).expect_err("a path that is not UTF-8");
+        assert_eq!((error.exit_code(), out.exists()), (2, false), "{error}");
+        assert_eq!(error.to_string(), format!("the path {} is not UTF-8", out.display()));
     }
 
     #[test]

@@ -179,8 +179,8 @@ impl Args {
 
 /// Returns an error if a path is not UTF-8: workers receive the paths as JSON, and records and pages contain
 /// them.
-fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
-    match paths.find(|path| path.to_str().is_none()) {
+pub(super) fn named_in_text<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
+    match paths.into_iter().find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the path {} is not UTF-8", path.display()))
             .with_help("rename the file or folder, or use a symbolic link whose path is UTF-8")),
         None => Ok(()),
@@ -275,6 +275,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let experiment = config::load(&args.config, &args.set)?;
     let peak = peak_of_file(args)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    // The user may have named these paths without typing them: by RAYCL_RESULTS, or by TMPDIR for `raycl noise`.
+    named_in_text([&experiment.path, &out])?;
     let is_new = args.out.is_none() && !args.resume;
     // A new run without --out needs no check: its default folder did not exist. If the folder exists by now, another
     // run has just made it, and `new_folder` below makes a folder of another name.
@@ -540,6 +542,27 @@ mod tests {
         // If a run is started by another subcommand, its time limit equals the default of `raycl run --hang-limit`.
         let usual = fixtures::args(&["a.toml"]).hang_limit;
         assert_eq!((args.hang_limit, usual), (Duration::from_secs(600), Duration::from_secs(600)));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_run_of_another_command_refuses_a_path_that_is_not_utf8_before_it_looks_for_devices() {
+        use std::os::unix::ffi::OsStrExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let [config, out] =
+            [&b"\xff.toml"[..], b"\xff"].map(|name| folder.path().join(std::ffi::OsStr::from_bytes(name)));
+        let of_raycl = |file: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+        let own = of_raycl("configs/quick.toml");
+        std::fs::copy(&own, &config).unwrap();
+        let set = [("scenes".to_owned(), format!("[{:?}]", of_raycl("scenes/triangle.toml")))];
+        let refused = |config: &Path, out: &Path| {
+            let args = Args::of(config.to_owned(), out, &["nosuch".to_owned()], &set);
+            let error = measure(&args, observer(true, false).as_mut()).err().unwrap();
+            (error.exit_code(), error.to_string())
+        };
+        for (path, refusal) in [(&out, refused(&own, &out)), (&config, refused(&config, folder.path()))] {
+            assert_eq!(refusal, (2, format!("the path {} is not UTF-8", path.display())));
+        }
     }
 
     #[test]

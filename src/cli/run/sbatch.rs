@@ -1,7 +1,7 @@
 //! `raycl run --sbatch N`: prints a shell script that submits N shards and their merge to Slurm. raycl itself submits
 //! no job.
 
-use super::{Args, chosen, default_folder, listed, patterns, shard, two_kernels};
+use super::{Args, chosen, default_folder, listed, named_in_text, patterns, shard, two_kernels};
 use crate::cli::print;
 use crate::config;
 use crate::device::{DeviceInfo, DeviceKind};
@@ -29,6 +29,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     let experiment = distinct_scenes(experiment)?;
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
+    named_in_text([&out])?;
     let plan = shard::make(&run, Header { shards, ..Header::default() }, &out)?;
     let expected = super::foreseen(&run, &out, &Past::default())?;
     let wishes = Wishes {
