@@ -65,6 +65,9 @@ impl Window {
             ))
         })?;
         drop(display);
+        // Without this call, minifb would wait in each frame until 4 ms have passed since the last frame. The view
+        // itself rests while there is nothing to cast.
+        window.set_target_fps(0);
         let (sender, keys) = channel();
         window.set_input_callback(Box::new(Typed::new(sender)));
         // `update` asks the X server for the pointer's position. When the server has answered, it has also
