@@ -6,6 +6,7 @@ mod graphics;
 mod pointer;
 mod terminal;
 mod text;
+mod typed;
 mod window;
 #[cfg(unix)]
 mod x_server;

@@ -3,15 +3,16 @@
 
 #[cfg(unix)]
 use super::pointer::{Moves, Pointer};
+use super::typed::{Focus, Typed};
 #[cfg(unix)]
 use super::x_server::{MOST_PIXELS, Pixels, XServer};
 use super::{Input, Screen};
 use crate::error::{Error, Result};
-use crate::view::keys::{self, Key};
+use crate::view::keys::Key;
 use image::RgbImage;
-use minifb::{InputCallback, MouseButton, MouseMode, ScaleMode, WindowOptions};
+use minifb::{MouseButton, MouseMode, ScaleMode, WindowOptions};
 use rayon::prelude::*;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 
 const REMEDY: &str = "--terminal shows the scene in this terminal instead; `raycl render` writes a picture to a \
     file; if you have logged in to this machine with ssh, `ssh -X` shows the window on your own screen";
@@ -35,6 +36,7 @@ pub struct Window {
     size: [u32; 2],
     /// The keys that were typed.
     keys: Receiver<Key>,
+    focus: Focus,
     /// The pixels that are shown. The bytes of each pixel, from the highest, are 0, red, green and blue.
     pixels: Vec<u32>,
     /// The position of the pointer when `drag` was last called; `None` if no button was down at that time.
@@ -68,8 +70,8 @@ impl Window {
         // Without this call, minifb would wait in each frame until 4 ms have passed since the last frame. The view
         // itself rests while there is nothing to cast.
         window.set_target_fps(0);
-        let (sender, keys) = channel();
-        window.set_input_callback(Box::new(Typed::new(sender)));
+        let ((sender, keys), focus) = (channel(), Focus::default());
+        window.set_input_callback(Box::new(Typed::new(sender, &focus)));
         // `update` asks the X server for the pointer's position. When the server has answered, it has also
         // carried out the earlier request to create the window.
         window.update();
@@ -79,6 +81,7 @@ impl Window {
             window,
             size,
             keys,
+            focus,
             pixels: Vec::new(),
             dragged: None,
             looked: false,
@@ -168,6 +171,7 @@ impl Screen for Window {
         if !std::mem::take(&mut self.looked) {
             self.window.update();
         }
+        self.focus.now(self.window.is_active());
         let by = self.drag();
         let asked = orbit_and_pan(by, self.pans());
         let (moves, wheel, redraws) = self.moves();
@@ -278,86 +282,9 @@ fn other_pixels(display: &str, Pixels { depth, bits, masks }: Pixels) -> Error {
     .with_help(format!("use a display with 24-bit colours in pixels of {PIXEL_BITS} bits, or no window: {REMEDY}"))
 }
 
-/// Collects keys as soon as they are pressed, so that a short tap counts even if a frame takes long.
-struct Typed {
-    sender: Sender<Key>,
-    down: Vec<minifb::Key>,
-    /// True if the key of the last call of `set_key_state` is being held: the key is down, and was already
-    /// down at the previous call for this key.
-    is_held: bool,
-}
-
-impl Typed {
-    fn new(sender: Sender<Key>) -> Self {
-        Self { sender, down: Vec::new(), is_held: false }
-    }
-
-    fn send(&self, key: Key) {
-        if !self.is_held || keys::repeats(key) {
-            // `send` fails only if the receiver was dropped, together with its window. After the window has
-            // closed, a key has no effect, so it may be lost.
-            let _ = self.sender.send(key);
-        }
-    }
-}
-
-impl InputCallback for Typed {
-    /// The window calls `set_key_state` for a key first and then this function, so `is_held` is about the
-    /// same key.
-    fn add_char(&mut self, code: u32) {
-        if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
-            self.send(Key::Char(letter));
-        }
-    }
-
-    fn set_key_state(&mut self, key: minifb::Key, is_down: bool) {
-        self.is_held = is_down && self.down.contains(&key);
-        self.down.retain(|known| *known != key);
-        if is_down {
-            self.down.push(key);
-            if let Some(key) = meant(key) {
-                self.send(key);
-            }
-        }
-    }
-}
-
-/// Returns the meaning of a key that types no character; `None` if raycl does not use the key.
-fn meant(key: minifb::Key) -> Option<Key> {
-    use minifb::Key as Pressed;
-    Some(match key {
-        Pressed::Left => Key::Left,
-        Pressed::Right => Key::Right,
-        Pressed::Up => Key::Up,
-        Pressed::Down => Key::Down,
-        Pressed::Escape => Key::Escape,
-        _ => return None,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::mpsc::channel;
-
-    #[test]
-    fn a_tap_counts_and_only_movement_repeats() {
-        let (sender, keys) = channel();
-        let mut typed = Typed::new(sender);
-        // The first press is a tap. The next two presses are reports of one key that is held: X11 reports a
-        // held key again and again.
-        for is_down in [true, false, true, true] {
-            typed.set_key_state(minifb::Key::S, is_down);
-            if is_down {
-                typed.add_char(u32::from('s'));
-            }
-        }
-        (0..3).for_each(|_| typed.set_key_state(minifb::Key::Left, true));
-        typed.set_key_state(minifb::Key::Escape, true);
-        typed.add_char(0x1b);
-        let [s, left] = [Key::Char('s'), Key::Left];
-        assert_eq!(keys.try_iter().collect::<Vec<_>>(), [s, s, left, left, left, Key::Escape]);
-    }
 
     #[cfg(unix)]
     #[test]
