@@ -56,6 +56,9 @@ pub struct Guarded<'a> {
     /// True if the command writes frames to standard output, one by one. Such a command cannot run again, since the
     /// reader of the frames would get the frames of both runs in one stream.
     pub streams: bool,
+    /// True if the command loads compiled programs from raycl's cache. If it does not, no stored program can have
+    /// crashed it, and the command need not run again without the stored programs.
+    pub loads_stored_programs: bool,
     /// True for `raycl render` and `raycl view`: the allocator of the child process uses huge pages, unless the user
     /// has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes of `raycl
     /// run` do.
@@ -95,9 +98,9 @@ impl Guarded<'_> {
 
     /// Returns true if the command may run a second time after a driver has crashed that had listed its devices.
     /// `raycl view` may not: its window may have crashed instead of the driver, and a view that its user has seen end
-    /// must not begin again by itself.
+    /// must not begin again by itself. A command that loads no stored programs would only crash again.
     fn may_run_again(&self) -> bool {
-        self.runs_once().is_none() && self.screen == Screen::None
+        self.runs_once().is_none() && self.screen == Screen::None && self.loads_stored_programs
     }
 }
 
@@ -190,7 +193,8 @@ fn with_all_drivers(
         return Ok(status);
     }
     let error = no_driver_alone(status, &cause, opens_window, drivers);
-    let may_be_cache = !command.may_run_again() && crash(status).is_some() && Cache::of_user().is_usable();
+    let loads_stored = command.loads_stored_programs && Cache::of_user().is_usable();
+    let may_be_cache = loads_stored && !command.may_run_again() && crash(status).is_some();
     Err(if may_be_cache { or_clear_cache(error) } else { error })
 }
 
@@ -305,10 +309,17 @@ mod tests {
 
     #[test]
     fn a_command_runs_again_only_if_its_input_and_output_are_not_used_up() {
+        let usual = || Guarded {
+            reads_standard_input: false,
+            streams: false,
+            loads_stored_programs: true,
+            shows_pictures: true,
+            screen: Screen::None,
+            cl_dir: None,
+        };
+        let again = |command: Guarded<'_>| (command.runs_once().is_none(), command.may_run_again());
         let command = |reads_standard_input, streams, screen| {
-            let command =
-                Guarded { reads_standard_input, streams, shows_pictures: true, screen, cl_dir: None };
-            (command.runs_once().is_none(), command.may_run_again())
+            again(Guarded { reads_standard_input, streams, screen, ..usual() })
         };
         assert_eq!(command(false, false, Screen::None), (true, true));
         assert_eq!(command(true, false, Screen::None), (false, false));
@@ -316,6 +327,8 @@ mod tests {
         for screen in [Screen::Terminal, Screen::Window] {
             assert_eq!(command(false, false, screen), (true, false));
         }
+        // Without the drivers that fail, a command may run again even if it loads no stored programs.
+        assert_eq!(again(Guarded { loads_stored_programs: false, ..usual() }), (true, false));
     }
 
     #[test]

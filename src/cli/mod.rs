@@ -182,6 +182,8 @@ impl Command {
         Guarded {
             reads_standard_input: self.reads_standard_input(),
             streams: self.streams(),
+            // `raycl compile` always compiles, since some compilers report a kernel's registers only then.
+            loads_stored_programs: !matches!(self, Self::Compile(_)),
             shows_pictures: matches!(self, Self::Render(_) | Self::View(_)),
             screen: match self {
                 Self::View(args) if args.uses_terminal() => Screen::Terminal,
@@ -661,6 +663,12 @@ mod tests {
         for line in ["raycl render a.toml", "raycl view a.toml", "raycl worker --keep"] {
             assert!(!command(line).measures(), "{line}");
         }
+    }
+
+    #[test]
+    fn only_compile_never_loads_a_stored_program_that_may_crash_a_driver() {
+        let loads = |words: &str| command(&format!("raycl {words}")).guarded().loads_stored_programs;
+        assert!(loads("render a.toml") && loads("view a.toml") && !loads("compile a.toml --strategy naive"));
     }
 
     #[test]
