@@ -3,7 +3,6 @@
 use super::choice::{parse_seconds, whole};
 use super::subject::Subject;
 use super::watch::{Watched, folders};
-use crate::device::common_name;
 use crate::error::{Error, Result};
 use crate::scene::INPUTS;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
@@ -76,6 +75,9 @@ struct Report {
     scene: String,
     triangles: usize,
     device: String,
+    /// The device's name in the printed text.
+    #[serde(skip)]
+    device_name: String,
     /// The value of every axis of the strategy at the end of the view; the user can change the strategy by keys.
     strategy: String,
     /// Work-items per work-group, across and down.
@@ -156,6 +158,7 @@ fn report(live: &Live, total: Total) -> Report {
         scene: live.scene().name.clone(),
         triangles: live.scene().mesh.triangles.len(),
         device: live.device().label.clone(),
+        device_name: live.device_name(),
         strategy: live.strategy().to_string(),
         local_size: live.local_size(),
         image_size: live.size(),
@@ -173,7 +176,7 @@ fn text(report: &Report) -> String {
     let ([width, height], [x, y]) = (report.image_size, report.local_size);
     let mut lines = vec![
         format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
-        format!("device    {}", common_name(&report.device)),
+        format!("device    {}", report.device_name),
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, local size {x} x {y}"),
     ];
@@ -208,7 +211,8 @@ mod tests {
         text(&Report {
             scene: "little".to_owned(),
             triangles: 1,
-            device: "a device".to_owned(),
+            device: "a label".to_owned(),
+            device_name: "a device".to_owned(),
             strategy: "naive".to_owned(),
             local_size: [8, 8],
             image_size: [48, 30],

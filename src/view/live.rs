@@ -7,7 +7,7 @@ use super::sum::Sum;
 use crate::cache::Cache;
 use crate::cli::choice::one_device;
 use crate::cli::subject::Subject;
-use crate::device::{Device, DeviceInfo, discover};
+use crate::device::{Device, DeviceInfo, common_names, discover};
 use crate::error::{Error, Result};
 use crate::image::to_rgb8;
 use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowProgram};
@@ -38,6 +38,8 @@ pub struct Live {
     /// The size of the first picture. The scene's camera is placed so that the scene fits into a picture of this size.
     framed: [u32; 2],
     casting: Casting,
+    /// The labels of all devices when they were last listed to change the device; empty before.
+    labels: Vec<String>,
     sum: Sum,
 }
 
@@ -110,7 +112,8 @@ impl Live {
         let wanted = Wanted { subject: &subject, sources: &sources, scene: &scene, samples };
         let casting = Casting::usual_on(device, &wanted)?;
         let (framed, sum) = (subject.size(), Sum::of(samples));
-        Ok(Self { subject, dressed, samples, sources, loaded, scene, framed, casting, sum })
+        let labels = Vec::new();
+        Ok(Self { subject, dressed, samples, sources, loaded, scene, framed, casting, labels, sum })
     }
 
     /// Returns the scene.
@@ -131,6 +134,12 @@ impl Live {
     /// Returns the device.
     pub fn device(&self) -> &DeviceInfo {
         &self.casting.device.info
+    }
+
+    /// Returns the device's name for the user. If several devices have the same common name, the names tell them
+    /// apart as soon as the user has changed the device.
+    pub fn device_name(&self) -> String {
+        told_apart(self.device(), &self.labels)
     }
 
     /// Returns the strategy.
@@ -300,8 +309,9 @@ impl Live {
     /// Fails if no other usable device can cast the scene. The message states why the last device that was
     /// tried cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
-        let devices = others(self.device(), discover(&self.sources)?);
-        self.move_to_first(devices)
+        let all = discover(&self.sources)?;
+        self.labels = all.iter().map(|device| device.info.label.clone()).collect();
+        self.move_to_first(others(self.device(), all))
     }
 
     /// Changes to the first device in `devices` that can cast the scene.
@@ -365,6 +375,13 @@ fn others(current: &DeviceInfo, devices: Vec<Device>) -> Vec<Device> {
     usable.rotate_left(next);
     usable.retain(|device| !is_current(device));
     usable
+}
+
+/// Returns the device's common name or, if one of the other devices in `labels` has the same common name, the device's
+/// label.
+fn told_apart(device: &DeviceInfo, labels: &[String]) -> String {
+    let mut names = common_names(labels.iter().map(String::as_str));
+    names.remove(device.label.as_str()).unwrap_or_else(|| device.common_name())
 }
 
 /// Returns the error for the case that there is no other usable device. The message names the device as the
@@ -569,6 +586,19 @@ mod tests {
         let name = "pthread-haswell-AMD EPYC".to_owned();
         let device = DeviceInfo { label: name.clone(), name, ..crate::experiment::asleep::device(1.0) };
         assert_eq!(only(&device).to_string(), "AMD EPYC, PoCL is the only usable device");
+    }
+
+    #[test]
+    fn devices_of_one_common_name_are_told_apart_by_their_labels() {
+        let device = |driver: &str| {
+            let name = format!("{driver}-Intel(R) Xeon(R) Processor");
+            DeviceInfo { label: name.clone(), name, ..crate::experiment::asleep::device(1.0) }
+        };
+        let devices = ["basic", "pthread"].map(device);
+        let labels = devices.each_ref().map(|device| device.label.clone());
+        let names = |labels: &[String]| devices.each_ref().map(|device| told_apart(device, labels));
+        assert_eq!(names(&labels), labels);
+        assert_eq!([names(&[]), names(&labels[..1])], [["Intel Xeon, PoCL"; 2]; 2]);
     }
 
     #[test]

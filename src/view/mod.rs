@@ -252,7 +252,7 @@ impl<S: Screen> Viewer<S> {
                 self.compiled(same, |live| live.next_local_size(steps));
             }
             Action::Device => {
-                self.tried(Live::next_device);
+                self.announced(title::OPENING, Live::next_device);
             }
             Action::Tests => self.turn_heat(),
             Action::Help => self.turn_help(),
@@ -325,13 +325,18 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Makes a change for which the program of `strategy` must be compiled. Until the compiler has finished,
-    /// no picture is shown and no key is obeyed, so the line beside the picture first names the strategy. Returns
+    /// Makes a change for which the program of `strategy` must be compiled; first names the strategy. Returns
     /// true if the change succeeded.
     fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) -> bool {
+        self.announced(&title::compiling(&strategy), change)
+    }
+
+    /// Makes a change that may take long. Until the change is made, no picture is shown and no key is obeyed,
+    /// so the line beside the picture first says what raycl does. Returns true if the change succeeded.
+    fn announced(&mut self, line: &str, change: impl FnOnce(&mut Live) -> Result<()>) -> bool {
         // If the screen cannot show the line, it cannot show the next picture either. The error about showing
         // the next picture will end the view.
-        let _ = self.screen.tell_at_once(&title::compiling(&strategy));
+        let _ = self.screen.tell_at_once(line);
         self.tried(change)
     }
 

@@ -231,6 +231,14 @@ fn a_program_that_is_compiled_is_announced_with_its_strategy() {
 }
 
 #[test]
+fn another_device_is_announced_before_raycl_looks_for_it() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    viewer.act(Action::Device);
+    assert_eq!(screen.lines, [title::OPENING]);
+}
+
+#[test]
 fn keys_that_waited_for_a_compiler_compile_nothing_between_the_first_strategy_and_the_last() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);

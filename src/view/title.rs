@@ -24,10 +24,13 @@ pub fn line(
         format!("{cast} of {samples} samples"),
     ];
     // The device comes last: its name may be long.
-    let device = live.device().common_name();
+    let device = live.device_name();
     let line = first.chain(parts).chain(note).chain([device]).collect::<Vec<_>>().join(" | ");
     printer::line(&line).into_owned()
 }
+
+/// The line that is shown while another device is listed and opened, and its program is compiled.
+pub const OPENING: &str = "opening the next device ...";
 
 /// Returns the line that is shown while the program of a strategy is compiled.
 pub fn compiling(strategy: &Strategy) -> String {
