@@ -300,6 +300,16 @@ fn a_pipe_gets_half_blocks() {
     has(&String::from_utf8_lossy(&output.stderr), &["scene     little: 1 triangle\n", "\nspeed     "]);
 }
 
+#[test]
+fn a_full_disk_is_named_instead_of_the_terminal() {
+    let folder = new_folder();
+    let full = std::fs::File::options().write(true).open("/dev/full").expect("a device");
+    let mut command = view(&folder, &["--terminal", "--frames", "1"]);
+    let output = finish(command.stdout(full).spawn().expect("it starts"));
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    has(&String::from_utf8_lossy(&output.stderr), &["cannot write to standard output", "free up space"]);
+}
+
 /// Returns the output of `raycl view --terminal=FORM` for one frame, without the report.
 fn frame(folder: &WorkFolder, form: &str) -> Vec<u8> {
     let terminal = format!("--terminal={form}");

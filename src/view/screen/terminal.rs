@@ -134,6 +134,8 @@ impl Terminal {
     fn write(&mut self, text: &str) -> Result<()> {
         match self.out.write_all(text.as_bytes()).and_then(|()| self.out.flush()) {
             Err(error) if error.kind() == ErrorKind::BrokenPipe => self.is_gone = true,
+            // A file that gets the pictures may be on a full disk.
+            Err(error) if !self.out.is_terminal() => return Err(Error::unwritable_output(&error)),
             written => written.map_err(failed)?,
         }
         Ok(())
