@@ -8,7 +8,7 @@ use super::choice::{
 };
 use crate::accel::WideBvh;
 use crate::device::DeviceInfo;
-use crate::error::Result;
+use crate::error::{Error, Result, shortened};
 use crate::filetype::is_standard_input;
 use crate::launch::{Prepared, Refused, Session};
 use crate::scene::{Loaded, Scene, Setting, Shot, load_scene_for};
@@ -137,9 +137,12 @@ impl Subject {
 
     /// Returns the values of the scene that options and `--set` change. A value of `--set` is read
     /// as TOML if it is valid TOML, and otherwise as text.
+    ///
+    /// # Errors
+    ///
+    /// Fails if `--set` has an unknown key, or if a value of the scene or an axis is set twice.
     fn overrides(&self) -> Result<Vec<Setting>> {
-        let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));
-        of_scene().try_for_each(|(key, text)| {
+        self.set.iter().filter(|(key, _)| !is_axis(key)).try_for_each(|(key, text)| {
             refuse_option(key, text)?;
             refuse_misspelt_axis(key)
         })?;
@@ -147,13 +150,28 @@ impl Subject {
             let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
             parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())
         };
-        let set = of_scene().map(|(key, text)| Setting {
+        let set = self.set.iter().map(|(key, text)| Setting {
             path: key.clone(),
             value: value(text),
             origin: format!("--set {key}={text}"),
         });
-        Ok(self.look.values().into_iter().chain(set).collect())
+        let mut all: Vec<Setting> = self.look.values().into_iter().chain(set).collect();
+        refuse_second(&all)?;
+        all.retain(|setting| !is_axis(&setting.path));
+        Ok(all)
     }
+}
+
+/// Returns an error if two settings have the same path, since one of them would have no effect.
+fn refuse_second(settings: &[Setting]) -> Result<()> {
+    for (index, second) in settings.iter().enumerate() {
+        if let Some(first) = settings[..index].iter().find(|first| first.path == second.path) {
+            let [one, other] = [first, second].map(|setting| shortened(&*setting.origin));
+            let message = format!("'{}' is set twice: by {one} and by {other}", second.path);
+            return Err(Error::input(message).with_help("leave out one of the two"));
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -210,6 +228,36 @@ mod tests {
         // `moller-trumbore`, so this test is no mistake.
         let chosen_later = error(None, &[("intersector", "moller-trumbore")]);
         assert!(chosen_later.contains("missing.obj"), "{chosen_later}");
+    }
+
+    #[test]
+    fn a_value_that_is_set_twice_is_a_mistake_but_a_part_of_a_value_may_follow_the_whole() {
+        #[derive(clap::Parser)]
+        struct Command {
+            #[command(flatten)]
+            subject: Subject,
+        }
+        let overrides = |words: &str| {
+            let words = format!("render a.toml {words}");
+            <Command as clap::Parser>::parse_from(words.split_whitespace()).subject.overrides()
+        };
+        for (words, message) in [
+            (
+                "--set background=white --set name=a --background black",
+                "'background' is set twice: by --background black and by --set background=white",
+            ),
+            (
+                "--set light.0.power=1 --set light.0.power=2",
+                "'light.0.power' is set twice: by --set light.0.power=1 and by --set light.0.power=2",
+            ),
+            ("--set width=4 --set width=8", "'width' is set twice: by --set width=4 and by --set width=8"),
+        ] {
+            let error = overrides(words).unwrap_err();
+            assert_eq!((error.exit_code(), error.to_string().as_str()), (2, message));
+        }
+        let settings = overrides("--set width=4 --set sky={} --set sky.zenith=1 --background black").unwrap();
+        let paths: Vec<_> = settings.iter().map(|setting| setting.path.as_str()).collect();
+        assert_eq!(paths, ["background", "sky", "sky.zenith"]);
     }
 
     #[test]
