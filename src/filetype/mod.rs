@@ -17,6 +17,7 @@ pub use crate::reader::{STANDARD_INPUT, is_standard_input};
 pub use opened::Opened;
 
 use crate::error::Error;
+use crate::words::{path_word, quote};
 use std::path::{Path, PathBuf};
 
 /// The name of material files in messages; only meshes refer to such files.
@@ -144,7 +145,11 @@ impl FileType {
             ),
             (Self::Mesh(format), Wanted::Experiment) => refused(
                 &format!("{}, not an experiment", format.name()),
-                &format!("`raycl render {name}` renders this mesh; {}", wanted.read()),
+                &format!(
+                    "`raycl render {}` renders this mesh; {}",
+                    quote(&path_word(Path::new(name))),
+                    wanted.read()
+                ),
             ),
             (Self::Toml, Wanted::Mesh) => refused("a TOML file, not a mesh", wanted.read()),
             _ => None,

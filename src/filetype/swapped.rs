@@ -1,6 +1,7 @@
 //! Recognises a scene that was passed as an experiment, and an experiment that was passed as a scene.
 
 use crate::error::Error;
+use crate::words::{path_word, quote};
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -13,10 +14,11 @@ const EXPERIMENT_KEYS: [&str; 7] =
 /// Returns the error for an experiment that could not be read because the file is a scene. Returns `None` if
 /// the file is no scene.
 pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
-    let (name, file) = (path.display(), path.file_name().unwrap_or_default().display());
+    let file = path.file_name().unwrap_or_default().display();
     has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
-        Error::input(format!("{name} is a scene, not an experiment")).with_help(format!(
-            "`raycl render {name}` renders this scene; an experiment lists it as scenes = [\"{file}\"]"
+        Error::input(format!("{} is a scene, not an experiment", path.display())).with_help(format!(
+            "`raycl render {}` renders this scene; an experiment lists it as scenes = [\"{file}\"]",
+            quote(&path_word(path))
         ))
     })
 }
@@ -24,10 +26,10 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
 /// Returns the error for a scene that could not be read because the file is an experiment. Returns `None` if
 /// the file is no experiment.
 pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
-    let name = path.display();
     has_only(text, &EXPERIMENT_KEYS, &SCENE_KEYS).then(|| {
-        Error::input(format!("{name} is an experiment, not a scene")).with_help(format!(
-            "`raycl run {name}` runs this experiment; `raycl render` needs one of its scenes"
+        Error::input(format!("{} is an experiment, not a scene", path.display())).with_help(format!(
+            "`raycl run {}` runs this experiment; `raycl render` needs one of its scenes",
+            quote(&path_word(path))
         ))
     })
 }

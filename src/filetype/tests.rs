@@ -250,6 +250,24 @@ fn a_scene_and_an_experiment_are_told_apart() {
 }
 
 #[test]
+fn a_file_that_was_mistaken_for_another_is_quoted_in_the_command_that_reads_it() {
+    let (scene, experiment) = ("[[object]]\nshape = \"sphere\"\n", "question = \"?\"\nscenes = []\n");
+    for (name, word) in [("my file", "'my file'"), ("-f", "./-f")] {
+        let path = Path::new(name);
+        let mesh = FileType::Mesh(MeshFormat::Stl).refusal(name, Wanted::Experiment);
+        for (error, command) in [
+            (scene_instead(path, scene), "render"),
+            (experiment_instead(path, experiment), "run"),
+            (mesh, "render"),
+        ] {
+            let error = error.unwrap();
+            assert!(error.to_string().starts_with(&format!("{name} is a")), "{error}");
+            assert!(error.remedy().starts_with(&format!("`raycl {command} {word}` ")), "{}", error.remedy());
+        }
+    }
+}
+
+#[test]
 fn the_name_of_a_packed_mesh_says_its_format() {
     let format = |name: &str| MeshFormat::from_ending(Path::new(name));
     for name in ["part.stl", "part.stl.gz", "PART.STL.GZ"] {
