@@ -14,6 +14,7 @@ use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowP
 use crate::program::{ProgramCache, Sources};
 use crate::scene::{Camera, Light, Loaded, Sample, Sampling, Scene};
 use crate::strategy::Strategy;
+use crate::words::counted;
 use image::RgbImage;
 use std::sync::Arc;
 
@@ -106,7 +107,7 @@ impl Live {
     pub fn open(subject: Subject, samples: u32) -> Result<Self> {
         let sources = Sources::of(subject.cl_dir.clone())?;
         let dressed = !subject.look.plain;
-        let loaded = subject.load(true, dressed)?;
+        let loaded = load(&subject, dressed)?;
         let device = one_device(subject.device.as_deref(), &sources)?;
         let scene = Arc::new(loaded.scene.clone());
         let wanted = Wanted { subject: &subject, sources: &sources, scene: &scene, samples };
@@ -353,7 +354,7 @@ impl Live {
         let sources = Sources::of(self.subject.cl_dir.clone())?;
         let [width, height] = self.framed;
         let framed = Subject { width, height, ..self.subject.clone() };
-        let loaded = framed.load(true, self.dressed)?;
+        let loaded = load(&framed, self.dressed)?;
         let scene = Arc::new(loaded.scene.clone());
         let wanted =
             Wanted { subject: &self.subject, sources: &sources, scene: &scene, samples: self.samples };
@@ -363,6 +364,19 @@ impl Live {
         self.sum.restart();
         Ok(())
     }
+}
+
+/// Loads the scene so that it can be seen from all around. If the scene is animated, a note says that the view shows
+/// only its first frame.
+fn load(subject: &Subject, dressed: bool) -> Result<Loaded> {
+    let mut loaded = subject.load(true, dressed)?;
+    let frames = loaded.animation.as_ref().map_or(1, |animation| animation.frames);
+    if frames > 1 {
+        let frames = counted(frames as usize, "frame");
+        let note = format!("the view shows the first of {frames}: `raycl render --animate` renders all");
+        loaded.notes.push(note);
+    }
+    Ok(loaded)
 }
 
 /// Returns the usable devices other than `current`: first those that follow `current` in `devices`, then those before
@@ -501,7 +515,29 @@ mod tests {
         assert_eq!(live.view(&Pose::START), before);
     }
 
-    use super::super::tests::live;
+    use super::super::tests::{live, live_of};
+
+    #[test]
+    fn a_note_says_that_only_the_first_frame_of_an_animated_scene_is_shown() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("scene.toml");
+        let write = |frames: u32| {
+            let still = include_str!("../../scenes/triangle.toml");
+            std::fs::write(&path, format!("{still}\n[animation]\nframes = {frames}\n")).expect("a file");
+        };
+        write(4);
+        let mut live = live_of(&path, ["40", "20"], &[], 1);
+        let note = |frames| {
+            format!("the view shows the first of {frames} frames: `raycl render --animate` renders all")
+        };
+        assert_eq!(live.loaded().notes, [note(4)]);
+        write(3);
+        live.reload().expect("it can be read");
+        assert_eq!(live.loaded().notes, [note(3)]);
+        write(1);
+        live.reload().expect("it can be read");
+        assert!(live.loaded().notes.is_empty(), "{:?}", live.loaded().notes);
+    }
 
     #[test]
     fn shadow_rays_of_all_lights_and_of_the_sky_are_counted() {
