@@ -122,7 +122,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 #[test]
 fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() {
     let ground = Ground::new();
-    (1..=3).for_each(|shard| ground.shard(&format!("{shard}/3")));
+    (1..=4).for_each(|shard| ground.shard(&format!("{shard}/4")));
     for attempt in ground.attempts() {
         let written =
             |name: &str| attempt.join(name).metadata().and_then(|file| file.modified()).expect("a time");
@@ -133,9 +133,9 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
         );
     }
     let said = ground.merge();
-    has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
+    has(&said, &["Merged:   4 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // The plan has two groups of points but three shards, so one group is divided. Both parts of the divided
+    // The plan has two groups of points but four shards, so both groups are divided. Both parts of a divided
     // group measure the same control point, by which the parts can be compared.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
@@ -172,9 +172,9 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     own.sort_unstable();
     assert_eq!((points.len(), keys), (POINTS, own));
     let states = objects(&ground.folder.output(&["merge", "out", "--status", "--json"]));
-    assert!(states.len() == 3 && states.iter().all(|one| one["state"] == "done"), "{states:?}");
+    assert!(states.len() == 4 && states.iter().all(|one| one["state"] == "done"), "{states:?}");
     assert_eq!(ground.folder.output(&["merge", "out", "--quiet"]), "");
-    has(&ground.folder.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
+    has(&ground.folder.output(&["merge", "out", "--status"]), &["done", "4 attempts at 4 shards"]);
 }
 
 /// In this test, a folder has the attempts of several machines, but the plan of another experiment. Later in

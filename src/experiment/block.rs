@@ -25,6 +25,14 @@ impl Block {
     pub fn borrows_control(&self) -> bool {
         self.control.is_some_and(|control| !self.points.contains(&control))
     }
+
+    /// Returns the block's expected time in milliseconds. `costs` has the cost of each point of the plan, by
+    /// the point's index.
+    pub fn expected_ms(&self, costs: &HashMap<usize, Cost>) -> f64 {
+        let borrowed = self.control.filter(|_| self.borrows_control());
+        let points = self.points.iter().chain(&borrowed);
+        whole_ms(&points.filter_map(|point| costs.get(point).copied()).collect::<Vec<_>>())
+    }
 }
 
 /// A point of the experiment that is to be assigned to a block, with its expected time.
@@ -32,9 +40,12 @@ impl Block {
 pub struct Cost {
     /// The point's index in the plan.
     pub point: usize,
-    /// The point's expected time in milliseconds, on all devices that measure the point together. Only the
-    /// ratios of the points' times affect how the points are divided into blocks.
+    /// The point's expected time in milliseconds, on all devices that measure the point together, without the
+    /// start of workers. Only the ratios of times affect how the points are divided into blocks.
     pub ms: f64,
+    /// The expected time in milliseconds to start the workers that measure the point. The points of a block
+    /// have the same workers, so a block takes this time once, and not once for each of its points.
+    pub start_ms: f64,
     /// True if the point is suitable as a control point: as far as is known, every device can measure the
     /// point.
     pub may_control: bool,
@@ -44,8 +55,9 @@ pub struct Cost {
 type Priced = (f64, Block);
 
 /// The targets that [`cut`] tries for the expected times of the pieces of a group, largest first. A target is
-/// a fraction of the time that each shard would take if all shards had equally much work.
-const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
+/// a fraction of the time that each shard would take if all shards had equally much work. The first target
+/// cuts no group.
+const GRAINS: [f64; 5] = [f64::INFINITY, 1.0, 0.5, 0.34, 0.25];
 /// If a group of points is cut into pieces, each piece measures one common point (the control point), so that
 /// the pieces can be compared. Smaller pieces mean that control points are measured more often. Groups are
 /// cut into smaller pieces only if this shortens the time of the shard that takes longest by more than the
@@ -56,14 +68,15 @@ const WORTHWHILE: f64 = 0.05;
 /// blocks.
 pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
-    let all: f64 = groups.iter().flatten().map(|cost| cost.ms).sum();
+    let all: f64 = groups.iter().map(|group| whole_ms(group)).sum();
     let fair = all / f64::from(shards);
-    let ms: HashMap<usize, f64> = groups.iter().flatten().map(|cost| (cost.point, cost.ms)).collect();
-    let ms_of = |point: usize| ms.get(&point).copied().unwrap_or_default();
+    let alone = groups.iter().flatten().map(|cost| (cost.point, cost.start_ms + cost.ms));
+    let alone: HashMap<usize, f64> = alone.collect();
+    let alone_ms = |point: usize| alone.get(&point).copied().unwrap_or_default();
     let mut best: Option<(f64, Vec<Priced>)> = None;
     for grain in GRAINS {
         let mut blocks: Vec<Priced> = groups.iter().flat_map(|group| pieces(group, grain * fair)).collect();
-        let longest = deal(&mut blocks, shards, ms_of);
+        let longest = deal(&mut blocks, shards, alone_ms);
         if best.as_ref().is_none_or(|(known, _)| longest < (1.0 - WORTHWHILE) * known) {
             best = Some((longest, blocks));
         }
@@ -76,23 +89,33 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     blocks
 }
 
+/// Returns the expected time in milliseconds of points that the same workers measure.
+fn whole_ms(points: &[Cost]) -> f64 {
+    start_ms(points) + points.iter().map(|cost| cost.ms).sum::<f64>()
+}
+
+/// Returns the expected time in milliseconds to start the workers that measure these points.
+fn start_ms(points: &[Cost]) -> f64 {
+    points.iter().map(|cost| cost.start_ms).fold(0.0, f64::max)
+}
+
 /// Returns the group as one piece or, if the group's expected time exceeds `most`, as several pieces of
-/// neighbouring points.
+/// neighbouring points. Each piece starts workers of its own.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
-    let whole: f64 = group.iter().map(|cost| cost.ms).sum();
+    let (whole, start) = (whole_ms(group), start_ms(group));
     // A group that is slightly larger than `most` stays whole, since each of its pieces would measure a
     // control point. A group has at most half as many pieces as points (rounded up): if a piece had only a
     // single point, measuring the control point too would not be worthwhile.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
-    let mut pieces = vec![(0.0, Block::default()); count];
+    let mut pieces = vec![(start, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // The points' times, laid end to end, fill the time of the group. The group's time is divided into
-        // equal intervals, one for each piece of the group. A point goes to the piece of the group whose
-        // interval contains the middle of the point's time.
-        let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
+        // The points' times, laid end to end, fill the time of the group after the start of its workers. This
+        // time is divided into equal intervals, one for each piece of the group. A point goes to the piece of
+        // the group whose interval contains the middle of the point's time.
+        let part = (before + 0.5 * cost) / (whole - start).max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
         pieces[piece].1.points.push(*point);
@@ -118,9 +141,10 @@ fn control(group: &[Cost]) -> Option<&Cost> {
 
 /// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard
 /// whose blocks, until then, have the least expected time in all. Returns the expected time of the shard that
-/// takes longest. `ms_of` returns the expected time of a point: the expected times of the pieces of a group
-/// all include the control point, which a shard with several of these pieces measures only once (see [`joined`]).
-fn deal(blocks: &mut [Priced], shards: u32, ms_of: impl Fn(usize) -> f64) -> f64 {
+/// takes longest. `alone_ms` returns the expected time of a point with the start of its workers: the expected
+/// times of the pieces of a group all include the control point and a start of workers, but a shard with
+/// several of these pieces starts workers and measures the control point only once (see [`joined`]).
+fn deal(blocks: &mut [Priced], shards: u32, alone_ms: impl Fn(usize) -> f64) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
     let mut loads = vec![0.0_f64; shards as usize];
@@ -129,7 +153,7 @@ fn deal(blocks: &mut [Priced], shards: u32, ms_of: impl Fn(usize) -> f64) -> f64
         let least = (0..loads.len()).min_by(|one, other| loads[*one].total_cmp(&loads[*other])).unwrap_or(0);
         let (ms, block) = &mut blocks[index];
         let repeated = block.control.filter(|control| !controls.insert((least, *control)));
-        loads[least] += *ms - repeated.map_or(0.0, &ms_of);
+        loads[least] += *ms - repeated.map_or(0.0, &alone_ms);
         block.shard = least as u32 + 1;
     }
     loads.into_iter().fold(0.0, f64::max)
@@ -157,8 +181,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn groups(costs: &[Vec<f64>]) -> Vec<Vec<Cost>> {
+        started_groups(costs, 0.0)
+    }
+
+    /// Returns groups of points with these expected times. The workers of each group take `start_ms` to start.
+    fn started_groups(costs: &[Vec<f64>], start_ms: f64) -> Vec<Vec<Cost>> {
         let mut points = 0..;
-        let mut cost = |ms: &f64| Cost { point: points.next().unwrap_or(0), ms: *ms, may_control: true };
+        let mut cost =
+            |ms: &f64| Cost { point: points.next().unwrap_or(0), ms: *ms, start_ms, may_control: true };
         costs.iter().map(|group| group.iter().map(&mut cost).collect()).collect()
     }
 
@@ -265,6 +295,31 @@ mod tests {
         let longest = deal(&mut pieces, 2, |point| costs[point]);
         let blocks = joined(pieces.into_iter().map(|(_, block)| block).collect());
         assert_eq!((loads(std::slice::from_ref(&costs), &blocks, 2), longest), (vec![5.0, 4.0], 5.0));
+    }
+
+    #[test]
+    fn a_block_starts_its_workers_once() {
+        let groups = started_groups(&[vec![1.0; 4]], 10.0);
+        let mut pieces = pieces(&groups[0], 7.0);
+        assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [12.0, 13.0]);
+        // One shard measures both pieces of the group, so it starts workers once.
+        assert_eq!(deal(&mut pieces, 1, |_| 11.0), 14.0);
+        let costs: HashMap<usize, Cost> = groups[0].iter().map(|cost| (cost.point, *cost)).collect();
+        let expected_ms = |points: &[usize]| {
+            Block { points: points.to_vec(), control: Some(0), ..Block::default() }.expected_ms(&costs)
+        };
+        assert_eq!([expected_ms(&[0, 1, 2, 3]), expected_ms(&[2, 3])], [14.0, 13.0]);
+    }
+
+    #[test]
+    fn groups_whose_pieces_would_mainly_start_workers_are_not_cut() {
+        let are_cut = |start_ms: f64| {
+            let blocks = cut(&started_groups(&vec![vec![100.0; 30]; 2], start_ms), 3);
+            blocks.iter().any(|block| block.control.is_some())
+        };
+        // Without starts of workers, pieces of 1000 ms shorten the shard that takes longest from 3000 ms to 2200 ms.
+        // If each piece starts workers for 2000 ms, whole groups take 5000 ms, and pieces would take 6200 ms.
+        assert_eq!([are_cut(0.0), are_cut(2000.0)], [true, false]);
     }
 
     #[test]

@@ -57,8 +57,9 @@ pub struct Expected {
 struct Known {
     /// Time of one sample of the point.
     sample_ms: f64,
-    /// Time of a check that only hashes the picture, and time of a check that compares the picture
-    /// with the reference.
+    /// Time of a check in a later launch, which loads the program and only hashes the picture. Then the time
+    /// of the check in the first launch, which also compiles the program if it is in no cache, and compares
+    /// the picture with the reference.
     check_ms: [f64; 2],
     /// Number of samples of the point per launch. `None` if the earlier record's key differs from the point's
     /// key, because the rule that ends the sampling may differ too.
@@ -122,13 +123,14 @@ impl Run<'_> {
     /// comparable points. Unless the points are distributed over devices, every device measures a point, so
     /// the point's expected time is the sum of its times on all devices. The time on a device comes from an
     /// `earlier` record. If there is no earlier record, the time is estimated from the amount of computation.
-    /// A point without a record whose preset is meant for another kind of device is skipped, so it costs only
-    /// the start of a worker. Each returned `Cost` contains the index of its point in the plan for one device.
+    /// A point without a record whose preset is meant for another kind of device is skipped, so it takes no
+    /// time. Each returned `Cost` contains the index of its point in the plan for one device.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let mut sums: HashMap<usize, Cost> = HashMap::new();
         for cost in self.costs_on_devices(earlier)? {
-            let sum = sums.entry(cost.point).or_insert(Cost { ms: 0.0, ..cost });
+            let sum = sums.entry(cost.point).or_insert(Cost { ms: 0.0, start_ms: 0.0, ..cost });
             sum.ms += cost.ms;
+            sum.start_ms += cost.start_ms;
             sum.may_control &= cost.may_control;
         }
         let groups = self.plan_of_one_device().groups_by_device();
@@ -144,15 +146,16 @@ impl Run<'_> {
         let indices = plan.indices_on_devices().into_iter();
         let of_one_device: HashMap<usize, usize> = indices.map(|((of, _), index)| (index, of)).collect();
         let earlier = ByName::of(earlier);
+        let start_ms = self.launches() as f64 * START_MS;
         let cost = |pending: &PendingPoint| {
             let before = earlier.of_same(&pending.record);
             let known = self.known_before(pending, &earlier);
             let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
             let known = known.unwrap_or_else(|| guessed(&pending.record));
-            let ms = self.group_ms(&[known], self.launches());
+            let ms = self.points_ms(&[known], self.launches());
             let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
             let may_control = !failed && self.is_for_every_kind(&plan.points[pending.point]);
-            Some(Cost { point: *of_one_device.get(&pending.point)?, ms, may_control })
+            Some(Cost { point: *of_one_device.get(&pending.point)?, ms, start_ms, may_control })
         };
         let groups = self.pending_points(&plan, &plan.by_device())?;
         Ok(groups.iter().flatten().filter_map(cost).collect())
@@ -177,8 +180,12 @@ impl Run<'_> {
         }
         let larger = draft.pixels() / earlier.pixels();
         let sample_ms = larger * earlier.host_median_ms? * f64::from(earlier.batch.unwrap_or(1));
-        let again_ms = earlier.build_ms.unwrap_or(0.0) + sample_ms;
-        let first_ms = earlier.check_ms.map_or(again_ms, |ms| ms * larger.max(1.0));
+        // If the earlier run compiled the program, `build_ms` is the time to compile it. raycl's cache is
+        // assumed to hold the program since then. The short time to load the program is unknown.
+        let is_compiled = earlier.build_from_cache == Some(false);
+        let load_ms = earlier.build_ms.filter(|_| !is_compiled).unwrap_or(0.0);
+        let again_ms = load_ms + sample_ms;
+        let first_ms = earlier.check_ms.map_or(again_ms, |ms| (ms * larger.max(1.0)).max(again_ms));
         let launches = self.launches();
         let left_out = earlier.preempted_samples.unwrap_or(0) + earlier.moved_samples.unwrap_or(0);
         let samples = earlier.samples_ms.len() + left_out as usize;
@@ -198,11 +205,14 @@ impl Run<'_> {
         self.launches().saturating_sub(complete).max(1)
     }
 
-    /// Returns the time for `launches` launches of a group, in milliseconds. Only in the first launch are
-    /// pictures compared with the reference.
+    /// Returns the time for `launches` launches of a group, in milliseconds.
     fn group_ms(&self, points: &[Known], launches: usize) -> f64 {
-        let compare_ms: f64 = points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum();
-        launches as f64 * self.launch_ms(points) + compare_ms
+        launches as f64 * self.launch_ms(points) + first_launch_ms(points)
+    }
+
+    /// Returns the time for `launches` launches of a group without the starts of its workers, in milliseconds.
+    fn points_ms(&self, points: &[Known], launches: usize) -> f64 {
+        launches as f64 * self.started_launch_ms(points) + first_launch_ms(points)
     }
 
     /// Returns the longest time, in milliseconds, that a group may need in addition to `group_ms` for
@@ -216,15 +226,17 @@ impl Run<'_> {
         replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
     }
 
-    /// Returns the time, in milliseconds, for a launch of a group in which pictures are not compared with the
-    /// reference.
+    /// Returns the time, in milliseconds, for a launch of a group that is not the group's first launch.
     fn launch_ms(&self, points: &[Known]) -> f64 {
-        if points.is_empty() {
-            return 0.0;
-        }
+        if points.is_empty() { 0.0 } else { START_MS + self.started_launch_ms(points) }
+    }
+
+    /// Returns the time, in milliseconds, for a launch of a group after the launch's workers have started. The
+    /// launch is not the group's first launch.
+    fn started_launch_ms(&self, points: &[Known]) -> f64 {
         let sum = |of: &dyn Fn(&Known) -> f64| points.iter().map(of).sum::<f64>();
         let warm_ms = sum(&|point| self.warm_up_ms(point.sample_ms));
-        START_MS + warm_ms + self.rounds_ms(points) + sum(&|point| point.check_ms[0])
+        warm_ms + self.rounds_ms(points) + sum(&|point| point.check_ms[0])
     }
 
     /// Returns the time, in milliseconds, for a point's warm-up in a launch. The warm-up ends early if frames are long.
@@ -242,6 +254,12 @@ impl Run<'_> {
         let rounds = points.iter().filter_map(|point| point.rounds).max().unwrap_or(by_rule);
         rounds as f64 * round_ms
     }
+}
+
+/// Returns by how many milliseconds the first launch of a group takes longer than a later launch. Only in the
+/// first launch are programs compiled, and pictures compared with the reference.
+fn first_launch_ms(points: &[Known]) -> f64 {
+    points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum()
 }
 
 /// The expected times of groups of points, in milliseconds, added up for the host and for all devices.
@@ -324,7 +342,7 @@ fn guessed(draft: &Record) -> Known {
     let triangles = draft.triangles.unwrap_or(1) as f64;
     let tests = if draft.walks_tree() { 30.0 * (triangles + 1.0).log2() } else { triangles };
     let sample_ms = rays * tests / if draft.is_baseline() { 0.1 * TESTS_PER_MS } else { TESTS_PER_MS };
-    Known { sample_ms, check_ms: [COMPILE_MS + sample_ms, COMPILE_MS + 2.0 * sample_ms], rounds: None }
+    Known { sample_ms, check_ms: [sample_ms, COMPILE_MS + 2.0 * sample_ms], rounds: None }
 }
 
 /// Returns the names of a record's scene, device and strategy, without the local size and the image size.

@@ -50,6 +50,7 @@ impl Replay {
         let cost = |point: &usize| Cost {
             point: *point,
             ms: records[*point].median_ms.expect("a time"),
+            start_ms: 0.0,
             may_control: true,
         };
         let groups: Vec<Vec<Cost>> =

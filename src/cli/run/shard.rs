@@ -11,7 +11,7 @@ use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::existing;
-use crate::experiment::{Observer, Results, Run, cut, distinct_scenes};
+use crate::experiment::{Cost, Observer, Results, Run, cut, distinct_scenes};
 use crate::output::{Choice, refuse_other_folders};
 use crate::peak::Peak;
 use crate::program::Sources;
@@ -93,12 +93,10 @@ fn version() -> String {
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);
-    let costs: HashMap<usize, f64> = costs.iter().flatten().map(|cost| (cost.point, cost.ms)).collect();
+    let costs: HashMap<usize, Cost> = costs.iter().flatten().map(|cost| (cost.point, *cost)).collect();
     let mut expected_ms = vec![0.0; header.shards as usize];
     for block in &blocks {
-        let borrowed = block.control.filter(|_| block.borrows_control());
-        let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|point| costs.get(point)).sum();
-        expected_ms[block.shard as usize - 1] += cost;
+        expected_ms[block.shard as usize - 1] += block.expected_ms(&costs);
     }
     let points = run.plan_of_one_device().points;
     let mut cases: Vec<usize> = Vec::new();
@@ -321,9 +319,9 @@ mod tests {
         assert!(error.to_string().starts_with(expected), "{error}");
     }
 
-    /// The plan has three shards for two groups of points, so a group is divided among shards. One of the
-    /// shards that share this group also measures (borrows) the group's control point, although the control
-    /// point belongs to another shard.
+    /// The plan has six shards for two groups of kernels and two groups of a caster on the host, so the groups of
+    /// kernels are divided among shards. One of the shards that share a group also measures (borrows) the
+    /// group's control point, although the control point belongs to another shard.
     #[test]
     fn a_plan_names_its_points_and_cases_and_expects_each_shards_time() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -331,7 +329,7 @@ mod tests {
         let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
         let (devices, sources, args) = ([&device], [Sources::Embedded], fixtures::args(&["a.toml"]));
         let run = super::super::run_of(&args, &experiment, &devices, &sources, &locks).expect("a run");
-        let header = Header { shards: 3, ..Header::default() };
+        let header = Header { shards: 6, ..Header::default() };
         let plan = make(&run, header.clone(), &folder.path().join("out")).expect("a plan");
         assert_eq!(plan.header, header);
         assert_eq!(plan.cases, [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
@@ -346,16 +344,18 @@ mod tests {
     }
 
     /// Checks that the expected time of each shard is the sum of the expected times of its points and of its
-    /// borrowed control points: points of another block, which it measures only for comparison.
+    /// borrowed control points: points of another block, which it measures only for comparison. The sum also
+    /// contains the time to start the workers of each block.
     fn check_times(run: &Run<'_>, plan: &ShardPlan) {
         let costs: Vec<_> = run.costs(&[]).expect("costs").concat();
-        let ms = |point: usize| costs.iter().find(|cost| cost.point == point).expect("a cost").ms;
+        let cost = |point: usize| costs.iter().find(|cost| cost.point == point).expect("a cost");
         for (number, planned) in (1..).zip(&plan.expected_ms) {
             let own = plan.blocks.iter().filter(|block| block.shard == number);
             let expected: f64 = own
                 .map(|block| {
                     let borrowed = block.control.filter(|control| !block.points.contains(control));
-                    block.points.iter().copied().chain(borrowed).map(ms).sum::<f64>()
+                    let points = block.points.iter().copied().chain(borrowed);
+                    cost(block.points[0]).start_ms + points.map(|point| cost(point).ms).sum::<f64>()
                 })
                 .sum();
             assert!(
