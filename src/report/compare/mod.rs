@@ -20,7 +20,7 @@ use crate::measure::Verdict;
 use crate::record::{Folder, Outcome, Record, median};
 use judging::{judged_with_anchors, pairs_of_controls};
 use notes::{different_devices, moved_between};
-use pair::name;
+use pair::{common_name, name};
 use points::{Correspondence, devices, twin};
 use std::collections::{BTreeSet, HashMap};
 
@@ -167,7 +167,7 @@ impl Comparison {
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
-            let line = format!("{}: was {a}, is {b}", name(&before, self.several_devices));
+            let line = format!("{}: was {a}, is {b}", common_name((&before, after), self.several_devices));
             if before.outcome == Outcome::Measured {
                 self.broken.push(line.clone());
             }

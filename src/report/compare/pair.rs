@@ -75,7 +75,7 @@ impl Pair {
     /// Returns the point's name, such as "teapot 800 x 500, naive 8x8". If `device` is true and the point is
     /// not a baseline, the name ends with the device's name.
     pub fn point(&self, device: bool) -> String {
-        name(&self.before, device)
+        common_name(self.both(), device)
     }
 
     /// Sets the change of the point, and the verdict that follows from it.
@@ -111,18 +111,30 @@ pub(super) fn percent(ratio: f64) -> f64 {
     100.0 * (ratio - 1.0)
 }
 
-/// Returns the name of a record's point, like [`Pair::point`].
+/// Returns the name of the point that two records have in common, like [`Pair::point`].
+pub(super) fn common_name(both: Both<'_>, device: bool) -> String {
+    named(both.0, strategy(both), device)
+}
+
+/// Returns the name of a record's point. If the record's run compared two folders of kernels, the name contains
+/// the folder of the record's kernels, since the run measured another point with the other folder.
 pub(super) fn name(record: &Record, device: bool) -> String {
+    named(record, &record.name, device)
+}
+
+fn named(record: &Record, strategy: &str, device: bool) -> String {
     if record.is_baseline() {
         return format!("{} {}, {}", record.scene, by(record.image_size), title(record));
     }
     let on = if device { format!(", {}", record.device) } else { String::new() };
-    format!("{} {}, {} {}{on}", record.scene, by(record.image_size), strategy(record), size_name(record))
+    format!("{} {}, {} {}{on}", record.scene, by(record.image_size), strategy, size_name(record))
 }
 
-/// Returns the name of a record's strategy, without the folder of kernels that the name may end with. The two records
-/// of a compared point thus have the same name, even if their kernels are from different folders.
-pub(super) fn strategy(record: &Record) -> &str {
-    let folder = record.kernels_of.as_ref().map(|kernels| format!(" ({kernels})"));
-    folder.and_then(|folder| record.name.strip_suffix(&folder)).unwrap_or(&record.name)
+/// Returns the name of the strategy that two records have in common. If their kernels are from different folders,
+/// the returned name lacks the folder with which each record's name ends. If both have kernels of the same
+/// folder, the name keeps it: the two compared runs may have measured kernels of another folder too.
+pub(super) fn strategy((before, after): Both<'_>) -> &str {
+    let folder = before.kernels_of.as_ref().filter(|_| before.kernels_of != after.kernels_of);
+    let folder = folder.map(|kernels| format!(" ({kernels})"));
+    folder.and_then(|folder| before.name.strip_suffix(&folder)).unwrap_or(&before.name)
 }

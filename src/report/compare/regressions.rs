@@ -111,7 +111,7 @@ fn means(comparison: &Comparison) -> Vec<Mean<'_>> {
 fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
     for &pair in kernels {
-        let own = strategy(&pair.before);
+        let own = strategy(pair.both());
         entry(&mut strategies, |(name, _)| *name == own, || (own, Vec::new())).1.push(pair);
     }
     strategies.retain(|(_, pairs)| pairs.len() > 1);
@@ -135,8 +135,8 @@ fn mean<'a>(
         };
         entry(&mut groups, is_beside, Vec::new).push(pair);
     }
-    let is_own = |(before, _): &Both<'_>| {
-        !before.is_baseline() && strategy.is_none_or(|own| own == super::pair::strategy(before))
+    let is_own = |both: &Both<'_>| {
+        !both.0.is_baseline() && strategy.is_none_or(|own| own == super::pair::strategy(*both))
     };
     let controls: Vec<Both<'a>> = comparison.controls().filter(is_own).collect();
     let known = |group: &Vec<&'a Pair>| Some((group.len(), change_of_group(group, &controls, references)?));

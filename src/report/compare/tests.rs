@@ -781,6 +781,36 @@ fn a_regression_does_not_name_the_old_folder_of_kernels() {
     assert!(regressions[1].starts_with("teapot 800 x 500, naive 8x8 is 100.0% slower"), "{regressions:?}");
 }
 
+/// Each of the two runs measured the kernels of two folders. In the second run, the kernels of one folder are slower.
+#[test]
+fn points_of_two_runs_are_named_with_the_folder_of_their_kernels() {
+    let of_folder = |name: &str, kernels: &str, side: u32, ms: f64| Record {
+        kernels_of: Some(kernels.into()),
+        ..measured("a", &format!("{name} ({kernels})"), side, ms)
+    };
+    let run = |label: &str, slower: f64| {
+        let both =
+            |side: u32| [of_folder("naive", "old", side, 5.0), of_folder("naive", "new", side, slower)];
+        let only = of_folder("wide", label, 8, 2.0);
+        folder(label, [&both(4)[..], &both(8), &[only, timed("host", "serial", 100.0)]].concat())
+    };
+    let comparison = of(&run("one", 6.0), &run("two", 18.0));
+    let names: Vec<String> = comparison.lines().into_iter().map(|line| line.point).collect();
+    let named = |side: u32, kernels: &str| format!("teapot 800 x 500, naive ({kernels}) {side}x{side}");
+    assert_eq!(names[..4], [named(4, "old"), named(4, "new"), named(8, "old"), named(8, "new")]);
+    let wide = ["one", "two"].map(|run| format!("teapot 800 x 500, wide ({run}) 8x8: only in {run}"));
+    assert_eq!(comparison.others, wide);
+    let lost = comparison.lost_points().expect("the first run's point is lost");
+    assert!(lost.contains("wide (one) 8x8"), "{lost}");
+    let regressions = comparison.regressions(5.0);
+    let of_new = "naive (new) at its 2 points is 200.0% slower";
+    assert!(regressions.iter().any(|line| line.starts_with(of_new)), "{regressions:?}");
+    assert!(
+        regressions.iter().all(|line| !line.contains("4 points") && !line.contains("(old)")),
+        "{regressions:?}"
+    );
+}
+
 #[test]
 fn points_are_named_with_their_device_where_there_are_several() {
     let run = |devices: &[&str]| {
