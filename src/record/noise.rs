@@ -3,6 +3,7 @@
 
 use super::point_times::median;
 use super::ranking::{resolution, resolution_within};
+use super::ratios::are_together;
 use super::rounds::{core_to_core_ns, mean_load};
 use super::summary::{first_line, not_enough};
 use super::types::{HOST, Record};
@@ -12,8 +13,8 @@ use crate::words::counted_of_were;
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// The smallest differences that a run on one device can show, as fractions: 0.03 is 3%. A difference is `None` if too
-/// few points have enough samples.
+/// The smallest differences that a run on one device can show, as fractions: 0.03 is 3%. A difference is `None` if no
+/// two of the device's points have enough samples of the same rounds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
     /// The device's name.
@@ -82,8 +83,8 @@ impl Noise {
             device: device.to_owned(),
             launches: records.iter().map(super::launches).max().unwrap_or(0),
             samples: records.iter().map(|record| record.samples_ms.len()).sum(),
-            within_launch: resolution_within(&records),
-            between_launches: resolution(&records).map(|[_, most]| most),
+            within_launch: resolution_within(&folder.records, device),
+            between_launches: resolution(compared(&records)).map(|[_, most]| most),
             own_time: median_of(&halves),
             not_compared: not_compared(&records),
             causes: Causes::of(folder, &records),
@@ -91,9 +92,15 @@ impl Noise {
     }
 }
 
+/// Returns the records that were measured in the same rounds as another of `records`.
+fn compared(records: &[Record]) -> impl Iterator<Item = &Record> {
+    let is_beside = |one: &Record, other: &Record| !std::ptr::eq(one, other) && are_together(one, other);
+    records.iter().filter(move |one| records.iter().any(|other| is_beside(one, other)))
+}
+
 /// Returns a text that says how many points were not compared with other points, and the reason for the first
-/// of these points. If `records` contains only one point, the text says that a difference needs two points.
-/// Returns `None` if all points of the device were compared with each other.
+/// of these points. If no two points of `records` were measured in the same rounds, the text says that a
+/// difference needs two points. Returns `None` if all points of the device were compared with each other.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),
@@ -101,8 +108,12 @@ fn not_compared(records: &[Record]) -> Option<String> {
     };
     let lacking: Vec<_> = records.iter().filter_map(|record| Some((record, why(record)?))).collect();
     let Some((record, why)) = lacking.first() else {
-        return (records.len() == 1)
-            .then(|| "only one point was measured, and a difference needs two".to_owned());
+        let why = match records.len() {
+            1 => "only one point was measured",
+            _ => "no two points were measured in the same rounds",
+        };
+        let is_compared = compared(records).next().is_some();
+        return (!is_compared).then(|| format!("{why}, and a difference needs two"));
     };
     let were = counted_of_were(lacking.len(), records.len(), "point");
     let size = record.at_local_size();
@@ -199,6 +210,36 @@ mod tests {
         assert_eq!(gpu.within_launch, gpu.between_launches);
     }
 
+    /// The baseline `parallel` was measured in the same rounds as the kernels, and its times vary more. The run has
+    /// one launch, so both smallest differences must be equal.
+    #[test]
+    fn what_one_launch_can_show_counts_a_baseline_as_what_all_launches_can_show() {
+        let varied = |device: &str, name: &str, step: f64| {
+            let ms = move |index: u32| 10.0 + step * f64::from(index / 3 % 5);
+            let record = sampled(name, (0..15).map(move |index| (0, ms(index))));
+            Record { key: name.into(), device: device.into(), ..record }
+        };
+        let baseline = varied(HOST, "parallel", 0.5);
+        let noise_of = |kernels: &[Record]| {
+            let records = judged([kernels, std::slice::from_ref(&baseline)].concat());
+            Noise::of(&Folder { records, ..Folder::default() }).remove(0)
+        };
+        let [naive, wide] = [("naive", 0.01), ("wide", -0.02)].map(|(name, step)| varied("gpu", name, step));
+        let both = noise_of(&[naive.clone(), wide.clone()]);
+        let [within, between] = [both.within_launch, both.between_launches].map(Option::unwrap);
+        assert!((within / between - 1.0).abs() < 1e-9, "{both:?}");
+        // A baseline shows nothing about differences between kernels of a device.
+        let alone = noise_of(std::slice::from_ref(&naive));
+        assert_eq!((alone.within_launch, alone.between_launches), (None, None));
+        let why = "only one point was measured, and a difference needs two";
+        assert_eq!(alone.not_compared.as_deref(), Some(why));
+        let later = Record { sample_launches: vec![1; 15], ..wide };
+        let apart = noise_of(&[naive, later]);
+        assert_eq!((apart.within_launch, apart.between_launches), (None, None));
+        let why = "no two points were measured in the same rounds, and a difference needs two";
+        assert_eq!(apart.not_compared.as_deref(), Some(why));
+    }
+
     #[test]
     fn of_an_even_number_of_launches_the_middle_two_count() {
         // In the first launch, both points always take 10 ms. In the second launch, the ratio of the two
@@ -215,7 +256,7 @@ mod tests {
                 ..record
             };
             let records = [varied("naive", 0.2), varied("wide", -0.2)].map(part);
-            resolution_within(&records).unwrap()
+            resolution_within(&records, "gpu").unwrap()
         };
         let [both, first, second] = [0..30, 0..15, 15..30].map(within);
         assert!(

@@ -64,17 +64,24 @@ fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
 
-/// Returns the smallest difference between two records that a single launch can show, as a fraction. This
-/// smallest difference between two records is computed for each launch by the rule of [`resolution`]; the
-/// function returns the median over the launches. Records with equal launch numbers must have been measured
-/// together, on one device. Records without a time, or with a sample of 0, are left out.
-pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
-    let records: Vec<&Record> = records.iter().filter(|record| has_time(record)).collect();
-    let samples = in_order(records.iter().copied(), &[]);
-    let between: Vec<BetweenRuns> = records.iter().map(|record| between_runs(record)).collect();
+/// Returns the smallest difference between two records of `device` that a single launch can show, as a
+/// fraction. This smallest difference is computed for each launch by the rule of [`resolution`], so also from
+/// the records of other devices that were measured in the launch. The function returns the median over the
+/// launches in which at least two records of `device` were measured. Records with equal launch numbers must
+/// have been measured together. Records without a time, or with a sample of 0, are left out.
+pub(crate) fn resolution_within(records: &[Record], device: &str) -> Option<f64> {
+    let timed = records.iter().filter(|record| has_time(record));
+    // The first record decides by how much times of two runs differ, so records of `device` come first.
+    let (own, others): (Vec<&Record>, Vec<&Record>) = timed.partition(|record| record.device == device);
+    let all = [&own[..], &others].concat();
+    let are_kernels: Vec<bool> = all.iter().map(|record| !record.is_baseline()).collect();
+    let between: Vec<BetweenRuns> = all.iter().map(|record| between_runs(record)).collect();
+    let samples = in_order(all.iter().copied(), &[]);
     let launches = samples.chunk_by(|one, other| one.launch == other.launch);
     let of = |launch: &[PairedSample]| {
-        Paired::of(launch, records.len()).over_runs(between.clone()).resolution().map(beyond_a_tie)
+        let paired = Paired::with_anchors(launch, &are_kernels, &[]).over_runs(between.clone());
+        let compared = (0..own.len()).filter(|point| paired.standing(*point).is_some()).count();
+        paired.resolution().filter(|_| compared > 1).map(beyond_a_tie)
     };
     median_of(&launches.filter_map(of).collect::<Vec<_>>())
 }
