@@ -91,7 +91,7 @@ pub struct Paired {
 /// A point's times, as logarithms of milliseconds.
 #[derive(Clone, Debug, PartialEq)]
 struct Point {
-    /// The median of the point's samples of all launches.
+    /// The median time of the point's samples of all launches.
     median: f64,
     /// The median of the point's samples in each launch, or in each part of a single launch.
     plain: Vec<f64>,
@@ -349,8 +349,17 @@ fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> O
         launches.iter().map(|points| points[index].clone()).collect()
     };
     let (plain, relative) = (own(plain), own(relative));
-    let median = median_of(&plain.concat())?;
+    let median = log_of_median(&plain.concat())?;
     Some(Point { median, plain: repeats(&plain), relative: repeats(&relative) })
+}
+
+/// Returns the logarithm of the median time of samples; `logs` has the logarithms of their times. Of an even
+/// number of samples, the median time is halfway between the middle two times, as in all outputs of raycl. The
+/// median of the logarithms is less: it is the logarithm of the geometric mean of the middle two times.
+fn log_of_median(logs: &[f64]) -> Option<f64> {
+    let middle = median_of(logs)?;
+    let relative: Vec<f64> = logs.iter().map(|log| (log - middle).exp()).collect();
+    Some(middle + median_of(&relative)?.ln())
 }
 
 /// Returns the median of each launch's values. If there is a single launch, returns the median of each of its

@@ -68,6 +68,16 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
     assert!(median.high / median.low > 1.3, "the medians of launches lie apart: {median:?}");
 }
 
+/// Half of the samples take 1 ms and half 3 ms, so the median is 2 ms. The geometric mean of 1 and 3 ms is 1.73 ms.
+#[test]
+fn the_median_of_an_even_number_of_samples_lies_in_its_own_interval() {
+    let launch = |launch: u32| [1.0, 3.0, 1.0, 3.0, 1.0, 3.0].map(|ms| PairedSample { point: 0, launch, ms });
+    let samples = (0..4).map(launch).collect::<Vec<_>>().concat();
+    let median = Paired::of(&samples, 1).median_ms(0).expect("enough samples");
+    assert!((median.middle - 2.0).abs() < 1e-12, "{median:?}");
+    assert!(median.low <= median.middle && median.middle <= median.high, "{median:?}");
+}
+
 #[test]
 fn apart_the_medians_of_all_samples_are_compared() {
     // Two of the three launches are slow. The median of all samples is therefore a time of the slow launches.
