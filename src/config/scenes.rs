@@ -11,6 +11,7 @@ use super::types::SceneChoice;
 use super::wire::{Experiment, Numbers, SceneEntry, SceneValues};
 use crate::error::{Error, Result, nearest_file};
 use crate::filetype::{Opened, Wanted};
+use crate::printer::line;
 use crate::scene::Setting;
 
 /// The allowed range of the number of samples per pixel.
@@ -129,11 +130,11 @@ fn below(path: String, value: &Value) -> Vec<(String, Vec<&Value>)> {
 
 /// Returns a copy of `choice` (a scene file and the values to change in it) with one more changed value. `location` is
 /// the location of the key in the config. The suffix of the scene's name gets `+key=value`, with only the last part of
-/// the dotted key.
+/// the dotted key, and with escapes instead of line breaks (TOML writes some strings in several lines).
 fn with(choice: &SceneChoice, location: &str, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);
-    choice.suffix.push_str(&format!("+{short}={value}"));
+    choice.suffix.push_str(&line(&format!("+{short}={value}")));
     let origin = format!("{location}: {key} = {value}");
     choice.overrides.push(Setting { path: key.to_owned(), value: value.clone(), origin });
     choice

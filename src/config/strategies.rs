@@ -7,7 +7,7 @@ use toml::Spanned;
 use super::document::Document;
 use super::sizes::local_sizes;
 use super::types::NamedStrategy;
-use super::validate::sentence;
+use super::validate::refuse_name;
 use super::wire::{self, Choices, StrategyEntry};
 use crate::device::DeviceKind;
 use crate::error::Result;
@@ -130,7 +130,7 @@ fn product(
         return Err(document.unknown_key(key.span(), key.get_ref(), &StrategyEntry::known_keys()));
     }
     if let Some(name) = &entry.name {
-        sentence(document, name, "name")?;
+        refuse_name(document, name)?;
     }
     let Some(name) = &entry.preset else {
         let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");

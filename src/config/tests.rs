@@ -151,6 +151,18 @@ fn a_name_is_not_empty() {
     }
 }
 
+/// Tables and messages contain a strategy's name, so a line break in the name could forge a line.
+#[test]
+fn a_name_is_in_one_line() {
+    for (name, shown) in [("a\\nb", "a\\u000ab"), ("a\\tb", "a\\u0009b"), ("\\u001b[2J", "\\u001b[2J")] {
+        let entry = format!("[[strategy]]\nname = \"{name}\"\npreset = \"deferred\"\n");
+        let message = format!("the name '{shown}' contains a control character");
+        refuses(&format!("{GOOD}{entry}"), &[&message, "expected one line of text", "test.toml:8:8"]);
+    }
+    let set = [("strategy", "[{ preset = 'wide', name = \"a\\nb\" }]")];
+    assert!(refusal(GOOD, &set).contains("the name 'a\\u000ab' contains a control character"));
+}
+
 #[test]
 fn a_preset_is_meant_for_its_kind_of_device_unless_its_entry_says_any_kind() {
     let meant_for = |more: &str| {
@@ -411,6 +423,10 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
     let keys: Vec<_> =
         experiment.scenes[2].overrides.iter().map(|set| format!("{} {}", set.path, set.value)).collect();
     assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
+    // Lines of results contain the label, so it has no line break.
+    let entry = "[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = { name = \"a\\nb\" }\n";
+    let label = load_with(&format!("{GOOD}{entry}"), &[]).unwrap().scenes[1].label();
+    assert!(label.starts_with("gourd+name=") && !label.contains(char::is_control), "{label:?}");
     let origin = &experiment.scenes[2].overrides[1].origin;
     let line = GOOD.lines().count() + 3;
     assert!(origin.ends_with(&format!(":{line}: object.0.triangles = 2000")), "{origin}");

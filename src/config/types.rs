@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::device::{DeviceKind, DeviceLimits};
 use crate::error::Result;
+use crate::printer::line;
 use crate::scene::{Loaded, Sampling, Scene, Setting, Shot, load_scene_named_in};
 use crate::strategy::Strategy;
 
@@ -190,7 +191,7 @@ impl SceneChoice {
     /// stem with the suffix.
     pub fn label(&self) -> String {
         let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy();
-        self.name.clone().unwrap_or_else(|| stem().into_owned() + &self.suffix)
+        self.name.clone().unwrap_or_else(|| line(&stem()).into_owned() + &self.suffix)
     }
 }
 

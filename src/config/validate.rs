@@ -13,6 +13,7 @@ use super::types::{Baseline, DeviceWord, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::accel::WideBvh;
 use crate::error::{Error, Result, meant};
+use crate::printer::line;
 
 /// The largest number of launches of a group.
 pub(super) const MOST_LAUNCHES: i64 = 100;
@@ -69,6 +70,20 @@ pub(super) fn sentence(document: &Document, text: &Spanned<String>, key: &str) -
         return Err(document.error(text.span(), message, "expected some text"));
     }
     Ok(trimmed.to_string())
+}
+
+/// Returns an error if a strategy's name is empty, or contains a line break or another control character. Lines
+/// of results contain the name, so a line break in the name could forge a line.
+pub(super) fn refuse_name(document: &Document, name: &Spanned<String>) -> Result<()> {
+    sentence(document, name, "name")?;
+    if !name.get_ref().contains(char::is_control) {
+        return Ok(());
+    }
+    let message = format!(
+        "the name '{}' contains a control character, such as a line break or a tab",
+        line(name.get_ref())
+    );
+    Err(document.error(name.span(), message, "expected one line of text"))
 }
 
 fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<DeviceWord>> {

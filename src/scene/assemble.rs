@@ -21,6 +21,7 @@ use super::wire::{BackgroundWire, SceneWire};
 use super::{Camera, Display, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, facing, normals};
 use crate::error::Result;
 use crate::image::transform;
+use crate::printer::line;
 use camera::camera;
 use glam::{DVec3, Vec3};
 use lights::{check_lights, lights};
@@ -107,15 +108,18 @@ pub(super) fn assemble(
     Ok(Assembled { scene, orbit, starts, own_triangles, dressed: studio.is_some(), eye_is_set, is_framed })
 }
 
-/// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name.
+/// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name. Lines
+/// of results contain it too, so that a line break in the name could forge a line. Control characters and
+/// invisible characters are therefore replaced by escapes such as `\u000a`.
 fn name(document: &Document, wire: &SceneWire) -> Result<String> {
-    match &wire.name {
-        None => Ok(document.stem.clone()),
+    let name = match &wire.name {
+        None => &document.stem,
         Some(name) if name.get_ref().trim().is_empty() => {
-            Err(document.error(name.span(), "the name is empty", "some text belongs here"))
+            return Err(document.error(name.span(), "the name is empty", "some text belongs here"));
         }
-        Some(name) => Ok(name.get_ref().clone()),
-    }
+        Some(name) => name.get_ref(),
+    };
+    Ok(line(name).into_owned())
 }
 
 /// Returns the turntable of a scene. `around` is the ball around the scene; `None` if the ball was not

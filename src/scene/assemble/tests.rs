@@ -295,6 +295,8 @@ fn a_scenes_name_is_not_empty() {
     }
     assert_eq!(loaded("name = \"mine\"\n").unwrap().scene.name, "mine");
     assert_eq!(loaded("").unwrap().scene.name, "a");
+    // Lines of results contain the name, so a line break in the name could forge a line.
+    assert_eq!(loaded("name = \"a\\nb\"\n").unwrap().scene.name, "a\\u000ab");
 }
 
 /// Each element of the list below has a valid setting, an invalid setting and a part of the expected error.
