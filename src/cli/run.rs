@@ -49,8 +49,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// The default time limit for building a point's kernels and casting its first image, and for casting each later
-/// frame.
+/// The default time limit for opening a device, for building a point's kernels and casting its first image, and for
+/// casting each later frame.
 const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 /// Arguments of `raycl run`.
@@ -87,8 +87,8 @@ pub struct Args {
     /// because other programs or other points used memory at that time
     #[arg(long, requires = "resume")]
     pub(super) retry_failed: bool,
-    /// Time limit in seconds for building a point's kernels and casting its first image, and for casting each later
-    /// frame
+    /// Time limit in seconds for opening a device, for building a point's kernels and casting its first image, and for
+    /// casting each later frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over several devices of the same model, instead of measuring every point on every device.

@@ -48,6 +48,9 @@ pub struct Expected {
     /// A mean time of a frame, in milliseconds: up to this time, a launch takes its least number of rounds
     /// within its time limit.
     pub usual_frame_ms: f64,
+    /// Number of points that have the same program with both folders of kernels, if the run compares two
+    /// folders. These points are measured once, and `points` counts them once.
+    pub of_both_folders: usize,
     /// Number of records of points that are not in the plan, for example because the config has changed.
     pub others: usize,
 }
@@ -85,8 +88,13 @@ impl Run<'_> {
         let plan = self.plan();
         let groups = self.pending_points(&plan, &self.pieces(&plan))?;
         let done = self.done(groups.iter().flatten(), past);
+        let mut keys = HashSet::new();
         for group in &groups {
-            let (own, again) = left(group, &done);
+            let (all, again) = left(group, &done);
+            // Of several points with the same key, a run measures only one.
+            let is_new = |pending: &&PendingPoint| keys.insert(pending.record.key.clone());
+            let (own, repeated): (Vec<_>, Vec<_>) = all.into_iter().partition(is_new);
+            expected.of_both_folders += self.other_sources.map_or(0, |_| repeated.len());
             let known = |points: &[&PendingPoint]| -> Vec<Known> {
                 points.iter().filter_map(|pending| self.known_before(pending, &earlier)).collect()
             };
@@ -361,6 +369,16 @@ impl fmt::Display for Expected {
         match self.points {
             0 => write!(f, "no point is left to measure")?,
             points => write!(f, "{} in {launches}: {}", counted(points, "point"), self.how_long())?,
+        }
+        match self.of_both_folders {
+            0 => {}
+            1 => {
+                write!(f, "\n1 point has the same program in both folders of kernels, and is measured once")?
+            }
+            n => write!(
+                f,
+                "\n{n} points have the same programs in both folders of kernels, and are measured once"
+            )?,
         }
         match self.others {
             0 => Ok(()),

@@ -263,7 +263,7 @@ impl<'a> Supervisor<'a> {
         let why = match self.opens(worker.as_mut())? {
             Ok(()) => return Ok(Post { worker, ready: HashSet::new() }),
             Err(Loss::Died(death)) => death.describe(),
-            Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
+            Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs_f64()),
         };
         Err(Error::run(format!("a worker process could not start: it {why}")).with_help(STILL_RESPONDS))
     }

@@ -1,7 +1,7 @@
 //! Makes a shell script that contains two Slurm scripts (the shards and the merge) and submits them. raycl only prints
 //! the shell script.
 
-use crate::words::quote;
+use crate::words::{counted, quote};
 use std::fmt::Write as _;
 use std::time::Duration;
 
@@ -42,9 +42,10 @@ pub fn scripts(wishes: &Wishes) -> String {
         true => "based on earlier times",
         false => "a guess: not all points were measured before",
     };
-    let seconds = wishes.longest.as_secs();
+    let seconds = wishes.longest.as_secs_f64().ceil() as u64;
+    let shards = counted(n as usize, "shard");
     let mut text = format!(
-        "# {n} shards; the longest takes about {seconds} s ({how}). The time limit is twice this time plus ten minutes.\n\
+        "# {shards}; the longest takes about {seconds} s ({how}). The time limit is twice this time plus ten minutes.\n\
          job=$(sbatch --parsable <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}\n"
     );
     let tasks = if is_array {
@@ -164,6 +165,9 @@ mod tests {
             ],
         );
         assert!(unknown.contains("(a guess: not all points were measured before)"), "{unknown}");
+        let short = Wishes { shards: 1, longest: Duration::from_millis(300), ..wishes(1, true) };
+        let first = "# 1 shard; the longest takes about 1 s (based on earlier times).";
+        assert!(scripts(&short).starts_with(first), "{}", scripts(&short));
         let is_array = |seconds| scripts(&wishes(seconds, true)).contains("--array");
         assert_eq!([is_array(119), is_array(120)], [false, true]);
     }

@@ -78,6 +78,30 @@ fn finished_points_that_are_not_in_the_plan_are_said() {
     assert_eq!(finished.to_string(), format!("no point is left to measure\n{two}"));
 }
 
+/// Both folders have the built-in kernels. The baseline uses no kernels.
+#[test]
+fn a_point_with_the_same_program_in_both_folders_of_kernels_is_counted_once_and_said() {
+    let experiment = fixtures::experiment("baselines = ['serial']\nlocal_sizes = [4, 8]");
+    let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let one_folder = fixtures::run(&experiment, &devices, &locks);
+    let expected = |run: &Run<'_>| run.expected(&[], &Past::default()).unwrap();
+    assert_eq!((expected(&one_folder).points, expected(&one_folder).of_both_folders), (3, 0));
+    let two_folders = Run { other_sources: Some(&crate::program::Sources::Embedded), ..one_folder };
+    let both = expected(&two_folders);
+    assert_eq!((both.points, both.of_both_folders), (3, 2));
+    let said = both.to_string();
+    assert!(
+        said.ends_with("\n2 points have the same programs in both folders of kernels, and are measured once"),
+        "{said}"
+    );
+    let one = Expected { of_both_folders: 1, ..both }.to_string();
+    assert!(
+        one.ends_with("\n1 point has the same program in both folders of kernels, and is measured once"),
+        "{one}"
+    );
+}
+
 #[test]
 fn samples_that_are_left_out_took_time_too() {
     let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3 }");

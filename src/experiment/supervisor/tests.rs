@@ -378,9 +378,10 @@ fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_re
     supervisor.retire();
     passes(&mut supervisor, task(1, 1, 0));
     assert_eq!((noting.jobs.borrow().clone(), noting.dismissed.get()), (vec![0, 0, 1, 1], 2));
+    let limit = Duration::from_millis(2);
     let mut hanging = Noting { at_start: Some(Wait::Silence), ..Noting::default() };
-    let error = Supervisor::new(&mut hanging, &never, Duration::ZERO).check(task(0, 0, 0)).unwrap_err();
-    let words = "a worker process could not start: it did not open its device in 0 s";
+    let error = Supervisor::new(&mut hanging, &never, limit).check(task(0, 0, 0)).unwrap_err();
+    let words = "a worker process could not start: it did not open its device in 0.002 s";
     assert_eq!(error.to_string(), words);
 }
 
