@@ -73,7 +73,7 @@ pub struct Guarded<'a> {
 /// Where a command shows pictures while it runs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Screen {
-    /// The command shows no pictures while it runs; only `raycl view` does.
+    /// The command shows no pictures while it runs. (Only `raycl view` shows pictures while it runs.)
     None,
     /// The command shows its pictures in the terminal (`raycl view --terminal`). On Unix, the terminal is
     /// restored after the child process has ended in any way, if standard input and standard output are a
@@ -96,9 +96,10 @@ impl Guarded<'_> {
         self.streams.then_some(["frames may have been written to standard output already", FRAMES_AS_FILES])
     }
 
-    /// Returns true if the command may run a second time after a driver has crashed that had listed its devices.
-    /// `raycl view` may not: its window may have crashed instead of the driver, and a view that its user has seen end
-    /// must not begin again by itself. A command that loads no stored programs would only crash again.
+    /// Returns true if the command may run a second time after a driver that had listed its devices seems to have
+    /// crashed. `raycl view` may not run a second time, for two reasons: the window may have crashed instead of the
+    /// driver, and if the user has seen the view end, the view must not begin again by itself.
+    /// A command that loads no stored programs would only crash again.
     fn may_run_again(&self) -> bool {
         self.runs_once().is_none() && self.screen == Screen::None && self.loads_stored_programs
     }
@@ -140,7 +141,7 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
         return with_all_drivers(status, command, parent, &good);
     }
     let cause = drivers_doing(status).unwrap_or_default();
-    // A driver is waited for only before the first frame, so nothing is in the stream yet.
+    // A process ends with `HUNG` only while it waits for a driver before the first frame, so the stream is still empty.
     let stream_is_empty = !command.reads_standard_input && status.code() == Some(HUNG);
     let runs_once = command.runs_once().filter(|_| !stream_is_empty);
     let what = if runs_once.is_some() { "fails" } else { "is left out of the drivers that raycl loads" };

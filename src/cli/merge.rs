@@ -30,10 +30,11 @@ pub struct Args {
     /// missing. Not with --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard. Each state is one of:
-    /// begun (just started; if this state lasts, the process was killed when it started), going, hung (no progress
-    /// within the limit of `raycl run --hang-limit`), lost (killed, or its machine is down), done, interrupted,
-    /// launcher lost, or failed
+    /// Merge nothing; print the state of each process that was started to measure a shard. The states are `begun` (just
+    /// started; if this state lasts, the process was killed when it started), `going` (measuring, or waiting for a
+    /// device), `hung` (no progress within the limit of `raycl run --hang-limit`), `lost` (killed, or its machine is
+    /// down), `launcher lost` (ended because the program that started the process had ended), `done`, `interrupted` and
+    /// `failed`
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
@@ -138,7 +139,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         help.extend(missing.failed.iter().map(command_text));
     }
     if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
-        let remedy = "a wrong image stays the result of its point; to discard the image, move the folder of the attempt that cast it out of parts/";
+        let remedy = "a wrong image stays the result of its point; to discard this image, move the folder of the attempt that cast the image out of parts/";
         help.push(remedy.to_owned());
     }
     match said.is_empty() {

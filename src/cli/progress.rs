@@ -13,10 +13,10 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// Returns the bar's layout as a template for indicatif, the library that draws the bar. At `wide_msg`, the
-/// bar shows the text about the current work that the method `works_on` received last; on a terminal of 80
-/// columns, this text has about 40 columns. The layout itself contains the escape codes for cyan and for the
-/// terminal's default colour, because the colours of indicatif do not obey `--color`.
+/// Returns the bar's layout as a template for indicatif, the library that draws the bar. In place of `wide_msg`, the
+/// bar shows the text about the current work, which the method `works_on` received last. On a terminal of 80 columns,
+/// this text has about 40 columns. The layout itself contains the escape codes for cyan and for the terminal's default
+/// colour, because the colours of indicatif do not obey `--color`.
 fn layout(coloured: bool) -> String {
     let [cyan, usual] = if coloured { ["\u{1b}[36m", "\u{1b}[0m"] } else { [""; 2] };
     format!("{{spinner}} {cyan}{{bar:16}}{usual} {{pos}}/{{len}}, {{left}} left: {{wide_msg}}")

@@ -227,8 +227,8 @@ fn render(args: &Args) -> Result<()> {
 
 /// Tests the device's lane operations, by which work-items exchange values. Does not test them if the module
 /// `hurry` may choose the strategy ([`hurry::may_cast`]). In this case, raycl casts the picture with the
-/// preset [`hurry::QUICK`], which uses no lane operations, or with a stored program. An earlier start of
-/// raycl had tested the lane operations before it compiled the stored program.
+/// preset [`hurry::QUICK`], which uses no lane operations, or with a stored program. An earlier start of raycl tested
+/// the lane operations before it compiled the stored program.
 fn test_lanes(
     args: &Args,
     device: &mut Device,

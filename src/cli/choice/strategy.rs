@@ -63,7 +63,7 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
         (Ok(_), Some(first)) => format!(
-            "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
+            "a strategy has only one preset, but '{part}' is a second one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
             // Of the other parts, the suggested option `--strategy` has only those with `=`, because a part
@@ -139,7 +139,7 @@ fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
             "raycl chose {name} for this device; name another strategy with --strategy, such as `--strategy {other}`"
         ),
         None => format!(
-            "raycl chose {name} for this device, and no preset allows these values of --set: change one of these axes; `raycl strategies` lists the values of each"
+            "raycl chose {name} for this device, and no preset allows these values of --set: change one of these values; `raycl strategies` lists the values of each axis"
         ),
     }
 }
@@ -195,7 +195,7 @@ mod tests {
             ("width=4,4", "name at most one preset, then axes with their values"),
             ("wide,width", "give the axis a value: width = 1 or 2 or 4"),
             ("width=4,culling", "give the axis a value: culling = none or back"),
-            ("naive,local-vectors", "a strategy has one preset, and 'local-vectors' is another one"),
+            ("naive,local-vectors", "a strategy has only one preset, but 'local-vectors' is a second one"),
             ("width=4,naive", "name the preset first: --strategy naive,width=4"),
             ("width=4,naive,culling=none", "name the preset first: --strategy naive,width=4,culling=none"),
             ("width=4,naive,wide", "name the preset first: --strategy naive,width=4"),

@@ -76,10 +76,10 @@ impl Parent {
     }
 }
 
-/// Sets handlers of the signals in [`ENDING`]. While the returned flag is true, as it is at first, each
-/// signal in [`ENDING`] ends this process. The first process of a container then exits with the code 128 plus
-/// the signal's number, since signals cannot end this first process as they end other processes. The system
-/// ends all other processes of the container.
+/// Sets handlers of the signals in [`ENDING`]. The returned flag is true at first. While it is true, each signal in
+/// [`ENDING`] ends this process. The first process of a container then exits with the code 128 plus the signal's
+/// number, since signals cannot end this first process as they end other processes. The system ends all other processes
+/// of the container.
 fn handled() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(true));
     for signal in ENDING {

@@ -222,7 +222,7 @@ pub fn serve() -> Result<()> {
     let cache = Cache::of_user().only_while_it_exists();
     let Some(folder) = cache.folder().filter(|folder| folder.is_dir()) else { return Ok(()) };
     end_without(folder.to_owned())?;
-    // Another process compiles for too long: the next start of raycl will order this work again.
+    // If another process compiles for too long, this process ends; the next start of raycl orders this work again.
     let Some(_turn) = turn::wait(folder, LONGEST) else { return Ok(()) };
     let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;

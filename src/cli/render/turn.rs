@@ -1,5 +1,5 @@
-//! Lets the background processes of one cache work one at a time. Without this order, the background processes of many
-//! `raycl render` commands in a row would compile at the same time, and each of them needs about 150 MB of memory.
+//! Lets the background processes of one cache work one at a time. If the background processes of many `raycl render`
+//! commands in a row compiled at the same time, each of these processes would need about 150 MB of memory.
 
 use std::fs::{File, TryLockError};
 use std::path::Path;

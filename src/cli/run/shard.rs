@@ -236,8 +236,8 @@ fn begun(shard: Shard, earlier: usize, folder: &Path) -> String {
 }
 
 /// Returns the line that says how many points a shard has, and with which command the user merges the results
-/// of all shards. `new` is the number of points that this attempt finished; earlier attempts finished the
-/// others of all the shard's points.
+/// of all shards. `all` is the number of the shard's points. `new` is the number of the points that this attempt
+/// finished; earlier attempts finished the others.
 fn done(shard: Shard, [new, all]: [usize; 2], out: &str) -> String {
     let points = match all.saturating_sub(new) {
         0 => counted(new, "point"),
@@ -344,7 +344,7 @@ mod tests {
     }
 
     /// Checks that the expected time of each shard is the sum of the expected times of its points and of its
-    /// borrowed control points: points of another block, which it measures only for comparison. The sum also
+    /// borrowed control points: points of another block, which the shard measures only for comparison. The sum also
     /// contains the time to start the workers of each block.
     fn check_times(run: &Run<'_>, plan: &ShardPlan) {
         let costs: Vec<_> = run.costs(&[]).expect("costs").concat();

@@ -152,11 +152,11 @@ fn made_now(file: &Path) {
 
 fn other(file: &Path, number: u32) -> Error {
     let message = format!(
-        "'{}' exists and is not frame {number} as this command would render it: the scene, the options, the strategy, the kernels or the version of raycl differ",
+        "'{}' exists and is not frame {number} as this command would render it: the scene, the options, the strategy, the kernels or the version of raycl differs",
         file.display()
     );
     Error::input(message).with_help(
-        "`--force` replaces the file, `-o FILE` writes elsewhere; if the frame was cast on another kind of device, where raycl chose another strategy, name that strategy with `--strategy`, so that raycl recognises the frame",
+        "`--force` replaces the file, `-o FILE` writes elsewhere; raycl may have chosen another strategy if the frame was cast on another kind of device: name that strategy with `--strategy`, so that raycl recognises the frame",
     )
 }
 
