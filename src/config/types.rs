@@ -227,7 +227,7 @@ impl NamedStrategy {
 /// A caster on the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Baseline {
-    /// One core, single precision: the serial baseline that the paper, which raycl reproduces, promised.
+    /// One core, single precision: the serial baseline that was promised in the paper that raycl reproduces.
     Serial,
     /// One core, double precision: the reference against which images are verified.
     SerialF64,
@@ -308,8 +308,9 @@ pub struct Timing {
     pub time_limit_ms: f64,
     /// Seed of two random orders: that of the groups in a launch, and that of the points in a round.
     pub seed: u64,
-    /// A launch that has its part of `min_samples` stops sampling a group when the samples of each point are precise:
-    /// their standard deviation, divided by their mean, is below this value.
+    /// Limit of the relative standard deviation (standard deviation divided by mean) of a point's samples. If each
+    /// point of a group is below this limit, and a launch has its part of `min_samples`, the launch stops sampling the
+    /// group.
     pub relative_sigma: f64,
 }
 

@@ -136,8 +136,9 @@ pub struct Timing {
     /// in a round [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
-    /// A launch that has its part of `min_samples` stops sampling a group when the samples of each point are precise:
-    /// their standard deviation, divided by their mean, is below this value [default: 0.005].
+    /// Limit of the relative standard deviation (standard deviation divided by mean) of a point's samples [default:
+    /// 0.005]. If each point of a group is below this limit, and a launch has its part of `min_samples`, the launch
+    /// stops sampling the group.
     #[schemars(with = "Option<f64>", range(min = 0, max = 1))]
     pub relative_sigma: Option<Spanned<f64>>,
 }
