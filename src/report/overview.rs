@@ -344,12 +344,14 @@ mod tests {
         let (plots, _) = device_against_device(&groups, &Looks::of(&groups));
         let series = plots[0].svg.split("class=\"series s0\"").nth(1).expect("a series");
         let position = |dot: &str| -> Option<[f64; 2]> {
-            let start = dot.split(" d=\"M").nth(1)?.split(|letter: char| letter.is_ascii_alphabetic()).next()?;
+            let start =
+                dot.split(" d=\"M").nth(1)?.split(|letter: char| letter.is_ascii_alphabetic()).next()?;
             let (x, y) = start.split_once(' ')?;
             Some([x.parse().ok()?, y.parse().ok()?])
         };
         let dots: Vec<_> = series.split("class=\"dot\"").skip(1).take(2).filter_map(position).collect();
-        // 10 ms and 40 ms are across. In SVG, the larger y of 5 ms is further down than that of 20 ms.
+        // The x axis shows the times of `a` (10 ms and 40 ms), and the y axis those of `b` (20 ms and 5 ms). In SVG, y
+        // coordinates grow downwards, so the mark of 5 ms has the larger y coordinate.
         assert!(dots[0][0] < dots[1][0] && dots[0][1] < dots[1][1], "{dots:?}");
     }
 }

@@ -147,7 +147,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         rows,
         codes,
     };
-    let caption = "Light is fast, and dark is slow, on a logarithmic scale. Hatched cells have no time, or have too few samples or times of 0, so that they cannot be compared. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
+    let caption = "Light is fast, and dark is slow, on a logarithmic scale. A cell is hatched if its point has no time, or cannot be compared because it has too few samples or times of 0. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
         .to_owned();
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
@@ -213,7 +213,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     }
     let shown = if all.len() > rows.len() {
         format!(
-            " Only {} of {} points are shown. Points without a rank come after the fastest.",
+            " Only {} of {} points are shown. Points without a rank come after the points with a rank.",
             rows.len(),
             all.len()
         )
@@ -376,8 +376,9 @@ mod tests {
         assert!(!all.caption.contains("are shown") && all.svg.contains("naive 14x14"), "{}", all.caption);
         let some = shown(16);
         assert!(
-            some.caption
-                .ends_with(" Only 14 of 16 points are shown. Points without a rank come after the fastest."),
+            some.caption.ends_with(
+                " Only 14 of 16 points are shown. Points without a rank come after the points with a rank."
+            ),
             "{}",
             some.caption
         );

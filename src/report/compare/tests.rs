@@ -60,7 +60,7 @@ fn a_faster_device_is_faster_although_all_points_share_the_factor() {
     assert!(notes.iter().all(|note| !note.contains("cannot be detected")), "{notes:?}");
     let regressions = of(&gpu, &cpu).regressions(5.0);
     assert!(regressions[0].starts_with("all points together are 9900."), "{regressions:?}");
-    // Beside a baseline on the same processor, the difference between the devices does not cancel either.
+    // If both folders have a baseline of the same processor, the difference between the devices does not cancel either.
     let of_same_host = of(&cpu, &run("gpu", 0.01, ("old", 300.0)));
     assert_eq!(of_same_host.summary(), "3 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
     assert!(matches!(of_same_host.pairs[0].change, Some((_, Against::Baselines))));
@@ -673,7 +673,7 @@ fn another_anchor_tells_nothing() {
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
 
-/// Here, the time of the anchor (fixed work) varies far more from launch to launch than the points' times.
+/// In this test, the time of the anchor (fixed work) varies far more from launch to launch than the points' times.
 #[test]
 fn intervals_of_times_are_those_of_all_other_views() {
     let run = |label: &str| {

@@ -15,9 +15,8 @@ pub fn shorten(name: &str, longest: usize) -> String {
 
 /// Shortens the names of a plot to at most `longest` characters. If all names that are too long share some
 /// words, such as the preset, these words are left out of these names. If a name is still too long, the keys
-/// of its words (`axis=`) are left out. If the name is too long even then, its middle is left out, as by
-/// [`shorten`]. Different names get
-/// different labels: a label that would equal an earlier label ends with a number.
+/// of its words (`axis=`) are left out. If the name is too long even then, [`shorten`] leaves out its middle. Different
+/// names get different labels: a label that would equal an earlier label ends with a number.
 pub fn shorten_all(names: &[&str], longest: usize) -> Vec<String> {
     let long: Vec<&str> = names.iter().copied().filter(|name| name.chars().count() > longest).collect();
     let mut labels: Vec<String> = Vec::new();

@@ -37,15 +37,15 @@ pub struct Svg {
     body: String,
 }
 
-/// The end of a text that is placed at a given position; SVG calls it the text anchor. (The anchor of an
+/// The part of a text that is placed at a given position; SVG calls this part the text anchor. (The anchor of an
 /// experiment is something else.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// The left end of the text.
+    /// The left end of the text is at the position.
     Start,
-    /// The middle of the text.
+    /// The middle of the text is at the position.
     Middle,
-    /// The right end of the text.
+    /// The right end of the text is at the position.
     End,
 }
 

@@ -27,7 +27,7 @@ const MEMORY: [&str; 7] = [
 /// The bytes that a ray-triangle test reads of a ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 /// If a point's median is below this fraction of the median of a point with a better rank, the medians seem
-/// to contradict the ranking. Medians that are closer to each other than this fraction says count as tied.
+/// to contradict the ranking. A smaller difference between two medians does not contradict the ranking.
 const CLEARLY_SMALLER: f64 = 0.99;
 /// The sentence that the page shows after the best local sizes if medians seem to contradict the ranking of
 /// points.

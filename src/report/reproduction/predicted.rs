@@ -40,7 +40,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
         diagonal: false,
         series,
     };
-    let caption = "The dashed line is the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, a multiprocessor of compute capability 2.0 holds at most 512 threads and cannot launch a block of 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
+    let caption = "The dashed line is the paper's table, which considers only the limits on blocks and threads. With the paper's 63 registers per thread, a multiprocessor of compute capability 2.0 holds at most 512 threads and cannot launch a block of 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
     Plot::of(format!("figure-5{suffix}"), caption, &chart)
 }
 

@@ -5,7 +5,7 @@ use super::super::svg::{Svg, number};
 use super::Frame;
 use crate::entry::entry;
 
-/// A mark, which is a sign in a plot, such as a disc, at a pair of values.
+/// A mark: a sign in a plot, such as a disc, that shows a pair of values by its position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     /// The mark's x value.
