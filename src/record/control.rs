@@ -35,10 +35,10 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the record's level, which is the logarithm of a time, by which the record is ranked. The
-    /// levels of two records can be compared only if the records have the same [`Self::family`]. If the
-    /// record's block has a control point, the level is reduced by the control point's level in the same
-    /// block, so that the speed of the machine that measured the block cancels.
+    /// Returns the record's level, the logarithm of a time. Records are ranked by their levels. The levels of two
+    /// records can be compared only if the records have the same [`Self::family`]. If the record's block has a control
+    /// point, the level is reduced by the control point's level in the same block, so that the speed of the machine
+    /// that measured the block cancels.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control

@@ -34,8 +34,8 @@ pub struct RoundLoad {
     pub core_to_core_ns: Option<f64>,
 }
 
-/// The least number of readings of the core-to-core latency from which raycl computes percentiles. With fewer
-/// readings, a single one would decide.
+/// The least number of readings of the core-to-core latency from which raycl computes percentiles. With fewer readings,
+/// a single reading would determine a percentile.
 pub(crate) const LEAST_READINGS: usize = 10;
 /// The least number of readings of the core-to-core latency from which raycl computes the median.
 const LEAST_OF_MEDIAN: usize = 3;

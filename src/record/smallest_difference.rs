@@ -57,8 +57,8 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
         (None, None) => None,
         (Some(amount), None) | (None, Some(amount)) => Some(below(&amount)),
         (Some(percents), Some(factors)) => Some(format!(
-            "{} In {} of {} groups of points, the times are noisier: differences below {factors} are mostly not \
-             detected there.",
+            "{} In {} of {} groups of points, the times are noisier: differences below {factors} are mostly \
+             not detected in these groups.",
             below(&percents),
             count(&noisy),
             count(&[&noisy[..], &fine].concat())
@@ -98,9 +98,9 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
 /// Names the properties on which the smallest difference between points depends: "scene", "scene and device",
 /// "when the points were measured". The returned text names a property if the smallest difference varies
 /// among points that are equal in all other properties. If points of different scenes also have different
-/// devices, for example, this alone would name neither the scene nor the device. Therefore, if the smallest
-/// difference varies even among points that are equal in all named properties, the text names all properties
-/// in which the points differ.
+/// devices, for example, this rule alone would name neither the scene nor the device. Therefore, if the smallest
+/// difference varies even among points that are equal in all named properties, the text names all properties in which
+/// the points differ.
 fn what_it_depends_on(points: &[&Record]) -> String {
     let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();
     for point in points {

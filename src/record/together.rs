@@ -34,8 +34,7 @@ pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
 }
 
 /// Computes the relative times of each record and of the anchors. A record with times of 0 among its samples
-/// has no relative times, since a measured time of 0 only says that the true time is below the timer's
-/// resolution.
+/// has no relative times, since a measured time of 0 says only that the true time is below the timer's resolution.
 fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {

@@ -264,9 +264,9 @@ pub struct Record {
     /// Null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out. raycl leaves out a whole launch if, for
-    /// some point of the group, it has fewer than five samples that need not be left out by the rule of
-    /// `moved_samples`. Null if it is unknown how far apart the processors were.
+    /// Number of launches of the record's group that were left out. raycl leaves out a whole launch if fewer than five
+    /// samples of some point of the group remain in the launch after the rule of `moved_samples` was applied. Null if
+    /// it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
