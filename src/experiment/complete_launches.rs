@@ -10,10 +10,9 @@ use std::collections::BTreeSet;
 /// ended. `points` has the key and the samples of each point. `end_of` returns what was stored when a launch
 /// ended (its stored end): the number of samples of each point that did not fail in this launch. A launch is
 /// incomplete if a point has fewer than `rule.least()` samples in the launch, or if the launch's stored end
-/// gives no number of samples for a point. A launch that is not incomplete in this way is complete if each
-/// point has exactly the number of samples that the launch's stored end gives. If no end of a launch is
-/// stored (earlier versions of raycl stored none), or if samples were lost, `rule` decides whether the launch
-/// has enough samples.
+/// gives no number of samples for a point. Any other launch is complete if each point has exactly the number of samples
+/// that the launch's stored end gives. If no end of a launch is stored (earlier versions of raycl stored none), or if
+/// samples were lost, `rule` decides whether the launch has enough samples.
 pub fn complete_launches(
     points: &[(&str, &[Taken])],
     end_of: impl Fn(u32) -> Option<LaunchEnd>,

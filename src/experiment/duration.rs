@@ -45,7 +45,7 @@ pub struct Expected {
     /// take at most this time. The frames of the warm-up are included. The time for everything else, such as
     /// building, checking and waiting, is not included. Zero if the time is too long for the type `Duration`.
     pub most: Duration,
-    /// A mean time of a frame, in milliseconds: up to this time, a launch takes its least number of rounds
+    /// The longest mean time of a frame, in milliseconds, with which a launch completes its least number of rounds
     /// within its time limit.
     pub usual_frame_ms: f64,
     /// Number of points that have the same program with both folders of kernels, if the run compares two

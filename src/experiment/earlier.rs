@@ -130,8 +130,8 @@ fn count_again(ends: &mut [LaunchEnd], samples: &[Sample], counts: impl Fn(&Samp
     }
 }
 
-/// Returns the new number of each launch. The launches get consecutive numbers from `next` on, in the order in which
-/// they first appear.
+/// Returns the new number of each launch. The launches get consecutive numbers, beginning with `next`, in the order in
+/// which they first appear.
 fn numbers(launches: impl Iterator<Item = u32>, next: &mut u32) -> HashMap<u32, u32> {
     let mut numbers = HashMap::new();
     for launch in launches {

@@ -114,9 +114,9 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Prepares the workers for a group's visit number `visit` in this session; a visit measures one launch of
-    /// the group. A group is visited again only after all groups have been visited equally often. Therefore,
-    /// the workers of an earlier group are kept if it had the same number of visits: they have measured no
-    /// launch of this group yet. If the number has changed, all workers end, so that no worker measures two
+    /// the group. A group is visited again only after all groups have been visited equally often. Therefore, the
+    /// workers of an earlier group are kept if the earlier group had the same number of visits: these workers have
+    /// measured no launch of this group yet. If the number has changed, all workers end, so that no worker measures two
     /// launches of a group.
     pub fn turn_to<'t>(&mut self, visit: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.visit != visit {
@@ -183,8 +183,8 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Takes one sample of a point. A point that has not passed a check in its current worker is checked
-    /// first. Returns `None` if the worker was lost and the point may be tried again. The point may only be
-    /// tried again in a new launch, since all samples of a launch come from the same workers.
+    /// first. Returns `None` if the worker was lost and the point may be tried again. The point may be tried again only
+    /// in a new launch, since all samples of a launch come from the same workers.
     pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {

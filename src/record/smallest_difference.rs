@@ -209,7 +209,7 @@ mod tests {
         let both = said(&[quiet.clone(), noisy.clone()]);
         let below = "Differences below 2.1% between two points are mostly not detected in these results.";
         let noisier = "In 1 of 2 groups of points, the times are noisier: differences below a factor of 100 \
-                       are mostly not detected there.";
+                       are mostly not detected in these groups.";
         assert_eq!(both, format!("{below} {noisier}"));
         let all = said(&[noisy]);
         assert_eq!(

@@ -5,9 +5,8 @@ use crate::experiment::Run;
 use crate::numbers::significant;
 
 impl Run<'_> {
-    /// Returns a mean time of a frame, in milliseconds: up to this time, a launch takes its least number of
-    /// rounds within its time limit. If frames take longer than the returned mean time, a launch exceeds its
-    /// time limit.
+    /// Returns the longest mean time of a frame, in milliseconds, with which a launch completes its least number of
+    /// rounds within its time limit. If frames take longer on average, a launch exceeds its time limit.
     pub(super) fn usual_frame_ms(&self) -> f64 {
         let rule = self.stopping_rule();
         rule.time_limit_ms / rule.least() as f64
