@@ -11,8 +11,8 @@ pub struct Fences {
 }
 
 impl Fences {
-    /// Returns a line without the number that marks the line as an item of a numbered list. A number counts
-    /// as a list's number only if it is 1, or by one larger than the number of the list's last item.
+    /// Returns a line without the number that marks the line as an item of a numbered list. A number counts as a list's
+    /// number only if it is 1, or exceeds the number of the list's last item by 1.
     fn without_number<'a>(&mut self, line: &'a str) -> &'a str {
         let item = line.split_once(". ").and_then(|(number, rest)| Some((number.parse().ok()?, rest)));
         match item {

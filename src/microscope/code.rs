@@ -103,8 +103,8 @@ impl Code {
         row
     }
 
-    /// Returns one row per source line that has instructions, in the order of the lines. `source` contains
-    /// the text of each line, from line 1 on.
+    /// Returns one row per source line that has instructions, in the order of the lines. `source` contains the text of
+    /// each line, beginning with line 1.
     pub fn by_line(&self, source: &[&str]) -> Vec<Row> {
         let mut rows: BTreeMap<u32, Row> = BTreeMap::new();
         for (line, one) in self.instructions.iter().filter_map(|one| Some((one.line?, one))) {

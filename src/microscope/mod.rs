@@ -3,7 +3,7 @@
 //! raycl compiles the program again, with a line table. For this compilation, raycl uses the preprocessed
 //! text that `raycl kernel` prints, reduced to the kernels that the scene's frames run. In the preprocessed
 //! text, `#if` conditions are already evaluated, macros are expanded, and a file that is included twice
-//! appears twice. Therefore each line of the preprocessed text belongs to one place in the program only.
+//! appears twice. Therefore, each line of the preprocessed text belongs to only one place in the program.
 //!
 //! raycl then reads the instructions from the compiled binary, which contains PTX text or a CPU's machine
 //! code. The program `objdump` disassembles the machine code. If `ptxas` and `nvdisasm` are installed,

@@ -1,6 +1,5 @@
-//! The state of each attempt in a folder: begun, going, hung, lost, or ended. Each attempt increases a
-//! counter in its own folder while it runs. This module reads all counters twice, to find out which counters
-//! increase.
+//! The state of each attempt in a folder: `Begun`, `Going`, `Hung`, `Lost` or `Ended`. Each attempt increases a counter
+//! in its own folder while it runs. This module reads all counters twice, to find out which counters increase.
 
 use super::{Attempt, Beat, End};
 use crate::error::Result;
