@@ -248,8 +248,8 @@ impl Parent {
 }
 
 /// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If SIGINT (Ctrl-C) ended
-/// the other process, SIGINT ends this process too: a shell that runs a script then ends the script. (SIGINT cannot end
-/// a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
+/// the other process, SIGINT ends this process too, so that a shell that runs a script ends the script. (SIGINT cannot
+/// end a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
 /// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     // The child process has ended, and the shell sees only that its parent process, this one, exits.

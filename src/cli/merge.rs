@@ -30,11 +30,12 @@ pub struct Args {
     /// missing. Not with --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard. The states are `begun` (just
-    /// started; if this state lasts, the process was killed when it started), `going` (measuring, or waiting for a
-    /// device), `hung` (no progress within the limit of `raycl run --hang-limit`), `lost` (killed, or its machine is
-    /// down), `launcher lost` (ended because the program that started the process had ended), `done`, `interrupted` and
-    /// `failed`
+    /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
+    /// `begun` has just started; if this state lasts, the process was killed when it started. A process in the state
+    /// `going` is measuring, or waits for a device. A process in the state `hung` has made no progress within the limit
+    /// of `raycl run --hang-limit`. A process in the state `lost` was killed, or its machine is down. A process in the
+    /// state `launcher lost` has ended because the program that started the process has ended. The other states are
+    /// `done`, `interrupted` and `failed`
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process

@@ -561,10 +561,10 @@ mod tests {
         assert!(!is_accepted("raycl render a.toml --watch --json"));
     }
 
-    /// Suppose that an option A requires an option B, and that B conflicts with an option C. If A is given
-    /// without B, clap (the library that parses the arguments) reports that B is missing, but it does not
-    /// report this if C is given too. clap would then accept A and C together, and A would have no effect. To
-    /// prevent this, A itself must conflict with C.
+    /// Suppose that an option A requires an option B, and that B conflicts with an option C. If A is given without B,
+    /// clap (the library that parses the arguments) reports that B is missing. But if C is given too, clap reports no
+    /// mistake: it would accept A and C together, and A would have no effect. To prevent this, A itself must conflict
+    /// with C.
     #[test]
     fn an_option_conflicts_with_all_that_conflicts_with_the_option_that_it_requires() {
         let mut all = with_any_values(Cli::command());

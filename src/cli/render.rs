@@ -300,8 +300,8 @@ fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> i
     hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
-/// Returns a note if each pixel gets only one sample, so that lights with an extent are treated as points, and the light
-/// of a sky is grainy; otherwise `None`.
+/// Returns a note if each pixel gets only one sample, and the scene has lights with an extent or a sky: such lights are
+/// then treated as points, and the light of a sky is grainy. Returns `None` in all other cases.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let count = |is: fn(&Light) -> bool| scene.lights.iter().filter(|light| is(light)).count();
     let (soft, areas) = (count(Light::has_extent), count(|light| light.area.is_some()));
@@ -490,8 +490,8 @@ mod tests {
         assert_eq!(files(&["a.toml", "--layers", "b.exr"]), ["b.exr", "a.png"].map(PathBuf::from));
     }
 
-    /// Before raycl renders the first frame of an animation, it looks for the files that only later frames
-    /// need (such as textures) only if `may_replace` returns true, since reading these files may take long.
+    /// Reading the files that only later frames of an animation need (such as textures) may take long. Before the first
+    /// frame, raycl therefore looks for these files only if `may_replace` returns true.
     #[test]
     fn a_file_may_be_replaced_only_if_it_exists_and_a_numbered_picture_only_with_force() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -37,9 +37,9 @@ pub struct Args {
     /// that judges the student paper's claims
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into the folder of --out even if it contains files that raycl did not write. raycl replaces a
-    /// file that it did not write if the file has the name of a file that raycl writes into this folder (a
-    /// page, a plot, or a copy of a config or scene). Existing measurements are never replaced
+    /// Write into the folder of --out even if it contains files that raycl did not write. Such a file is replaced if it
+    /// has the name of a file that raycl writes into this folder (a page, a plot, or a copy of a config or scene).
+    /// Existing measurements are never replaced
     #[arg(long)]
     force: bool,
     /// Change a value in the configs of all experiments. Paths of scenes are relative to the current folder

@@ -130,8 +130,8 @@ impl Document {
         error.placed(|message| self.error(span, message, label))
     }
 
-    /// Returns the error for text that is not TOML. If `start` is 0, the text that is not TOML is the file;
-    /// otherwise, it is the override whose range of bytes begins at `start`.
+    /// Returns the error for a text that is not TOML. If `start` is 0, this text is the file; otherwise, this text is
+    /// the override whose range of bytes begins at `start`.
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let Range { start: from, end: to } = error.span().unwrap_or(0..0);
         let message = format!("this is not TOML: {}", error.message().trim());

@@ -123,8 +123,8 @@ impl Run<'_> {
     /// unnecessary. If the run retries failed points, it measures two kinds of points again: points that
     /// failed, and points that did not fit only because too little memory was free. If an earlier session
     /// skipped a point because its preset is meant for another kind of device, a run without this restriction
-    /// measures the point. Every run measures a point again if the point exceeded a limit of the device in an
-    /// earlier session, but fits now, or if a device other than the point's own measured the point.
+    /// measures the point. Every run measures a point again in two cases: the point exceeded a limit of the device in
+    /// an earlier session, but fits now; or another device than the point's own measured the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);

@@ -83,10 +83,9 @@ impl PendingPoint {
     }
 
     /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
-    /// A point that has been cast before fits on the device, and only lacks memory that other programs or
-    /// other points use at the moment. A point that has been cast before therefore gets the outcome
-    /// `LaunchFailed`. If its outcome were `Infeasible`, nobody would notice that the point has lost its
-    /// earlier launches.
+    /// A point that has been cast before fits on the device, and lacks only memory that other programs or other points
+    /// use at the moment. A point that has been cast before therefore gets the outcome `LaunchFailed`. If its outcome
+    /// were `Infeasible`, nobody would notice that the point has lost its earlier launches.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {

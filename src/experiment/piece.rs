@@ -26,8 +26,8 @@ impl Piece {
         self.control.iter().chain(others).copied().collect()
     }
 
-    /// Returns true if a point is the control point, and is measured here only so that this block can be
-    /// compared with other blocks of its group.
+    /// Returns true if a point is the control point, but belongs to another block. This block then measures the point
+    /// only so that the blocks of the group can be compared.
     pub fn borrows(&self, point: usize) -> bool {
         self.control == Some(point) && !self.points.contains(&point)
     }

@@ -224,9 +224,9 @@ struct Warmed {
 }
 
 impl Warmed {
-    /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0
-    /// steps of the timer, the host's clock limits the number of frames, so that a sample takes at most a
-    /// tenth of the time limit, unless a single frame takes longer.
+    /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0 steps of
+    /// the timer, the number of frames is also limited by the host's clock: a sample then takes at most a tenth of the
+    /// time limit, or consists of one frame if a single frame takes longer.
     fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
         let batch = batch_size(self.pass_ms, timer_ns);
         if self.pass_ms > 0.0 {

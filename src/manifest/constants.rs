@@ -33,9 +33,8 @@ pub const TEXTURE_HEAD_WORDS: usize = 4;
 pub const SAMPLED_BLOCK: u32 = 4;
 /// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ
 /// in a channel of the displayed picture by more than `ROUGH_STEPS` 8-bit steps. If raycl casts several
-/// samples per pixel before it looks for blocks that differ so much, `ROUGH_STEPS` is divided by the square
-/// root of the number of these first samples, since chance affects a mean of samples less than a single
-/// sample.
+/// samples per pixel before it looks for such blocks, `ROUGH_STEPS` is divided by the square root of the number of
+/// these first samples, since chance affects a mean of samples less than a single sample.
 pub const ROUGH_STEPS: u32 = 30;
 /// The half picture is a picture of half the width and height. The sample points of lights and the directions
 /// of the sky repeat after `INTERLEAVED` pixels of the half picture, across and down. Across and down, the

@@ -52,10 +52,10 @@ impl RelativeTimes {
         self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
 
-    /// Returns the ratio of this record's time to the time of `other`. For this, the time of each record is
-    /// divided by the time of the control point (a point that the blocks of both records measured) in the
-    /// record's own block. Returns `None` if the block of one of the records has no control point, or if the
-    /// blocks of the records have different control points.
+    /// Returns the ratio of this record's time to the time of `other`. To compute this ratio, the time of each record
+    /// is divided by the time of the control point (a point that the blocks of both records measured) in the record's
+    /// own block. Returns `None` if the block of one of the records has no control point, or if the blocks of the
+    /// records have different control points.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
         let to_control = |times: &Self, control: &Control| match control.is_itself {

@@ -13,8 +13,8 @@ use std::process::{Command, Stdio};
 /// The state of a file or folder that the commit does not contain.
 const IN_NO_COMMIT: &str = "in no commit";
 
-/// The environment variables with which git uses another repository, or other files of the repository, than those of
-/// the folder in which it starts. Git sets some of these variables for hooks.
+/// The environment variables that make git use another repository than that of the folder in which git starts, or other
+/// files of the repository. Git sets some of these variables for hooks.
 const REDIRECTIONS: [&str; 6] = [
     "GIT_DIR",
     "GIT_WORK_TREE",

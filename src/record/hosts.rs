@@ -134,8 +134,8 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns the record of a control point that a block on a machine measured. Each block has a value of
-    /// `launch` of its own, which is the block's number, and from which the numbers of its launches follow.
+    /// Returns the record of a control point that a block on a machine measured. Each block needs its own value of
+    /// `launch`. This value is the block's number, and determines the numbers of the block's launches.
     fn on(host: &str, ms: f64, launch: u32) -> Record {
         let mut record = measured("gpu", "naive", 8, ms);
         record.sample_launches.iter_mut().for_each(|number| *number += 10 * launch);

@@ -8,8 +8,8 @@ use super::types::Record;
 use crate::measure::{BetweenRuns, Paired, PairedSample, Ranking, median_of};
 use std::collections::HashMap;
 
-/// The fraction by which the samples must show that a point takes longer than the fastest point; if they do
-/// not, the two points tie.
+/// A point ties with the fastest point, unless the samples show that the point takes longer by more than this fraction
+/// of the fastest point's time.
 pub(super) const TIE: f64 = 0.01;
 
 /// Ranks the measured records by their times. The winners are the fastest record and every record that ties

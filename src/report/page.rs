@@ -87,8 +87,8 @@ pub struct Row {
     wins: bool,
 }
 
-/// A row of the table of machines: the time of a control point (a point that several machines measured, so
-/// that they can be compared) on one machine.
+/// A row of the table of machines: the time on one machine of a control point (a point that several machines measured,
+/// so that the machines can be compared).
 pub struct HostRow {
     point: String,
     host: String,

@@ -82,7 +82,7 @@ fn spec(
     ProgramSpec::new(sources, strategy, &workload, device.builtins()).ok()
 }
 
-/// Stores which program a scene needed, so that the next command with this scene can guess it.
+/// Stores which program a scene needed, so that the next command with this scene can guess this program.
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();

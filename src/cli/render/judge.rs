@@ -389,8 +389,8 @@ mod tests {
         assert!(error.to_string().ends_with("a number of samples that is neither 1 nor 16"), "{error}");
     }
 
-    /// The reference casts as many samples of each pixel as the device says, so it agrees with a picture in which other
-    /// blocks than the rough ones got all samples.
+    /// The reference casts as many samples of each pixel as the device says, so the reference agrees with a picture
+    /// even if other blocks than the rough ones got all samples.
     #[test]
     fn a_picture_in_which_other_blocks_than_the_rough_ones_got_all_samples_is_wrong() {
         let mut scene = fixtures::single_triangle();

@@ -230,8 +230,8 @@ fn sink(args: &Args, film: &Film, wanted: Frames, transparent: bool) -> Result<S
 }
 
 /// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, a frame is left
-/// out if its file has the frame's key; without `--force`, a file with another key or none is an error. A movie (a
-/// single file or a stream) needs all frames.
+/// out if its file has the frame's key; without `--force`, a file with another key, or without a key, is an error. A
+/// movie (a single file or a stream) needs all frames.
 fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) -> Result<Vec<u32>> {
     match sink {
         Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number))),

@@ -52,9 +52,8 @@ fn number_of(folder: &str, stem: &str) -> Option<u32> {
 }
 
 /// Makes the folder of a new run for the config `name`, and returns its path. Runs that begin at the same
-/// time get different folders, because only one run can make a folder of a given name. If a folder cannot be
-/// made for another reason than that it exists, returns its path; a later attempt to write there reports the
-/// reason.
+/// time get different folders, because only one run can make a folder of a given name. If a folder does not exist, but
+/// cannot be made, returns its path; a later attempt to write into this folder reports the reason.
 pub fn new_folder(name: &str) -> PathBuf {
     let is_taken = |folder: &PathBuf| {
         let _ = folder.parent().map(std::fs::create_dir_all);

@@ -35,7 +35,7 @@ pub struct Look {
     /// in bright ones [default: clip; a scene file may set another]
     #[arg(long, help_heading = HEADING, value_name = "CURVE", value_parser = Tone::NAMES)]
     tone: Option<String>,
-    /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this, 0 to 180
+    /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than DEGREES, 0 to 180
     /// [default for a bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,

@@ -19,11 +19,11 @@ pub(super) fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Takes the locks `devices`. While another process holds one of the locks, this function tells the sink (the
-/// receiver of results and messages) that the run waits: by a line at the first wait for this other process,
-/// and as the current work at later waits for the same process. While the run waits for a lock, builders
-/// (processes that compile programs) begin no program for the devices with these locks, because compiling
-/// would disturb the other processes' measurements.
+/// Takes the locks `devices`. While another process holds one of the locks, this function tells the sink (the receiver
+/// of results and messages) that the run waits. At the first wait for this other process, the sink receives a line to
+/// print; at later waits for the same process, it receives the wait as the run's current work. While the run waits for
+/// a lock, builders (processes that compile programs) begin no program for the devices with these locks, because
+/// compiling would disturb the other processes' measurements.
 pub(super) fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,

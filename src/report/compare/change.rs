@@ -75,8 +75,7 @@ fn devices<'a>((before, after): &Both<'a>) -> [&'a str; 2] {
 }
 
 /// Returns the names of those pairs of devices in `all` that are two different devices. A device is the same
-/// if its name is the same, or if records with equal keys show that it only has another name in the second
-/// run.
+/// if its name is the same, or if records with equal keys show that only its name differs in the second run.
 fn other_devices<'a>(all: &[Both<'a>]) -> HashSet<[&'a str; 2]> {
     let renamed: HashSet<_> =
         all.iter().filter(|(before, after)| before.key == after.key).map(devices).collect();

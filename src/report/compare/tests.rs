@@ -435,8 +435,8 @@ fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds
     assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
     assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
-    // The mean of all points is not tested: its points could be compared only with the control point, which
-    // is one of them.
+    // The mean of all points is not tested: its points could be compared only with the control point, which is one of
+    // these points.
     let note = changed.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
     // The folder `whole` has the same points, but they were not divided into blocks: all points were measured

@@ -120,10 +120,10 @@ impl Chosen {
         keys.filter_map(|key| self.best.remove(key)).collect()
     }
 
-    /// Returns an error if a point with a record is in none of the lists of points of the kinds of device
-    /// `all`, which are all kinds of device in the folder. The file of a kind of device may have been left
-    /// out when the folders of several machines were copied together. Without this error, the merge would
-    /// leave out the records of points of a kind of device whose file is missing.
+    /// Returns an error if a point has a record, but no kind of device lists this point. `all` contains all kinds of
+    /// device in the folder. The file of a kind of device may have been left out when the folders of several machines
+    /// were copied together. Without this error, the merge would leave out the records of points of a kind of device
+    /// whose file is missing.
     pub fn refuse_unlisted(&self, out: &Path, all: &[Kind], attempts: &[Attempt]) -> Result<()> {
         let points = all.iter().flat_map(|kind| &kind.points);
         let listed: HashSet<&str> = points.map(|point| point.planned.key.as_str()).collect();
