@@ -208,7 +208,7 @@ fn ended_afresh(cause: &str, parent: &Parent) -> Result<Option<ExitStatus>> {
         return Ok(None);
     }
     printer::tell(format!(
-        "note: {cause}; a compiled program in raycl's cache may be the cause, so it is removed, and the command runs again"
+        "note: {cause}; a compiled program in raycl's cache may be the cause: raycl removes this program, and runs the command again"
     ));
     let status = attempt(&[(AFRESH, "1".into())], parent)?;
     Ok(drivers_doing(status).is_none().then_some(status))

@@ -159,7 +159,7 @@ fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>>
         "the `kinds` of the case '{}' do not match its scene and size: the scene has {} triangles, the eye {place}, and the picture has {} pixels",
         case.name, task.triangles, task.pixels
     );
-    Err(Error::input(message).with_help("in the case's `kinds`, list each of few, inside and dense that is true of its scene and size; docs/rule.toml explains the kinds"))
+    Err(Error::input(message).with_help("in the case's `kinds`, list those of `few`, `inside` and `dense` that are true of the scene and size; docs/rule.toml explains the kinds"))
 }
 
 fn measured(

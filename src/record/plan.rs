@@ -104,8 +104,8 @@ impl CurrentPlan {
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
                 "write this file again with the command that wrote the folder (`raycl run --resume`, `raycl \
-                 reproduce --resume` or `raycl merge`), or delete it: then raycl shows the latest record of each \
-                 point",
+                 reproduce --resume` or `raycl merge`), or delete the file: raycl then shows the latest \
+                 record of each point",
             )
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;

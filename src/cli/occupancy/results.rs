@@ -74,8 +74,9 @@ fn help(records: &[Record], compute_capability: Option<&str>) -> String {
                  --compute-capability 9.0"
             .to_owned(),
         false => format!(
-            "a prediction needs the kernel's number of registers, which only some compilers print; to predict for a \
-             number of registers, without records: raycl occupancy --compute-capability {} --registers 32",
+            "a prediction needs the kernel's number of registers, which only some compilers print; this \
+             command predicts the occupancy for any number of registers, without records: raycl occupancy \
+             --compute-capability {} --registers 32",
             compute_capability.unwrap_or("9.0")
         ),
     }
