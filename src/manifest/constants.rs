@@ -19,8 +19,8 @@ pub const fn soup_floats(emissive: bool) -> usize {
 
 /// Number of floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
-/// Number of floats of a light in a scene with area lights: position, power, four times the normal of the light's front,
-/// two edges, and the shape.
+/// Number of floats of a light in a scene with area lights: position, power, four times the normal of the light's
+/// front, two edges, and the shape.
 pub const AREA_LIGHT_FLOATS: usize = 16;
 /// Number of floats that describe the sky: its radiance at zenith and horizon, the upward direction, and its reach
 /// (surfaces farther away do not block the sky). In the buffer, the lights' radii follow these floats of the

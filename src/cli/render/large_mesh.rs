@@ -1,6 +1,6 @@
-//! Chooses the strategy of a picture, and for how many frames its tree is built. A single picture of a large mesh on a
-//! CPU gets the strategy that needs the least memory and preparation, since preparing the mesh takes longer than casting
-//! one frame.
+//! Chooses the strategy of a picture, and for how many frames its tree is built. A single picture of a large mesh on
+//! a CPU gets the strategy that needs the least memory and preparation, since preparing the mesh takes longer than
+//! casting one frame.
 
 use super::Args;
 use crate::accel::TreeUse;
