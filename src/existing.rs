@@ -65,6 +65,16 @@ pub fn exists(path: &Path) -> Result<bool> {
     Ok(known(path)?.is_some())
 }
 
+/// Returns true if a file, a folder or a link is at a path. A link need not lead to anything.
+///
+/// # Errors
+///
+/// Fails under the same conditions as [`exists`].
+pub fn is_entry(path: &Path) -> Result<bool> {
+    let metadata = if_any(path.symlink_metadata()).map_err(|error| unreadable(path, &error))?;
+    Ok(metadata.is_some())
+}
+
 /// Returns true if a path leads to an ordinary file.
 ///
 /// # Errors
@@ -166,6 +176,7 @@ mod tests {
         }
         assert!(exists(&file).unwrap() && is_file(&file).unwrap() && !is_folder(&file).unwrap());
         assert!(is_folder(folder.path()).unwrap() && !is_file(folder.path()).unwrap());
+        assert!(is_entry(&file).unwrap() && !is_entry(&file.join("inner")).unwrap());
         assert_eq!(entries(folder.path()).unwrap(), std::slice::from_ref(&file));
         assert_eq!(bytes(&file).unwrap().as_deref(), Some(&b"text"[..]));
         assert!(bytes(folder.path()).is_err(), "a folder is there, but it has no bytes");

@@ -5,6 +5,7 @@ mod lines;
 mod positions;
 
 use crate::error::{Error, Result, line_of, nearest};
+use crate::existing;
 use crate::reader::{self, Kind};
 use crate::threads::locked;
 use crate::words::counted;
@@ -30,11 +31,12 @@ pub enum Sources {
 }
 
 impl Sources {
-    /// Returns the text of the kernel file `name`, a path relative to `cl/`.
+    /// Returns the text of the kernel file `name`, a path relative to `cl/`. The built-in file has this text only
+    /// if nothing is at the path in the user's folder, not even a link that leads nowhere.
     pub fn read(&self, name: &str) -> Result<String> {
         if let Self::Folder(folder) = self {
             let path = folder.join(name);
-            if path.exists() {
+            if existing::is_entry(&path)? {
                 return read_inside(&path, folder);
             }
         }
@@ -152,7 +154,8 @@ impl Sources {
     pub fn own_path(&self, name: &str) -> Option<String> {
         let Self::Folder(folder) = self else { return None };
         let path = folder.join(name);
-        path.exists().then(|| path.display().to_string())
+        let is_built_in = matches!(existing::is_entry(&path), Ok(false));
+        (!is_built_in).then(|| path.display().to_string())
     }
 
     /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
@@ -222,6 +225,10 @@ const LAYOUT: &str =
 
 /// The remedy for an error in a kernel file of the user.
 const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
+
+/// The remedy for a link in the user's folder that leads to no file that raycl can reach.
+const LINK: &str =
+    "the path is a link that cannot be followed: correct the link, or remove it to use raycl's own file";
 
 /// Number of files that a message names. Of all further files, the message states only the number.
 const NAMED_FILES: usize = 3;
@@ -294,16 +301,15 @@ impl Chain {
 
 /// Reads a file of the folder `folder`. A path that leads out of the folder, by its name or by a link, is refused.
 fn read_inside(path: &Path, folder: &Path) -> Result<String> {
+    let failed = |error: std::io::Error| Error::input(format!("cannot read {}: {error}", path.display()));
+    path.canonicalize().map_err(|error| failed(error).with_help(LINK))?;
     if !reader::lies_in(path, folder) {
         let message =
             format!("{} lies outside the kernels' folder, so raycl does not read it", path.display());
         return Err(Error::input(message).with_help(LAYOUT));
     }
-    let text = reader::text(path, Kind::Kernel).map_err(|error| {
-        Error::not_utf8(path, &error).unwrap_or_else(|| {
-            Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT)
-        })
-    })?;
+    let text = reader::text(path, Kind::Kernel)
+        .map_err(|error| Error::not_utf8(path, &error).unwrap_or_else(|| failed(error).with_help(LAYOUT)))?;
     if let Some(at) = text.find('\0') {
         let message = format!("{}:{}: a NUL byte; expected text", path.display(), line_of(&text, at));
         return Err(Error::input(message).with_help("remove the byte, and save the file as UTF-8"));
@@ -320,7 +326,7 @@ fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<(
     let failed = |error| Error::input(format!("cannot read {}: {error}", folder.display())).with_help(LAYOUT);
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        if path.is_dir() {
+        if existing::is_folder(&path)? {
             kernel_files(root, &path, files)?;
         } else if path.extension().is_some_and(|extension| extension == "cl") {
             let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy();
@@ -434,6 +440,32 @@ mod tests {
         }
         let sources = Sources::Folder(folder.path().to_owned());
         assert_eq!(sources.own_files().unwrap(), ["b.cl", "cast/a.cl"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_cannot_be_followed_is_an_error_and_not_the_built_in_file() {
+        use std::os::unix::fs::symlink;
+        let root = tempfile::tempdir().unwrap();
+        let (folder, name) = (root.path().join("common"), "common/samples.cl");
+        let (path, sources) = (root.path().join(name), Sources::Folder(root.path().to_owned()));
+        let refused = || {
+            let error = sources.read(name).unwrap_err();
+            let expected = format!("cannot read {}: ", path.display());
+            assert!(error.to_string().starts_with(&expected) && error.exit_code() == 2, "{error}");
+            assert_eq!(sources.own_path(name), Some(path.display().to_string()));
+        };
+        std::fs::create_dir(&folder).unwrap();
+        assert_eq!((sources.read(name).is_ok(), sources.own_path(name)), (true, None));
+        for target in ["nowhere.cl", "samples.cl"] {
+            symlink(target, &path).unwrap();
+            refused();
+            std::fs::remove_file(&path).unwrap();
+        }
+        std::fs::remove_dir(&folder).unwrap();
+        symlink("common", &folder).unwrap();
+        refused();
+        assert!(sources.own_files().is_err());
     }
 
     #[test]
