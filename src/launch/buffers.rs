@@ -6,6 +6,7 @@ use super::Queue;
 use crate::device::noted;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Number of bytes that a thread of [`copy`] copies at a time.
@@ -55,6 +56,34 @@ pub fn upload_rows<T: OclPrm>(
     fill(0..rows, &mut mapped);
     mapped.unmap().enq().map_err(noted)?;
     Ok(buffer)
+}
+
+/// Makes a read-only buffer that contains the values of all `parts`, one part after another. Unlike [`upload`], this
+/// function needs no list of all values: a copy of a large picture would need memory that no prediction counts.
+pub fn upload_joined<T: OclPrm>(queue: &Queue, parts: &[Cow<'_, [T]>]) -> ocl::Result<Buffer<T>> {
+    let len = parts.iter().map(|part| part.len()).sum();
+    upload_rows(queue, [len, 1], |range, values| copy_joined(parts, range.start, values))
+}
+
+/// Replaces the values of a buffer by the values of all `parts`, one part after another.
+pub fn write_joined<T: OclPrm>(queue: &Queue, buffer: &Buffer<T>, parts: &[Cow<'_, [T]>]) -> ocl::Result<()> {
+    let mut at = 0;
+    for part in parts.iter().filter(|part| !part.is_empty()) {
+        buffer.write(&part[..]).offset(at).queue(&queue.commands).enq().map_err(noted)?;
+        at += part.len();
+    }
+    Ok(())
+}
+
+/// Fills `to` with the values of all `parts`, one part after another, without the first `start` values.
+fn copy_joined<T: OclPrm>(parts: &[Cow<'_, [T]>], mut start: usize, mut to: &mut [T]) {
+    for part in parts {
+        let from = &part[start.min(part.len())..];
+        start -= part.len() - from.len();
+        let (here, rest) = to.split_at_mut(from.len().min(to.len()));
+        copy(&from[..here.len()], here);
+        to = rest;
+    }
 }
 
 /// Passes the rows `rows` of a buffer to `take`. Each row has `row` values. If the device shares the host's
@@ -137,6 +166,27 @@ mod tests {
             read_rows(&queue, &buffer, (2..9, ROW), take).unwrap();
             assert_eq!(read, values[2 * ROW..9 * ROW]);
             assert_eq!(pieces, expected);
+        }
+    }
+
+    #[test]
+    fn parts_are_uploaded_one_after_another_also_in_pieces() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let open = || Queue::open(&device).unwrap();
+        let shared = Queue { shares_memory: true, ..open() };
+        // The second queue writes pieces of two values, which begin and end within parts.
+        let separate = [2 * size_of::<u32>(), 1 << 20].map(|bytes| open().with_separate_memory(bytes));
+        let parts = [&[1_u32, 2, 3][..], &[], &[4, 5], &[6]].map(Cow::Borrowed);
+        for queue in [shared].into_iter().chain(separate) {
+            let buffer = upload_joined(&queue, &parts).unwrap();
+            let values = || {
+                let mut values = vec![0; buffer.len()];
+                buffer.read(&mut values).enq().unwrap();
+                values
+            };
+            assert_eq!(values(), [1, 2, 3, 4, 5, 6]);
+            write_joined(&queue, &buffer, &[&[7_u32][..], &[], &[8, 9]].map(Cow::Borrowed)).unwrap();
+            assert_eq!(values(), [7, 8, 9, 4, 5, 6]);
         }
     }
 

@@ -1,7 +1,7 @@
 //! A scene in a device's memory, in one layout (arrangement of the triangles in buffers).
 
 use super::arguments::{Argument, Arguments};
-use super::buffers::{upload, upload_rows};
+use super::buffers::{upload, upload_joined, upload_rows, write_joined};
 use super::textures::DeviceTextures;
 use super::{LaunchError, Queue};
 use crate::clock::ms_since;
@@ -11,6 +11,7 @@ use crate::strategy::Strategy;
 use glam::Vec3;
 use ocl::Buffer;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// The buffers of the scene's triangles; the layout determines which buffers these are.
@@ -75,7 +76,7 @@ impl DeviceScene {
             Some(_) => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
         };
         let lights = upload(queue, &light_floats(&scene.lights))?;
-        let soft = upload(queue, &soft_floats(scene))?;
+        let soft = upload_joined(queue, &soft_floats(scene))?;
         let textures = DeviceTextures::upload(queue, mesh)?;
         let colours = mesh.corner_colours.as_flattened();
         let corner_colours = (!colours.is_empty()).then(|| upload(queue, colours)).transpose()?;
@@ -114,7 +115,7 @@ pub(super) fn replace_lights(
     move_lights(queue, &uploaded.lights, &scene.lights)?;
     let radii = |scene: &Scene| scene.lights.iter().map(radius).collect::<Vec<_>>();
     if radii(scene) != radii(last) || scene.sky != last.sky {
-        uploaded.soft.write(&soft_floats(scene)).queue(&queue.commands).enq()?;
+        write_joined(queue, &uploaded.soft, &soft_floats(scene))?;
     }
     Ok(())
 }
@@ -144,8 +145,8 @@ fn radius(light: &Light) -> f32 {
 }
 
 /// Returns the sky (zeros if there is none), then the lights' radii, in the layout of `cl/common/soft.cl`. A sky with a
-/// picture has the layout of `cl/common/environment.cl`, and its texels come last.
-fn soft_floats(scene: &Scene) -> Vec<f32> {
+/// picture has the layout of `cl/common/environment.cl`, and its texels are the second part.
+fn soft_floats(scene: &Scene) -> [Cow<'_, [f32]>; 2] {
     let mut floats = vec![0.0; SOFT_HEAD_FLOATS];
     let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_deref());
     if let Some(Sky { zenith, horizon, up, reach, .. }) = &scene.sky {
@@ -160,8 +161,8 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
         floats.push(*reach);
     }
     floats.extend(scene.lights.iter().map(radius));
-    floats.extend(picture.iter().flat_map(|picture| picture.texels.as_flattened()));
-    floats
+    let texels = picture.map(|picture| picture.texels.as_flattened()).unwrap_or_default();
+    [Cow::Owned(floats), Cow::Borrowed(texels)]
 }
 
 /// Uploads the triangles as 104 bytes each: three corners, their normals, and the material (16 bytes more if
@@ -191,19 +192,26 @@ pub(super) fn material_floats(mesh: &Mesh) -> Vec<f32> {
     mesh.materials.iter().flat_map(|material| material.for_device(emissive)).collect()
 }
 
-fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) -> ocl::Result<Sets<I>> {
-    let floats = |points: &[glam::Vec3]| points.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
-    let triangles = &mesh.triangles;
-    let position_indices: Vec<I> = triangles.iter().flat_map(|t| t.positions).map(&index).collect();
-    let normal_indices: Vec<I> = triangles.iter().flat_map(|t| t.normals).map(&index).collect();
-    let material_indices: Vec<I> = triangles.iter().map(|t| index(t.material)).collect();
-    let materials = material_floats(mesh);
+fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I + Sync) -> ocl::Result<Sets<I>> {
     Ok(Sets {
-        positions: upload(queue, &floats(&mesh.positions))?,
-        normals: upload(queue, &floats(&mesh.normals))?,
-        position_indices: upload(queue, &position_indices)?,
-        normal_indices: upload(queue, &normal_indices)?,
-        material_indices: upload(queue, &material_indices)?,
-        materials: upload(queue, &materials)?,
+        positions: upload(queue, bytemuck::cast_slice(&mesh.positions))?,
+        normals: upload(queue, bytemuck::cast_slice(&mesh.normals))?,
+        position_indices: indices(queue, mesh, |triangle| triangle.positions.map(&index))?,
+        normal_indices: indices(queue, mesh, |triangle| triangle.normals.map(&index))?,
+        material_indices: indices(queue, mesh, |triangle| [index(triangle.material)])?,
+        materials: upload(queue, &material_floats(mesh))?,
+    })
+}
+
+/// Uploads `N` indices of each triangle, which `of` returns.
+fn indices<I: ocl::OclPrm, const N: usize>(
+    queue: &Queue,
+    mesh: &Mesh,
+    of: impl Fn(&Triangle) -> [I; N] + Sync,
+) -> ocl::Result<Buffer<I>> {
+    upload_rows(queue, [mesh.triangles.len(), N], |triangles, rows| {
+        rows.par_chunks_exact_mut(N)
+            .zip(&mesh.triangles[triangles])
+            .for_each(|(row, triangle)| row.copy_from_slice(&of(triangle)));
     })
 }

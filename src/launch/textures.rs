@@ -2,10 +2,11 @@
 
 use super::Queue;
 use super::arguments::Arguments;
-use super::buffers::{upload, upload_rows};
+use super::buffers::{upload_joined, upload_rows};
 use crate::scene::{Mapped, Mesh, Textures, linear_values, texel_on};
 use ocl::Buffer;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// The textures, and the triangles' texture coordinates.
 #[derive(Debug)]
@@ -30,7 +31,8 @@ impl DeviceTextures {
                 .zip(triangles)
                 .for_each(|(row, triangle)| write_row(row, mesh, triangle));
         })?;
-        Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
+        let words = upload_joined(queue, &words(textures))?;
+        Ok(Some(Self { words, rows, cut_outs: textures.have_holes() }))
     }
 
     /// Adds the textures' arguments for shading. If there are cut-outs, adds the same two buffers again as
@@ -56,8 +58,10 @@ fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     }
 }
 
-fn words(textures: &Textures) -> Vec<u32> {
-    let mut words = Vec::with_capacity(textures.word_count());
+/// Returns all textures as a device reads them, in parts: the words before the first texel, then the texels of each
+/// picture.
+fn words(textures: &Textures) -> Vec<Cow<'_, [u32]>> {
+    let mut words = Vec::with_capacity(textures.head_words());
     words.extend(linear_values().map(f32::to_bits));
     let mut next = textures.head_words() as u32;
     let mut starts = Vec::new();
@@ -66,15 +70,14 @@ fn words(textures: &Textures) -> Vec<u32> {
         let start = textures.same_as(number).map_or(next, |other| starts[other]);
         if start == next {
             next += texture.texels.len() as u32;
-            texels.push(&texture.texels);
+            texels.push(Cow::Borrowed(&texture.texels[..]));
         }
         starts.push(start);
         let ([width, height], [across, down]) = (texture.size, texture.wrap.map(|wrap| wrap as u32));
         let (last, least_alpha) = (texture.last_level(), u32::from(texture.least_alpha));
         words.extend([start, width, height, across | down << 8 | last << 12 | least_alpha << 16]);
     }
-    texels.into_iter().for_each(|texels| words.extend_from_slice(texels));
-    words
+    std::iter::once(Cow::Owned(words)).chain(texels).collect()
 }
 
 #[cfg(test)]
@@ -96,7 +99,7 @@ mod tests {
             texture([1, 1], [Wrap::Mirror, Wrap::Repeat], 9),
         ];
         let textures = Textures { list, mapped: vec![Mapped::NONE] };
-        let words = words(&textures);
+        let words = words(&textures).concat();
         assert_eq!(words.len(), textures.word_count());
         assert_eq!(words[256..264], [264, 2, 3, 0x100, 270, 1, 1, 2]);
         assert_eq!((words[264], words[269], words[270]), (7, 7, 9));
@@ -120,7 +123,7 @@ mod tests {
             textures: Textures { list: vec![texture], mapped },
             ..Mesh::default()
         };
-        assert_eq!(words(&mesh.textures)[256..], [260, 2, 1, 0x8000_1201, 7, 8, 9]);
+        assert_eq!(words(&mesh.textures).concat()[256..], [260, 2, 1, 0x8000_1201, 7, 8, 9]);
         let mut row = vec![f32::NAN; Mapped::floats(true)];
         write_row(&mut row, &mesh, 0);
         // The triangle covers 4 x 2 units of length, and 2 x 1 texels.
@@ -142,7 +145,7 @@ mod tests {
         };
         let mask = Texture { least_alpha: 0x8000, ..colour.clone() };
         let textures = Textures { list: vec![colour, mask], mapped: vec![Mapped::NONE] };
-        let words = words(&textures);
+        let words = words(&textures).concat();
         assert_eq!(words.len(), textures.word_count());
         assert_eq!(words[256..], [264, 1, 2, 0x200, 264, 1, 2, 0x8000_0200, 7, 8]);
     }
