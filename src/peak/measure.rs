@@ -3,8 +3,9 @@
 
 use super::rig::{NO_TIMES, PeakProgram, Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};
-use crate::device::Device;
+use crate::device::{Device, DeviceLimits};
 use crate::error::Result;
+use crate::memory::Available;
 use crate::program::Sources;
 use ocl::Kernel;
 use rand::seq::SliceRandom as _;
@@ -24,6 +25,10 @@ const SLOTS: u64 = 8;
 /// Size in bytes of a buffer that does not fit into any cache. On a device with little memory, a smaller buffer is
 /// used.
 const LARGE_BYTES: u64 = 512 << 20;
+/// If a device shares the host's memory, a large buffer takes at most this fraction, `1 / HOST_FRACTION`, of the memory
+/// that is available. A measurement has up to two large buffers or lists at a time, and the driver's compiler also
+/// needs memory.
+const HOST_FRACTION: u64 = 8;
 /// The distance in bytes between neighbouring entries of the pointer chase in global memory: a cache line. In
 /// a pointer chase, each read yields the index of the entry that is read next.
 const LINE_BYTES: usize = 128;
@@ -123,9 +128,14 @@ fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
 ///
 /// # Errors
 ///
-/// Fails if the device allows no buffer of one mebibyte.
+/// Fails if a buffer of one mebibyte exceeds the device's limit, or the memory that the host has left.
 fn large_bytes(rig: &Rig<'_>) -> Result<usize> {
-    let limits = &rig.device.info.limits;
+    let host = rig.queue.shares_memory.then(Available::read);
+    fitting_bytes(&rig.device.info.limits, host.as_ref())
+}
+
+/// Returns the same size as [`large_bytes`]. `host` is the host's memory; `None` if the device has its own.
+fn fitting_bytes(limits: &DeviceLimits, host: Option<&Available>) -> Result<usize> {
     if limits.allocation_bytes < 1 << 20 {
         let most = limits.allocation_bytes;
         return Err(failed_because(&format!(
@@ -133,7 +143,12 @@ fn large_bytes(rig: &Rig<'_>) -> Result<usize> {
             1 << 20
         )));
     }
-    let bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
+    let mut bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
+    if let Some(host) = host {
+        let sum = format!("{HOST_FRACTION} x {} B", 1 << 20);
+        host.hold(HOST_FRACTION << 20, "the measurement of peak rates", &sum)?;
+        bytes = bytes.min(host.bytes / HOST_FRACTION);
+    }
     Ok((bytes as usize / (1 << 20)).max(1) << 20)
 }
 
@@ -322,7 +337,7 @@ fn cycle(lines: usize, stride: usize) -> Vec<i32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::{DeviceLimits, discover};
+    use crate::device::{EXAMPLE_LIMITS, discover};
     use crate::launch::alone::{reported_local_bytes, reports_local_memory};
 
     #[test]
@@ -470,7 +485,8 @@ mod tests {
         let mut sizes = |limits: DeviceLimits| {
             device.info.limits = limits;
             let rig = Rig::open(&device, &Sources::Embedded).unwrap();
-            (rig.group(), rig.items(), rig.width(4), large_bytes(&rig).unwrap())
+            // The host's free memory, which differs from machine to machine, is left out.
+            (rig.group(), rig.items(), rig.width(4), fitting_bytes(&limits, None).unwrap())
         };
         let gpu = DeviceLimits {
             is_cpu: false,
@@ -487,5 +503,17 @@ mod tests {
         let cpu =
             DeviceLimits { is_cpu: true, native_width: 8, global_bytes: 64 << 20, compute_units: 2, ..gpu };
         assert_eq!(sizes(cpu), (1, 2 * 4, 8, 4 << 20));
+    }
+
+    #[test]
+    fn a_device_that_shares_the_hosts_memory_gets_a_part_of_what_is_free() {
+        let limits = DeviceLimits { global_bytes: 1 << 40, allocation_bytes: 1 << 40, ..EXAMPLE_LIMITS };
+        let of = |mebibytes: u64| {
+            let host = Available { bytes: mebibytes << 20, source: "a test".to_owned() };
+            fitting_bytes(&limits, Some(&host))
+        };
+        assert_eq!([8, 85, 1 << 20].map(|mebibytes| of(mebibytes).unwrap() >> 20), [1, 10, 512]);
+        let message = of(7).unwrap_err().to_string();
+        assert!(message.contains("(8 x 1048576 B = 8388608 B)") && message.contains("a test"), "{message}");
     }
 }
