@@ -137,20 +137,20 @@ fn kibibytes(text: &str, key: &str) -> Option<u64> {
 }
 
 /// The names under which one version of Linux's control groups states three numbers: the file with the limit, the file
-/// with the memory in use, and the key in `memory.stat` for the reclaimable part of the memory in use.
+/// with the memory in use, and the keys in `memory.stat` for the reclaimable parts of the memory in use.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,
-    reclaimable: &'static str,
+    reclaimable: [&'static str; 2],
 }
 
 const VERSION_1: GroupFiles = GroupFiles {
     limit: "memory.limit_in_bytes",
     used: "memory.usage_in_bytes",
-    reclaimable: "total_inactive_file",
+    reclaimable: ["total_inactive_file", "total_active_file"],
 };
 const VERSION_2: GroupFiles =
-    GroupFiles { limit: "memory.max", used: "memory.current", reclaimable: "inactive_file" };
+    GroupFiles { limit: "memory.max", used: "memory.current", reclaimable: ["inactive_file", "active_file"] };
 
 /// Returns the folder of every control group whose limit applies to a process, innermost first. `text` is the content
 /// of the process's /proc/self/cgroup. A container may see its own control group as the root of all groups,
@@ -178,13 +178,16 @@ fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
     Some(Available { bytes, source: folder.join(files.limit).display().to_string() })
 }
 
-/// Returns how many more bytes a control group's limit allows; `None` if there is no limit. File pages that
-/// the kernel can reclaim count as free.
-fn group_left(limit: &str, used: &str, stat: &str, reclaimable: &str) -> Option<u64> {
+/// Returns how many more bytes a control group's limit allows; `None` if there is no limit. File pages count as free:
+/// Linux reclaims those in use, too (`active_file`), before it refuses memory.
+fn group_left(limit: &str, used: &str, stat: &str, reclaimable: [&str; 2]) -> Option<u64> {
     let limit: u64 = limit.trim().parse().ok()?; // version 2 writes "max" if there is no limit
     let used: u64 = used.trim().parse().ok()?;
-    let entry = |line: &str| line.strip_prefix(reclaimable)?.strip_prefix(' ')?.trim().parse::<u64>().ok();
-    let reclaimable = stat.lines().find_map(entry).unwrap_or(0);
+    let entry = |key: &str| {
+        let bytes = |line: &str| line.strip_prefix(key)?.strip_prefix(' ')?.trim().parse::<u64>().ok();
+        stat.lines().find_map(bytes).unwrap_or(0)
+    };
+    let reclaimable = reclaimable.map(entry).into_iter().fold(0, u64::saturating_add);
     Some(limit.saturating_sub(used.saturating_sub(reclaimable)))
 }
 
@@ -224,9 +227,12 @@ mod tests {
     #[test]
     fn a_groups_limit_leaves_what_is_not_used_or_can_be_given_back() {
         let stat = "anon 5\ninactive_file 300\nactive_file 50\n";
-        assert_eq!(group_left("1000\n", "900\n", stat, "inactive_file"), Some(400));
-        assert_eq!(group_left("1000", "2000", "", "inactive_file"), Some(0));
-        assert_eq!(group_left("max\n", "900\n", stat, "inactive_file"), None);
+        let left = |limit, used, stat| group_left(limit, used, stat, VERSION_2.reclaimable);
+        assert_eq!(left("1000\n", "900\n", stat), Some(450));
+        assert_eq!(left("1000", "2000", ""), Some(0));
+        assert_eq!(left("max\n", "900\n", stat), None);
+        let most = format!("inactive_file 300\nactive_file {}\n", u64::MAX);
+        assert_eq!(left("1000", "900", most.as_str()), Some(1000));
     }
 
     #[test]
@@ -280,8 +286,11 @@ mod tests {
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
         write("memory.limit_in_bytes", "1000\n");
         write("memory.usage_in_bytes", "900\n");
-        write("memory.stat", "inactive_file 5\ntotal_inactive_file 300\n");
+        write(
+            "memory.stat",
+            "inactive_file 5\nactive_file 6\ntotal_inactive_file 300\ntotal_active_file 70\n",
+        );
         let Available { bytes, source } = group_available(folder.path(), &VERSION_1).unwrap();
-        assert_eq!((bytes, source.ends_with("memory.limit_in_bytes")), (400, true), "{source}");
+        assert_eq!((bytes, source.ends_with("memory.limit_in_bytes")), (470, true), "{source}");
     }
 }
