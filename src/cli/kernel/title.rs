@@ -66,10 +66,8 @@ impl Title<'_> {
             Some(device) => format!("for {}{lanes}", device.info.describe()),
             None if program.asked.is_empty() => format!("for any device{lanes}"),
             None => {
-                format!(
-                    "for any device{lanes}; its compiler is assumed not to define: {}",
-                    program.asked.join(", ")
-                )
+                let names: Vec<&str> = program.undefined().into_iter().collect();
+                format!("for any device{lanes}; its compiler is assumed not to define: {}", names.join(", "))
             }
         }
     }

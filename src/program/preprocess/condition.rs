@@ -3,31 +3,33 @@
 use super::expand::expand;
 use super::macros::Macros;
 use super::token::{Kind, Token};
+use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The compiler's macros that raycl knows, and the unknown macros that conditions use.
+/// The compiler's answers that raycl knows, and the questions that conditions still have for the compiler.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key of the map is a macro's name,
-    /// or a whole text such as `__has_builtin(f)`.
-    pub given: BTreeMap<String, i64>,
-    /// Names that conditions use, but that neither the text nor `given` defines. The preprocessor treats the
-    /// names in `asked` as undefined.
+    /// The compiler's answer to each question. A question is the name of a macro whose value a condition uses,
+    /// `defined(NAME)` or `__has_builtin(NAME)`.
+    pub given: BTreeMap<String, Value>,
+    /// The questions that neither the text nor `given` answers. The preprocessor takes 0 as the answer to each of
+    /// them.
     pub asked: BTreeSet<String>,
 }
 
 impl Compiler {
-    fn ask(&mut self, name: &str) -> Option<i64> {
-        let known = self.given.get(name).copied();
-        if known.is_none() {
-            self.asked.insert(name.to_owned());
+    fn ask(&mut self, question: &str) -> Value {
+        if let Some(answer) = self.given.get(question) {
+            return *answer;
         }
-        known
+        self.asked.insert(question.to_owned());
+        Value::default()
     }
 
-    /// Returns true if a name is defined in the text or by the compiler.
+    /// Returns true if a name is defined in the text or by the compiler. The compiler is not asked for the name's
+    /// value: a macro with parameters has none, and other macros need not be numbers.
     pub fn is_defined(&mut self, macros: &Macros, name: &str) -> bool {
-        macros.get(name).is_some() || self.ask(name).is_some()
+        macros.get(name).is_some() || self.ask(&format!("defined({name})")).is_true()
     }
 }
 
@@ -40,7 +42,7 @@ pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
     let mut parser = Parser { tokens, at: 0, depth: 0, compiler };
     let value = parser.choice(true)?;
     match parser.peek() {
-        None => Ok(value != 0),
+        None => Ok(value.is_true()),
         Some(other) => Err(format!("expected the end of the condition, not '{other}'")),
     }
 }
@@ -63,7 +65,7 @@ fn answer_questions(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
             _ => return Err(format!("{} needs a name", first.text)),
         };
         let yes = if builtin {
-            compiler.ask(&format!("__has_builtin({})", name.text)).is_some_and(|value| value != 0)
+            compiler.ask(&format!("__has_builtin({})", name.text)).is_true()
         } else {
             compiler.is_defined(macros, &name.text)
         };
@@ -105,7 +107,7 @@ const MOST_NESTED: usize = 100;
 impl Parser<'_> {
     /// Calls `parse` for an operand or a bracket that is nested one level deeper. Returns a message if the
     /// nesting is too deep.
-    fn nested(&mut self, parse: impl FnOnce(&mut Self) -> Result<i64, String>) -> Result<i64, String> {
+    fn nested(&mut self, parse: impl FnOnce(&mut Self) -> Result<Value, String>) -> Result<Value, String> {
         if self.depth == MOST_NESTED {
             return Err(format!(
                 "the condition has brackets, unary operators or ?: nested more than {MOST_NESTED} levels deep"
@@ -136,30 +138,30 @@ impl Parser<'_> {
     }
 
     /// Parses `a ? b : c`, or an expression of higher precedence.
-    fn choice(&mut self, live: bool) -> Result<i64, String> {
+    fn choice(&mut self, live: bool) -> Result<Value, String> {
         let condition = self.binary(0, live)?;
         if !self.next_is("?") {
             return Ok(condition);
         }
-        let yes = self.nested(|inner| inner.choice(live && condition != 0))?;
+        let yes = self.nested(|inner| inner.choice(live && condition.is_true()))?;
         self.expect(":")?;
-        let no = self.nested(|inner| inner.choice(live && condition == 0))?;
-        Ok(if condition != 0 { yes } else { no })
+        let no = self.nested(|inner| inner.choice(live && !condition.is_true()))?;
+        Ok(if condition.is_true() { yes.beside(no) } else { no.beside(yes) })
     }
 
-    fn binary(&mut self, level: usize, live: bool) -> Result<i64, String> {
+    fn binary(&mut self, level: usize, live: bool) -> Result<Value, String> {
         let Some(operators) = LEVELS.get(level) else { return self.unary(live) };
         let mut left = self.binary(level + 1, live)?;
         while let Some(operator) = operators.iter().find(|symbol| self.peek() == Some(**symbol)) {
             self.at += 1;
-            let decided = matches!((*operator, left != 0), ("||", true) | ("&&", false));
+            let decided = matches!((*operator, left.is_true()), ("||", true) | ("&&", false));
             let right = self.binary(level + 1, live && !decided)?;
             left = apply(operator, left, right, live)?;
         }
         Ok(left)
     }
 
-    fn unary(&mut self, live: bool) -> Result<i64, String> {
+    fn unary(&mut self, live: bool) -> Result<Value, String> {
         let operators = ["!", "-", "+", "~", "("];
         let Some(operator) = operators.into_iter().find(|symbol| self.next_is(symbol)) else {
             return self.atom();
@@ -169,65 +171,27 @@ impl Parser<'_> {
             self.expect(")")?;
             return Ok(value);
         }
-        let value = self.nested(|inner| inner.unary(live))?;
-        Ok(match operator {
-            "!" => i64::from(value == 0),
-            "-" => value.wrapping_neg(),
-            "~" => !value,
-            _ => value,
-        })
+        Ok(self.nested(|inner| inner.unary(live))?.after(operator))
     }
 
     /// Parses a number or a name. The value of a name that the compiler does not define is 0.
-    fn atom(&mut self) -> Result<i64, String> {
+    fn atom(&mut self) -> Result<Value, String> {
         let Some(token) = self.tokens.get(self.at) else {
             return Err("a value is missing at the condition's end".to_owned());
         };
         self.at += 1;
         match token.kind {
-            Kind::Number => number(&token.text).ok_or_else(|| format!("'{}' is not an integer", token.text)),
-            Kind::Name => Ok(self.compiler.ask(&token.text).unwrap_or(0)),
+            Kind::Number => {
+                Value::of_number(&token.text).ok_or_else(|| format!("'{}' is not an integer", token.text))
+            }
+            Kind::Name => Ok(self.compiler.ask(&token.text)),
             _ => Err(format!("a value is missing before '{}' in the condition", token.text)),
         }
     }
 }
 
-fn apply(operator: &str, left: i64, right: i64, live: bool) -> Result<i64, String> {
-    let by_zero = matches!(operator, "/" | "%") && right == 0;
-    if by_zero && live {
-        return Err("the condition divides by zero".to_owned());
-    }
-    Ok(match operator {
-        _ if by_zero => 0,
-        "||" => i64::from(left != 0 || right != 0),
-        "&&" => i64::from(left != 0 && right != 0),
-        "|" => left | right,
-        "^" => left ^ right,
-        "&" => left & right,
-        "==" => i64::from(left == right),
-        "!=" => i64::from(left != right),
-        "<" => i64::from(left < right),
-        ">" => i64::from(left > right),
-        "<=" => i64::from(left <= right),
-        ">=" => i64::from(left >= right),
-        "<<" => left.wrapping_shl(right as u32),
-        ">>" => left.wrapping_shr(right as u32),
-        "+" => left.wrapping_add(right),
-        "-" => left.wrapping_sub(right),
-        "*" => left.wrapping_mul(right),
-        "/" => left.wrapping_div(right),
-        _ => left.wrapping_rem(right),
-    })
-}
-
-/// Parses a decimal, hexadecimal or octal integer with C's suffixes; `None` for any other text.
-fn number(text: &str) -> Option<i64> {
-    let digits = text.trim_end_matches(['u', 'U', 'l', 'L']);
-    if let Some(hexadecimal) = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")) {
-        return i64::from_str_radix(hexadecimal, 16).ok();
-    }
-    match digits.strip_prefix('0') {
-        Some(octal) if !octal.is_empty() => i64::from_str_radix(octal, 8).ok(),
-        _ => digits.parse().ok(),
-    }
+/// Returns the value of a binary operator. An operand whose value does not matter may divide by zero.
+fn apply(operator: &str, left: Value, right: Value, live: bool) -> Result<Value, String> {
+    let value = left.then(operator, right).or((!live).then_some(left.beside(right)));
+    value.ok_or_else(|| "the condition divides by zero".to_owned())
 }

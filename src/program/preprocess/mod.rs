@@ -18,17 +18,19 @@ mod substitute;
 #[cfg(test)]
 mod tests;
 mod token;
+mod value;
 
 pub use canonical::canonical;
 pub use layout::Line;
 pub use reading::{Reading, read};
+pub use value::Value;
 
 use crate::error::{Error, Result};
 use condition::Compiler;
 use expand::expand;
 use layout::Layout;
 use macros::Macros;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use token::{Kind, Token, lex};
 
@@ -37,9 +39,9 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The lines that remain after preprocessing.
     pub lines: Vec<Line>,
-    /// Names, and texts such as `__has_builtin(NAME)`, that occur in conditions, but are defined neither in
-    /// the text nor by the caller. The preprocessor has treated these names as undefined. A caller can find
-    /// out the values that the compiler gives to the names in `asked`, and preprocess the text again.
+    /// The questions of conditions that neither the text nor the caller answers: a macro's name, `defined(NAME)` or
+    /// `__has_builtin(NAME)`. The preprocessor has taken 0 as the answer. A caller can ask the compiler, and
+    /// preprocess the text again with the compiler's answers.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except files that are named only in branches that are not
     /// compiled.
@@ -51,14 +53,25 @@ impl Preprocessed {
     pub fn text(&self) -> String {
         self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
     }
+
+    /// Returns the names, and texts such as `__has_builtin(NAME)`, that the preprocessor has treated as undefined.
+    pub fn undefined(&self) -> BTreeSet<&str> {
+        self.asked.iter().map(|asked| subject(asked)).collect()
+    }
 }
 
-/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. For conditions, `given` contains the values of
-/// the compiler's own macros and of `__has_builtin(NAME)`. The compiler's own macros are expanded only in
-/// conditions, such as `#if`.
+/// Returns the name in the question `defined(NAME)`, and any other question as it is.
+fn subject(asked: &str) -> &str {
+    let name = asked.strip_prefix("defined(").and_then(|name| name.strip_suffix(')'));
+    name.unwrap_or(asked)
+}
+
+/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` contains the compiler's answers to
+/// questions of conditions ([`Preprocessed::asked`]). The compiler's own macros are expanded only in conditions, such
+/// as `#if`.
 ///
 /// An `#error` that is reached, an unknown directive and a wrong use of a macro are user errors.
-pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
+pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, Value>) -> Result<Preprocessed> {
     let mut run = Preprocessor::new(given);
     for option in defines(options) {
         run.macros
@@ -136,7 +149,7 @@ struct Preprocessor {
 }
 
 impl Preprocessor {
-    fn new(given: &BTreeMap<String, i64>) -> Self {
+    fn new(given: &BTreeMap<String, Value>) -> Self {
         Self {
             macros: Macros::default(),
             compiler: Compiler { given: given.clone(), ..Compiler::default() },

@@ -1,7 +1,7 @@
 //! Tests of the preprocessor, rule by rule; tests/kernel.rs compares whole kernels with the output of a C compiler's
 //! preprocessor.
 
-use super::{Preprocessed, canonical, preprocess};
+use super::{Preprocessed, Value, canonical, preprocess};
 use crate::error::Result;
 use std::collections::BTreeMap;
 
@@ -80,6 +80,37 @@ fn conditions_are_integer_expressions() {
         let message = mistake(&format!("a\n#if {condition}\n#endif\n"));
         assert!(message.starts_with("the text, line 2: "), "{condition}: {message}");
     }
+}
+
+/// The C compiler's preprocessor finds each of these conditions true.
+#[test]
+fn values_are_signed_or_unsigned_as_in_c() {
+    for condition in [
+        "0xffffffffffffffff > 0",
+        "01777777777777777777777 > 0",
+        "18446744073709551615 > 0",
+        "18446744073709551615u % 10 == 5",
+        "-1 == 18446744073709551615u",
+        "-0x7fffffffffffffff - 1 < 0",
+        "-1 > 0u",
+        "-1 / 2u > 1",
+        "-3 % 2 == -1 && -3 % 2u == 1",
+        "-1 * 0u - 1 > 0",
+        "(0 | -1u) > 0 && (0u ^ -1) > 0 && (-1 & 3u) - 4 > 0",
+        "~0u >> 63 == 1",
+        "-1 >> 1u == -1",
+        "(-1 << 1u) < 0",
+        "-(1u) > 0 && +(1u) - 2 > 0",
+        "!0u - 2 < 0",
+        "(1u < 2) - 2 < 0 && (0u || 1u) - 2 < 0",
+        "(1 ? -1 : 0u) > 0 && (0 ? 0u : -1) > 0",
+        "(0 ? 1u / 0 : -1) > 0",
+    ] {
+        assert!(holds(condition), "{condition}");
+        assert!(!holds(&format!("!({condition})")), "not {condition}");
+    }
+    assert!(holds("(-0x7fffffffffffffff - 1) / -1 < 0"), "an overflow that C leaves undefined");
+    assert!(mistake("#if 18446744073709551616\n#endif\n").contains("is not an integer"));
 }
 
 #[test]
@@ -209,13 +240,25 @@ fn constants_keep_their_names() {
 fn the_compilers_own_macros_are_asked_for_and_left_alone() {
     let source = "#if defined(OWN) && OWN > 2\nOWN\n#elif defined(OTHER)\nother\n#endif\n#ifdef __has_builtin\n#if __has_builtin(f)\nbuiltin\n#endif\n#endif\n";
     let absent = run(source, "").map(|output| (output.text(), output.asked)).ok();
-    let asked = ["OTHER", "OWN", "__has_builtin"].map(str::to_owned).to_vec();
+    let asked =
+        ["OWN", "defined(OTHER)", "defined(OWN)", "defined(__has_builtin)"].map(str::to_owned).to_vec();
     assert_eq!(absent, Some((String::new(), asked)));
-    let given = [("OWN", 3), ("__has_builtin", 1), ("__has_builtin(f)", 1)]
-        .map(|(name, value)| (name.to_owned(), value));
+    let answers = [("OWN", 3), ("defined(OWN)", 1), ("defined(__has_builtin)", 1), ("__has_builtin(f)", 1)];
+    let given = answers.map(|(asked, bits)| (asked.to_owned(), Value { bits, is_unsigned: false }));
     let known =
         preprocess(source, "", &BTreeMap::from(given)).map(|output| (output.text(), output.asked)).ok();
     assert_eq!(known, Some(("OWN\nbuiltin\n".to_owned(), Vec::new())));
+}
+
+#[test]
+fn only_a_macro_whose_value_matters_is_asked_for_its_value() {
+    let output = run("#ifdef A\n#endif\n#ifndef B\n#endif\n#if defined(C) && D\n#endif\n", "").unwrap();
+    assert_eq!(output.asked, ["D", "defined(A)", "defined(B)", "defined(C)"]);
+    let output = run("#if defined(A) && A > 1\n#elif __has_builtin(f)\n#endif\n", "").unwrap();
+    assert_eq!(output.undefined().into_iter().collect::<Vec<_>>(), ["A", "__has_builtin(f)"]);
+    let most = Value { bits: u64::MAX, is_unsigned: true };
+    let given = BTreeMap::from([("MOST".to_owned(), most)]);
+    assert_eq!(preprocess("#if MOST > 0\nlarge\n#endif\n", "", &given).unwrap().text(), "large\n");
 }
 
 #[test]
