@@ -1,13 +1,20 @@
 //! Waits for child processes, up to a time limit or until the caller no longer needs a process's output.
 
-use std::io::{Read, Result as IoResult};
+use crate::threads::locked;
+use std::io::{Read, Result as IoResult, Write, copy};
 use std::process::{Child, ExitStatus, Output};
-use std::thread::{Builder, JoinHandle, sleep};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::{Builder, sleep};
 use std::time::{Duration, Instant};
 
 /// The longest wait for the end of a process that was killed. Linux does not end a process while a driver in
 /// Linux's kernel keeps the process in uninterruptible sleep, which may last for ever.
 const KILLED: Duration = Duration::from_secs(10);
+
+/// The longest wait for the end of the output of a process that has ended. The output ends later if a program that
+/// the process started still runs and has inherited the output streams.
+const REST: Duration = Duration::from_secs(1);
 
 /// Calls `ended` until it returns a process's status, and returns this status. Returns `None` if the process
 /// has not ended within `limit`.
@@ -41,7 +48,8 @@ pub fn output_within(child: Child, limit: Duration) -> IoResult<Option<Output>> 
 /// Waits until a process ends, and returns its output. During the wait, the function calls `is_over` once per
 /// `interval`. If `is_over` returns true, the function kills the process and returns `None`. The function
 /// also kills the process if the system refuses a thread that would read the process's output; the function
-/// then returns an error.
+/// then returns an error. If the output has not ended [`REST`] after the process, the function returns the output so
+/// far.
 pub fn output_unless(
     mut child: Child,
     interval: Duration,
@@ -60,7 +68,9 @@ pub fn output_unless(
     };
     loop {
         if let Some(status) = child.try_wait()? {
-            return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
+            let until = Instant::now() + REST;
+            let [stdout, stderr] = [stdout, stderr].map(|stream| words_of(stream, until));
+            return Ok(Some(Output { status, stdout, stderr }));
         }
         if is_over() {
             kill(&mut child)?;
@@ -70,17 +80,43 @@ pub fn output_unless(
     }
 }
 
-/// Reads a stream to its end in another thread, so that the child process never waits because its pipe is full.
-fn reading(mut from: impl Read + Send + 'static) -> IoResult<JoinHandle<Vec<u8>>> {
-    Builder::new().spawn(move || {
-        let mut bytes = Vec::new();
-        let _ = from.read_to_end(&mut bytes);
-        bytes
-    })
+/// A stream that another thread reads.
+struct Reading {
+    heard: Heard,
+    /// Nothing is sent through this channel. The channel is closed at the stream's end.
+    ended: Receiver<()>,
 }
 
-fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
-    reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
+/// The bytes that a stream has had so far.
+#[derive(Clone, Default)]
+struct Heard(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Heard {
+    fn write(&mut self, bytes: &[u8]) -> IoResult<usize> {
+        locked(&self.0).write(bytes)
+    }
+
+    fn flush(&mut self) -> IoResult<()> {
+        Ok(())
+    }
+}
+
+/// Reads a stream to its end in another thread, so that the child process never waits because its pipe is full.
+fn reading(mut from: impl Read + Send + 'static) -> IoResult<Reading> {
+    let (heard, (open, ended)) = (Heard::default(), channel::<()>());
+    let mut to = heard.clone();
+    Builder::new().spawn(move || {
+        let _ = copy(&mut from, &mut to);
+        drop(open);
+    })?;
+    Ok(Reading { heard, ended })
+}
+
+/// Returns all bytes of a stream, or those that it has had by the time `until`.
+fn words_of(stream: Option<Reading>, until: Instant) -> Vec<u8> {
+    let Some(Reading { heard, ended }) = stream else { return Vec::new() };
+    let _ = ended.recv_timeout(until.saturating_duration_since(Instant::now()));
+    std::mem::take(&mut *locked(&heard.0))
 }
 
 #[cfg(all(test, unix))]
@@ -101,6 +137,15 @@ mod tests {
         let spoke = shell("head -c 300000 /dev/zero; echo no >&2; exit 3", Duration::from_secs(120)).unwrap();
         assert_eq!((spoke.stdout.len(), spoke.status.code()), (300_000, Some(3)));
         assert_eq!(spoke.stderr, b"no\n");
+    }
+
+    #[test]
+    fn a_program_that_outlives_the_process_and_keeps_its_output_open_is_not_waited_for() {
+        let spoke = shell("sleep 1000 & echo $!", Duration::from_secs(120)).unwrap();
+        let sleeper = String::from_utf8(spoke.stdout).unwrap();
+        assert!(spoke.status.success() && sleeper.trim().parse::<u32>().is_ok(), "{sleeper}");
+        let killed = shell(&format!("kill {sleeper}"), Duration::from_secs(120)).unwrap();
+        assert!(killed.status.success(), "it no longer ran: the function has waited for its end");
     }
 
     #[test]
