@@ -90,10 +90,10 @@ impl Run<'_> {
         let done = self.done(groups.iter().flatten(), past);
         let mut keys = HashSet::new();
         for group in &groups {
-            let (all, again) = left(group, &done);
+            let (missing, again) = left(group, &done);
             // Of several points with the same key, a run measures only one.
             let is_new = |pending: &&PendingPoint| keys.insert(pending.record.key.clone());
-            let (own, repeated): (Vec<_>, Vec<_>) = all.into_iter().partition(is_new);
+            let (own, repeated): (Vec<_>, Vec<_>) = missing.into_iter().partition(is_new);
             expected.of_both_folders += self.other_sources.map_or(0, |_| repeated.len());
             let known = |points: &[&PendingPoint]| -> Vec<Known> {
                 points.iter().filter_map(|pending| self.known_before(pending, &earlier)).collect()
