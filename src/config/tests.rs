@@ -424,8 +424,8 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
         experiment.scenes[2].overrides.iter().map(|set| format!("{} {}", set.path, set.value)).collect();
     assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
     // Lines of results contain the label, so it has no line break.
-    let entry = "[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = { name = \"a\\nb\" }\n";
-    let label = load_with(&format!("{GOOD}{entry}"), &[]).unwrap().scenes[1].label();
+    let broken = "[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = { name = \"a\\nb\" }\n";
+    let label = load_with(&format!("{GOOD}{broken}"), &[]).unwrap().scenes[1].label();
     assert!(label.starts_with("gourd+name=") && !label.contains(char::is_control), "{label:?}");
     let origin = &experiment.scenes[2].overrides[1].origin;
     let line = GOOD.lines().count() + 3;

@@ -374,7 +374,12 @@ mod tests {
             meant_for,
         };
         let reason = named(Some(DeviceKind::Cpu)).not_for(DeviceKind::Gpu).unwrap();
-        assert!(reason.starts_with("meant for CPUs; set any_kind = true"), "{reason}");
+        assert!(
+            reason.starts_with(
+                "meant for CPUs; to measure the strategy on this device too, set any_kind = true"
+            ),
+            "{reason}"
+        );
         assert_eq!(named(Some(DeviceKind::Cpu)).not_for(DeviceKind::Cpu), None);
         assert_eq!(named(None).not_for(DeviceKind::Gpu), None);
     }

@@ -395,7 +395,11 @@ fn anchors_have_one_name_on_all_devices_that_stand_for_each_other() {
             group.visit(&run, &mut supervisor, &mut sink).unwrap();
         }
         let times = |one: &AnchorSample| (one.ms, one.host_ms, one.processor_ms);
-        assert!(sink.anchors.iter().all(|one| times(one) == (1.0, Some(2.0), Some(3.0))), "{:?}", sink.anchors);
+        assert!(
+            sink.anchors.iter().all(|one| times(one) == (1.0, Some(2.0), Some(3.0))),
+            "{:?}",
+            sink.anchors
+        );
         sink.anchors.iter().map(|sample| &sample.anchor).collect::<HashSet<_>>().len()
     };
     assert_eq!([true, false].map(count_names), [1, 2]);

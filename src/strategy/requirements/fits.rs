@@ -66,7 +66,7 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
     if strategy.needs_tree() && triangles > most {
         return Err(Infeasible::beyond(format!(
-            "the scene has {triangles} triangles; a tree's leaves can index at most {most}"
+            "a tree's leaves: {triangles} triangles > {most} triangles that they can index"
         )));
     }
     Ok(())
