@@ -16,15 +16,36 @@ const MANY_CORNERS: usize = 1_024;
 const WIDEST_SEAM: f64 = 1e-4;
 
 /// Divides an outline of at least three corners into triangles. Each triangle has three indices of corners,
-/// in the outline's orientation. Returns `None` if the outline has more than [`MAX_CONCAVE_CORNERS`] corners
+/// in the outline's orientation. Corners that repeat the corner before them get no triangle, unless fewer than
+/// three other corners are left. Returns `None` if the outline has more than [`MAX_CONCAVE_CORNERS`] corners
 /// and is concave by more than rounding explains. For a self-intersecting outline, the triangles are
 /// arbitrary.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
+    let count = outline.len();
+    let kept: Vec<usize> = (0..count).filter(|&i| outline[i] != outline[(i + count - 1) % count]).collect();
+    if !(3..count).contains(&kept.len()) {
+        return divide(outline);
+    }
+    let corners: Vec<DVec3> = kept.iter().map(|&i| outline[i]).collect();
+    Some(divide(&corners)?.into_iter().map(|triangle| triangle.map(|i| kept[i])).collect())
+}
+
+/// Divides an outline as [`triangulate`] does, but requires that no corner repeats the corner before it. The
+/// angle at a repeated corner is unknown, so a concave corner that is repeated would look straight.
+fn divide(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
     if is_convex(&flat) || (flat.len() > MANY_CORNERS && has_sound_fan(&flat)) {
         return Some((1..outline.len() - 1).map(|i| [0, i, i + 1]).collect());
     }
-    (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&flat))
+    (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&in_single_precision(&flat)))
+}
+
+/// Returns the positions relative to the first corner, rounded to single precision. Ear clipping needs the
+/// signs of areas that agree with each other. The rounding errors of [`area`] are far smaller than the areas
+/// of triangles between rounded corners. The areas of corners in full double precision that lie on a line are
+/// as small as these errors, so their signs would be arbitrary.
+fn in_single_precision(flat: &[DVec2]) -> Vec<DVec2> {
+    flat.iter().map(|corner| (*corner - flat[0]).as_vec2().as_dvec2()).collect()
 }
 
 /// Projects the outline onto the coordinate plane in which its area is largest. The projected corners run
@@ -404,6 +425,45 @@ mod tests {
                 (sum - expected).abs() < 1e-6 && (oriented - expected).abs() < 1e-6,
                 "{case}: {sum} {oriented}"
             );
+        }
+    }
+
+    /// Returns the area of an outline's triangles.
+    fn covered(outline: &[DVec3]) -> f64 {
+        let area = |[a, b, c]: [usize; 3]| (outline[b] - outline[a]).cross(outline[c] - outline[a]).length();
+        triangulate(outline).unwrap().into_iter().map(area).sum::<f64>() / 2.0
+    }
+
+    /// The outline has the shape of an L. Each of its corners in turn is given three times.
+    #[test]
+    fn a_repeated_corner_does_not_fill_a_notch() {
+        let l = [(2, 0), (2, 1), (1, 1), (1, 2), (0, 2), (0, 0)];
+        let l = l.map(|(x, y)| DVec3::new(x.into(), y.into(), 0.0));
+        for repeated in 0..l.len() {
+            let outline: Vec<_> = [&l[..repeated], &[l[repeated]; 2], &l[repeated..]].concat();
+            assert_eq!(covered(&outline), 3.0, "corner {repeated}");
+            assert_eq!(triangulate(&outline).unwrap().len(), 4, "corner {repeated}");
+        }
+    }
+
+    /// Several corners of this outline lie on a line, apart from the rounding errors of double precision.
+    #[test]
+    fn a_notch_stays_open_if_corners_in_double_precision_lie_on_a_line() {
+        let mut outline = [
+            (2.6085161983357295, 1.4817703071056976),
+            (-1.8367947229813635, 9.307318902112886),
+            (-2.7063001224266063, 8.813395466410988),
+            (-1.7184532510228079, 7.0743846675205),
+            (-2.587958650468051, 6.580461231818601),
+            (-0.6122649076604544, 3.1024396340376286),
+            (-1.4817703071056976, 2.6085161983357295),
+            (0.0, 0.0),
+        ]
+        .map(|(x, y)| DVec3::new(x, y, 0.0));
+        for first in 0..outline.len() {
+            let sum = covered(&outline);
+            assert!((sum - 19.0).abs() < 1e-4, "{sum}, corner {first} first");
+            outline.rotate_left(1);
         }
     }
 
