@@ -8,6 +8,7 @@ use super::assemble::{Assembled, assemble};
 use super::document::{Document, KEYS};
 use super::frame_cache::FrameCache;
 use super::overrides::{self, PATHS};
+use super::setting::Setting;
 use super::wire::{SceneWire, Whole};
 use super::{Scene, Shot};
 use crate::error::{Error, Result};
@@ -58,6 +59,13 @@ impl Animation {
         table.remove("animation");
         let frames_per_second = frames_per_second.and_then(|Whole(rate)| u16::try_from(rate).ok());
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, cache: FrameCache::default() })
+    }
+
+    /// Returns a note for each setting whose value a track replaces, wholly or in part.
+    pub(super) fn notes_on_replaced(&self, settings: &[Setting]) -> Vec<String> {
+        let noted =
+            |setting| self.tracks.iter().find_map(|track| track.note_replaced(setting, self.document.quotes));
+        settings.iter().filter_map(noted).collect()
     }
 
     /// Checks two conditions for each frame in `frames`: the scene file with the frame's values can be parsed
@@ -474,6 +482,29 @@ mod tests {
         let track = "[[animation.track]]\npath = \"light.7.power\"\nvalues = [1]\n";
         std::fs::write(&path, std::fs::read_to_string(&path).unwrap() + track).unwrap();
         assert_eq!(load_scene(&path).unwrap_err().remedy(), PATHS);
+    }
+
+    #[test]
+    fn a_setting_that_a_track_replaces_is_noted() {
+        let tracks = "[[animation.track]]\npath = \"light.1\"\nvalues = [{ position = [0, 0, 2], power = 3 }]\n\
+            [[animation.track]]\npath = \"light.2.power\"\nvalues = [6, 8]\n";
+        let lights = "[[light]]\nposition = [0, 0, 0]\npower = 1\n".repeat(10);
+        let (folder, ..) = animated(&format!("{tracks}{lights}"));
+        let noted = |path: &str, value: Value| -> Vec<String> {
+            let loaded = load_scene_with(&folder.path().join("a.toml"), &[(path.to_owned(), value)]).unwrap();
+            loaded.notes.into_iter().filter(|note| note.contains("track")).collect()
+        };
+        let power = Value::from(3);
+        let expected = "light.1.power = 3 has no effect: the track `light.1` sets this value";
+        assert_eq!(noted("light.1.power", power.clone()), [expected]);
+        assert!(noted("light.10.power", power).is_empty());
+        let light: Table = "position = [0, 0, 2]\npower = 3".parse().unwrap();
+        let notes = noted("light.2", Value::Table(light));
+        let end = " has only part of its effect: the track `light.2.power` sets a part of this value";
+        assert!(
+            notes.len() == 1 && notes[0].starts_with("light.2 = ") && notes[0].ends_with(end),
+            "{notes:?}"
+        );
     }
 
     /// The text of the first track's path, `light.10.power`, begins with the text of the second track's path,

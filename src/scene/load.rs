@@ -125,6 +125,7 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
         None => (assemble(&document, wire, shot, &mut FrameCache::default(), &mut notes)?, None),
         Some(of_file) => {
             let mut animation = Animation::of(document, of_file, shot)?;
+            notes.extend(animation.notes_on_replaced(settings));
             (animation.assemble(1, &mut notes)?, Some(animation))
         }
     };

@@ -2,11 +2,11 @@
 
 use super::between::{are_alike, between, is_numeric};
 use super::wire::{Interpolation, TrackWire};
-use crate::error::Result;
+use crate::error::{Result, shortened};
 use crate::filetype::MeshFormat;
 use crate::scene::document::Document;
 use crate::scene::overrides;
-use crate::scene::setting::TrackValue;
+use crate::scene::setting::{Setting, TrackValue};
 use crate::words::counted;
 use std::path::Path;
 use toml::{Spanned, Value};
@@ -75,6 +75,19 @@ impl Track {
         }
     }
 
+    /// Returns a note if this track replaces the value of `setting` or a part of it; otherwise `None`. The note
+    /// contains the track's path only if `quotes` is true, that is, if messages may quote the scene file.
+    pub fn note_replaced(&self, setting: &Setting, quotes: bool) -> Option<String> {
+        let path = self.path.get_ref();
+        let (effect, part) = match (is_within(&setting.path, path), is_within(path, &setting.path)) {
+            (true, _) => ("no effect", "this value"),
+            (false, true) => ("only part of its effect", "a part of this value"),
+            (false, false) => return None,
+        };
+        let track = if quotes { format!("the track `{path}`") } else { "a track".to_owned() };
+        Some(format!("{} has {effect}: {track} sets {part}", shortened(&*setting.origin)))
+    }
+
     /// Returns true if this track sets the camera's azimuth or elevation.
     pub fn is_angle(&self) -> bool {
         overrides::is_angle(self.path.get_ref())
@@ -134,6 +147,11 @@ impl Track {
     fn last_keyframe(&self, frame: f64) -> usize {
         self.at.partition_point(|at| *at <= frame).saturating_sub(1)
     }
+}
+
+/// Returns true if the value at `path` is the value at `whole` or a part of it.
+fn is_within(path: &str, whole: &str) -> bool {
+    path.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 /// Returns true if a value is numeric, or if it names a mesh file whose format cannot refer to other files.
