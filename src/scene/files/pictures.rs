@@ -166,7 +166,11 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     // 8 bytes.
     room_for(size, 16, &Available::read())?;
     let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
-    Ok(([width, height], words(&picture)))
+    let mut texels = words(&picture);
+    if format == ImageFormat::Tga && has_unused_alpha(bytes, &texels) {
+        texels = texels.iter().map(|texel| texel | 0xff00_0000).collect();
+    }
+    Ok(([width, height], texels))
 }
 
 /// Refuses a picture of this width and height if decoding it needs more memory than is available.
@@ -179,6 +183,14 @@ pub(in crate::scene) fn room_for(
     let needed = texel_bytes * u64::from(width) * u64::from(height);
     let sum = format!("{texel_bytes} B x {width} x {height} texels");
     available.hold(needed, "decoding it", &sum).map_err(|error| format!("is too large ({error})"))
+}
+
+/// Returns true if a TGA has 32 bits per texel, but does not use any of them for alpha: its header states 0
+/// bits of alpha, and all of its texels have an alpha of 0. Some programs write the alpha of a picture, but
+/// state 0 bits; the alpha of such a picture is used.
+fn has_unused_alpha(bytes: &[u8], texels: &[u32]) -> bool {
+    let states_none = matches!(bytes.get(16..18), Some([32, description]) if description & 15 == 0);
+    states_none && texels.iter().all(|texel| texel >> 24 == 0)
 }
 
 fn words(picture: &DynamicImage) -> Arc<[u32]> {
@@ -328,6 +340,21 @@ mod tests {
     fn tga(width: u16, height: u16) -> Vec<u8> {
         let size = [width.to_le_bytes(), height.to_le_bytes()].concat();
         [&[0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &size, &[24, 0]].concat()
+    }
+
+    /// `description` is the header's byte that states the number of bits of alpha. `alpha` is the second texel's
+    /// alpha; the first texel's alpha is 0.
+    #[test]
+    fn a_tga_whose_alpha_is_unused_is_opaque() {
+        let texels = |description: u8, alpha: u8| {
+            let mut header = tga(2, 1);
+            (header[16], header[17]) = (32, description);
+            let bytes = [header, vec![1, 2, 3, 0, 4, 5, 6, alpha]].concat();
+            decoded(&bytes, Some(ImageFormat::Tga)).unwrap().1.to_vec()
+        };
+        assert_eq!(texels(0, 0), [0xff01_0203, 0xff04_0506]);
+        assert_eq!(texels(0, 9), [0x0001_0203, 0x0904_0506]);
+        assert_eq!(texels(8, 0), [0x0001_0203, 0x0004_0506]);
     }
 
     #[test]
