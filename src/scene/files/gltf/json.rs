@@ -86,9 +86,13 @@ fn strip(value: &mut Value) {
 const CONVERT: &str =
     "export the file as glTF 2.0; `gltf-pipeline -i OLD.gltf -o NEW.gltf` converts version 1.0";
 
+/// The help in the error about a list that is too long.
+const SHORTEN: &str = "leave out the surplus numbers, or export the file again";
+
 /// Returns the error for text that is not valid glTF 2.0.
 fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     let value = serde_json::from_slice::<Value>(json).ok();
+    let is_json = value.is_some();
     let version = value.and_then(|value| match &value["asset"]["version"] {
         Value::String(text) => Some(text.clone()),
         Value::Number(number) => Some(number.to_string()),
@@ -108,7 +112,14 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
             // The line number at the end of the message is removed, since the error's location contains it.
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
             let invalid = "not valid glTF 2.0";
-            named.error(Flaw::quoting(format!("{invalid}: {}", plain(what)), invalid).at(error.line()))
+            let flaw = |what: &str| Flaw::quoting(format!("{invalid}: {what}"), invalid).at(error.line());
+            // In valid JSON, only a list can go on where `gltf-json` expects its end.
+            named.error(match what {
+                "trailing characters" if is_json => {
+                    flaw("a list has more numbers than glTF allows").with_remedy(SHORTEN)
+                }
+                _ => flaw(&plain(what)),
+            })
         }
     }
 }
@@ -144,6 +155,20 @@ mod tests {
             let error = read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).err().unwrap();
             assert_eq!(error.to_string(), format!("a.gltf:1: not valid glTF 2.0: {expected}"));
         }
+    }
+
+    #[test]
+    fn a_list_that_is_too_long_is_not_called_damaged() {
+        let error_of = |materials: &str| {
+            let json = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"materials\": {materials}}}");
+            read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).err().unwrap()
+        };
+        let error = error_of(r#"[{"emissiveFactor": [1, 1, 1, 1]}]"#);
+        let expected = "a.gltf:1: not valid glTF 2.0: a list has more numbers than glTF allows";
+        assert_eq!((error.to_string().as_str(), error.remedy()), (expected, SHORTEN));
+        let error = error_of("[]}");
+        assert_eq!(error.to_string(), "a.gltf:1: not valid glTF 2.0: trailing characters");
+        assert_ne!(error.remedy(), SHORTEN);
     }
 
     #[test]
