@@ -359,7 +359,7 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
         &["the number of shards differs: 2 in the folder, 3 in this command"],
     );
     let other = [&shard[..], &["1/2", "--set", "timing.seed=7"]].concat();
-    has(&refused(&other), &["the config or a value set in it differs", "timing.seed = 7"]);
+    has(&refused(&other), &["the config or a value of --set differs", "timing.seed = 7"]);
     has(
         &refused(&["run", "test.toml", "--out", "out", "--asleep", "1"]),
         &["holds an experiment that is divided into 2 shards"],

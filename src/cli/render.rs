@@ -82,8 +82,8 @@ pub struct Args {
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long
-    /// as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default:
+    /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. N samples take about N times as
+    /// long as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default:
     /// 1; for a bare mesh, 6 where neighbouring pixels differ and 1 elsewhere; with --plain or
     /// --devices, always 1]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]

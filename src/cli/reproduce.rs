@@ -33,7 +33,7 @@ pub struct Args {
     /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder to write to: raycl makes a folder of results in it for each experiment, and writes the page
+    /// The folder to write to. In this folder, raycl makes a folder of results for each experiment, and writes the page
     /// that judges the student paper's claims
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,

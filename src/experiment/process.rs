@@ -21,7 +21,7 @@ const LAST_WORDS_BYTES: usize = 2000;
 /// The longest time that a worker may take to end when the run no longer needs the worker.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// What happened to a worker that the system cannot end.
-const NOT_ENDED: &str = "was killed, but did not end";
+const NOT_ENDED: &str = "did not end, although raycl killed it";
 
 /// Starts workers as processes of this program.
 pub struct Processes {
@@ -225,7 +225,7 @@ impl Drop for WorkerProcess {
         self.requests = None;
         if let Ok(None) = self.end() {
             let who = format!("a worker process (process {})", self.child.id());
-            printer::tell(format!("note: {who} {NOT_ENDED}; it may disturb later measurements"));
+            printer::tell(format!("note: {who} {NOT_ENDED}; the process may disturb later measurements"));
         }
     }
 }
@@ -291,7 +291,7 @@ mod tests {
             let _ = until_the_end.recv_timeout(Duration::from_secs(120));
             "it ended".to_owned()
         });
-        assert_eq!(death_of(Ok(None), speaks.ok()).describe(), "was killed, but did not end");
+        assert_eq!(death_of(Ok(None), speaks.ok()).describe(), "did not end, although raycl killed it");
         drop(end);
     }
 

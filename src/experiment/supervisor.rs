@@ -205,8 +205,8 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Runs the anchor of the device on which a point was cast, and returns its times. Returns `None` if the
-    /// point has no worker. A failed anchor is not run again, so `None` is also returned if the anchor has
-    /// already failed on the device. If the anchor fails now, returns the reason and drops the worker, but
+    /// point has no worker. Also returns `None` if the anchor has already failed on the
+    /// device, since a failed anchor is not run again. If the anchor fails now, returns the reason and drops the worker, but
     /// the run continues. The worker is dropped because the context of a GPU may be unusable after a fault;
     /// every later point of this worker would then fail too.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {

@@ -117,7 +117,7 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
 /// triangles in its header. A binary file that matches no known type is STL if its name ends in `.stl`, or if
 /// the file begins with triangles and is cut off. The STL reader then reports the error. A JSON file without
 /// keys of glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes
-/// may contain the keys. If the contents show no format, the file's extension may name a format that raycl
+/// may contain the keys. If the contents do not show the format, the file's extension may name a format that raycl
 /// does not read. A text without a known format may also be a list of numbers, such as the coordinates of
 /// points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {

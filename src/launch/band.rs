@@ -14,7 +14,8 @@ const HALVINGS: usize = 60;
 pub struct Cost {
     /// The time that the device takes for the whole frame.
     pub whole_ms: f64,
-    /// Relative costs of parts of equal height, from top to bottom, in any unit; empty if unknown.
+    /// The costs of the frame's parts per row of pixels, from top to bottom, in any unit. All parts have about the same
+    /// height. Empty if the costs are not known.
     pub parts: Vec<f64>,
 }
 

@@ -112,7 +112,7 @@ impl ShardPlan {
         let differs = [
             ("the number of shards", stored.shards != wanted.shards, count(stored), count(wanted)),
             (
-                "the config or a value set in it",
+                "the config or a value of --set",
                 stored.config_hash != wanted.config_hash,
                 config_text(stored),
                 config_text(wanted),
@@ -135,7 +135,7 @@ impl ShardPlan {
     }
 }
 
-/// Returns a text with the two versions of raycl, as a part of an error's help, if the versions differ.
+/// If another version of raycl made the folder's plan, returns a text for an error's help that names both versions.
 /// Returns an empty text if the versions are equal, or if a version is not known.
 fn versions(stored: &Header, wanted: &Header) -> String {
     match (&stored.raycl, &wanted.raycl) {
@@ -203,10 +203,7 @@ mod tests {
                 Header { shards: 5, ..header() },
                 "the number of shards differs: 4 in the folder, 5 in this command",
             ),
-            (
-                Header { config_hash: "76543210".into(), ..header() },
-                "the config or a value set in it differs",
-            ),
+            (Header { config_hash: "76543210".into(), ..header() }, "the config or a value of --set differs"),
             (Header { scenes: vec!["b".into()], ..header() }, "a scene differs"),
             (
                 Header { kernels: Some("c".repeat(64)), ..header() },

@@ -59,8 +59,8 @@ pub struct Row {
 
 /// The angle by which a key press moves the eye around the scene, in radians.
 const ORBIT: f64 = 0.1;
-/// The distance by which a key press moves the eye aside, as a fraction of the eye's distance from the point
-/// around which it orbits.
+/// The distance by which a key press moves the eye sideways, up or down. The unit is the distance from the eye to the
+/// point around which the eye orbits.
 const PAN: f64 = 0.05;
 
 /// All keys of `raycl view`, in the order of the list that the user sees.

@@ -24,9 +24,10 @@ use image::RgbImage;
 pub struct Input {
     /// The keys that were pressed or held.
     pub keys: Vec<Key>,
-    /// The drag that moves the eye around the scene: its distance to the right and down, in heights of the picture.
+    /// The drag that moves the eye around the scene. The numbers are the drag's distances to the right and down, divided
+    /// by the picture's height.
     pub orbit: [f64; 2],
-    /// The drag that moves the eye aside: its distance to the right and down, in heights of the picture.
+    /// The drag that moves the eye sideways, up or down. The numbers are as in `orbit`.
     pub pan: [f64; 2],
     /// The steps of the mouse wheel; steps away from the user are positive.
     pub wheel: f64,

@@ -143,7 +143,7 @@ pub fn not_handled(error: impl std::fmt::Display) -> Error {
 
 #[cfg(unix)]
 pub fn not_awaited(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("waiting for the child process that runs the command failed: {error}"))
+    Error::run(format!("raycl could not wait for the child process that runs the command: {error}"))
 }
 
 pub fn no_list(error: impl std::fmt::Display) -> Error {

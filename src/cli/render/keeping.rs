@@ -229,7 +229,7 @@ pub fn serve() -> Result<()> {
     // A device's identity contains the version of its driver, so a device whose driver has changed is not
     // found.
     let device = device.ok_or_else(|| {
-        Error::run("no driver lists the task's device: the device has disappeared, or its driver has changed")
+        Error::run("no driver lists the device of this background process: the device has disappeared, or its driver has changed")
     })?;
     // The test of the device may have found other lane operations (by which work-items exchange values) than
     // those for which the program was made. In this case, the next start of raycl needs another program, so

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Memory instructions in the body of a kernel.
+/// The numbers of memory instructions and of calls in the body of a kernel, and the size of its private arrays.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct InstructionCounts {
     /// Number of instructions by operation and address space: "ld.global", "st.shared", "ld.global.nc"

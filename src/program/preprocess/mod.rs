@@ -122,9 +122,9 @@ struct Position {
 /// The advice in an error about an `#error` or a condition. The line with the error may require another value
 /// of a macro.
 const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or with an axis, such as \
-    width=4; otherwise correct the line in the folder of --cl-dir";
+    width=4; otherwise correct this line of the file in the folder of --cl-dir";
 /// The advice in an error about a line other than an `#error` or a condition.
-const CORRECT: &str = "correct the line in the folder of --cl-dir";
+const CORRECT: &str = "correct this line of the file in the folder of --cl-dir";
 /// The advice in an error about an `#if` without `#endif`.
 const CLOSE: &str = "close the #if with #endif in the same file, in the folder of --cl-dir";
 

@@ -45,7 +45,7 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     }
     if y > 1 && by_barriers {
         let reason = format!(
-            "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group; use 32 x 1"
+            "work-group: {x} x {y}, but on this device, the work-items of a tile can exchange values only with barriers, so a work-group can cast only one tile at a time; use 32 x 1"
         );
         return Err(Infeasible::work_group(reason));
     }

@@ -34,8 +34,9 @@ pub struct Moves {
     pub loses_picture: bool,
 }
 
-/// The invisible window over minifb's window, which receives the events of the pointer. Its connection also receives
-/// the events about lost parts of the picture in minifb's window.
+/// The invisible window over minifb's window, which receives the events of the pointer. The connection of the invisible
+/// window also receives the Expose events of minifb's window. The X server sends an Expose event if a part of the
+/// window's picture must be drawn again.
 pub struct Pointer {
     connection: RustConnection,
     /// The pointer's position at the last event.
