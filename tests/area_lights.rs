@@ -133,7 +133,7 @@ fn a_broken_area_light_is_a_wrong_picture() {
         ("common/area_light.cl", "distance * cospi", "distance * sinpi", "tile", "2"),
         ("common/soft.cl", "off_centre(at, u.x, u.y)", "off_centre(at, u.x, u.z)", "bvh", "2"),
         ("cast/shade.cl", "share / (4.0f", "1.0f / (4.0f", "wide-common-origin", "1"),
-        ("tile_cpu/light_rays.cl", "scale(*radiance, direction->share)", "*radiance", "tile", "1"),
+        ("tile_cpu/light_rays.cl", "spread *= direction->share;", "", "tile", "1"),
         ("tile_cpu/soft.cl", "share * cosine", "4.0f * cosine", "tile", "2"),
         ("tile_gpu/shade.cl", "share * cosine", "4.0f * cosine", "tile-group", "1"),
         (

@@ -77,12 +77,17 @@ fn a_scene_scaled_by_a_power_of_two_gives_the_same_bits() {
 /// Casts a scene with every preset, and checks that no value is NaN, infinite or negative, neither in the
 /// images nor in the references.
 fn finite_everywhere(what: &str, scene: Scene) {
+    finite_at(SIZE, what, scene, presets());
+}
+
+/// Checks a scene like [`finite_everywhere`], but at another size, and with these strategies.
+fn finite_at(size: [u32; 2], what: &str, scene: Scene, strategies: impl Iterator<Item = Strategy>) {
     scene.validate().unwrap_or_else(|error| panic!("{what}: {error}"));
     for culling in [Culling::None, Culling::Back] {
-        assert!(all_finite(&reference(&scene, SIZE, culling).radiance), "{what}: the reference");
+        assert!(all_finite(&reference(&scene, size, culling).radiance), "{what}: the reference");
     }
-    let stand = Stand::new(scene, SIZE);
-    for strategy in presets() {
+    let stand = Stand::new(scene, size);
+    for strategy in strategies {
         let image = stand.cast(&strategy, LOCAL).expect("it fits");
         assert!(all_finite(&image), "{what}: {strategy}");
     }
@@ -143,6 +148,31 @@ fn normals_that_cancel_out_between_corners() {
         *other = if at % 2 == 0 { normal } else { -normal };
     }
     finite_everywhere("opposite normals", scene);
+}
+
+/// Returns a triangle of the brightest material, lit by the strongest light from straight ahead and far away. In the
+/// middle of a picture with an odd width and height, the eye sees the middle of the highlight. There, the product of
+/// the light's power and the reflectance is larger than any number in single precision, but the radiance is not.
+fn brightest_highlight(radius: f32) -> Scene {
+    let mut scene = scene("triangle.toml");
+    let mesh = scene.mesh_mut();
+    mesh.normals.fill(Vec3::Z);
+    for material in &mut mesh.materials {
+        (material.lambertian, material.glossy, material.shininess) =
+            (Vec3::splat(1e6), Vec3::splat(1e6), 1e6);
+    }
+    let light = &mut scene.lights[0];
+    (light.position, light.power, light.radius) = (1e12 * Vec3::Z, Vec3::splat(1e28), radius);
+    scene
+}
+
+#[test]
+fn the_brightest_highlight_of_the_strongest_light() {
+    apart!();
+    let size = [SIZE[0] + 1, SIZE[1] + 1];
+    finite_at(size, "a point light", brightest_highlight(0.0), presets());
+    let soft = soon(["deferred", "tile", "tile-group"]).map(|name| preset(name).expect("a preset").strategy);
+    finite_at(size, "a soft light", brightest_highlight(1.0), soft);
 }
 
 #[test]

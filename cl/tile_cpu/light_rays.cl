@@ -28,12 +28,14 @@ INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const 
                                      const LightDirection *direction, Mask lit, Vec3 *radiance) {
     const Vec3 f = reflectance(&shaded->surface, direction->to_light, shaded->to_eye, shaded->normal, lit);
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
-    // The radiance is power / (4 pi r^2) times f times the cosine.
+    // The radiance is power / (4 pi r^2) times the cosine times f. The power is divided first, as in cast/shade.cl: its
+    // product with f may be too large for single precision.
     const varying per_distance = direction->per_distance;
-    *radiance = scale(multiply(power, f), direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
+    varying spread = direction->cosine * (per_distance * per_distance * (0.25f * M_1_PI_F));
 #if AREA_LIGHTS
-    *radiance = scale(*radiance, direction->share);
+    spread *= direction->share;
 #endif
+    *radiance = multiply(scale(power, spread), f);
 }
 
 #if SAMPLED // the host leaves out an include only if the condition is one of its defines (src/program/include.rs)

@@ -109,7 +109,9 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         const Vec3 from = along(own->point, (varying)(lighting->bias), to_light);
         lit &= !are_stopped(&tree->tree, from, to_light, distance - lighting->bias, lit);
         const Vec3 f = reflectance(&own->surface, to_light, own->to_eye, own->normal, lit);
-        const Vec3 received = scale(multiply(splat(LOAD3(at + 3)), f), share * cosine / (4.0f * M_PI_F * squared));
+        // The power is divided first, as in cast/shade.cl: its product with f may be too large for single precision.
+        const varying spread = share * cosine / (4.0f * M_PI_F * squared);
+        const Vec3 received = multiply(scale(splat(LOAD3(at + 3)), spread), f);
         sum[vector] = select3(lit, add(sum[vector], received), sum[vector]);
     }
 }

@@ -132,7 +132,8 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #else
         const float share = 1.0f;
 #endif
-        sum = add(sum, scale(multiply(load_vec3(light + 3), f), share * cosine / (4.0f * M_PI_F * squared)));
+        // The power is divided first, as in cast/shade.cl: its product with f may be too large for single precision.
+        sum = add(sum, multiply(scale(load_vec3(light + 3), share * cosine / (4.0f * M_PI_F * squared)), f));
     }
     return sum;
 }
