@@ -15,8 +15,18 @@ use std::fmt::Write as _;
 const SIZE: [u32; 2] = [161, 101];
 
 fn strategies() -> Vec<Strategy> {
-    let names =
-        ["naive", "deferred", "bvh", "wide", "wide-common-origin", "raster", "tile", "tile-watertight"];
+    let names = [
+        "naive",
+        "deferred",
+        "bvh",
+        "wide",
+        "wide-common-origin",
+        "raster",
+        "tile",
+        "tile-watertight",
+        "tile-group",
+        "tile-group-watertight",
+    ];
     let all = names.map(|name| preset(name).expect("a preset").strategy);
     all.into_iter().filter(compiles_soon).collect()
 }
@@ -70,6 +80,7 @@ fn lights_and_cameras_in_planes_are_verified_right() {
         ("a light just over the ground", lit_from(0.2, -0.999, -2.5)),
         ("tangent light", lit_from(30.0, -0.999, -10.0)),
         ("a camera in the triangle's plane", seen_along_the_triangle()),
+        ("a camera in the ground's plane", scene("../tests/data/in-the-ground.toml")),
         ("a road from a driver's seat", scene("../tests/data/road.toml")),
     ]
     .into_iter()

@@ -59,8 +59,13 @@ Mask intersect_sheared(const Bundle *bundle, int vector, const float *a, const f
     const Mask inside = ((min(min(u, v), w) >= 0.0f) | (max(max(u, v), w) <= 0.0f)) & (det != 0.0f);
 #endif
     if (!ANY(inside)) return inside;
-    *inv_t = det * along_axis(bundle, vector, along) / (u * a[along] + v * b[along] + w * c[along]);
-    return inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
+    const varying za = u * a[along], zb = v * b[along], zc = w * c[along];
+    *inv_t = det * along_axis(bundle, vector, along) / (za + zb + zc);
+    const Mask hits = inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
+    // As in cast/intersect/watertight.cl, a ray that starts in the triangle's plane misses.
+    const Mask doubt = hits & cancels(za, zb, zc, NEAR_START);
+    if (!ANY(doubt)) return hits;
+    return hits & !(doubt & starts_in_plane(splat(LOAD3(a)), splat(normal_of(LOAD3(a), LOAD3(b), LOAD3(c)))));
 }
 
 // Does the same as intersect_sheared for a vector whose rays have no common axis.
