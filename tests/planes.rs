@@ -82,6 +82,7 @@ fn lights_and_cameras_in_planes_are_verified_right() {
         ("a camera in the triangle's plane", seen_along_the_triangle()),
         ("a camera in the ground's plane", scene("../tests/data/in-the-ground.toml")),
         ("a road from a driver's seat", scene("../tests/data/road.toml")),
+        ("a triangle with distant corners", scene("../tests/data/long-triangle.toml")),
     ]
     .into_iter()
     .flat_map(|(name, scene)| wrong(name, scene))
@@ -91,7 +92,8 @@ fn lights_and_cameras_in_planes_are_verified_right() {
 
 /// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner.
 /// The near part of the road (long, narrow triangles) must be hit even if the corner for the bound is far
-/// away. Because of another bound, `EDGE_ON_ROUNDING`, the far part of the road is too narrow to be hit.
+/// away. With `tile`, each ray has another bound, `EDGE_ON_ROUNDING`, because of which the far part of the road
+/// is too narrow to be hit.
 #[test]
 fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
     let stand = Stand::new(narrow_road(), [151, 107]);

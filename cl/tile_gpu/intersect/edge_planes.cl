@@ -42,7 +42,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const Uniform3 n = uniform_cross(e1, e2);
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
-    const float distance = uniform_size(a), slack = 0.5f * SHARED_EDGE_SLACK * shaft->longest * distance;
+    const float distance = uniform_size(a), nearest = max(distance - longer, 0.0f);
+    const float slack = 0.5f * SHARED_EDGE_SLACK * shaft->longest * distance;
     const Uniform3 u = edge_between(e3, b, c, copysign(per_overlap(slack, uniform_size(e3), longer), height));
     const Uniform3 v = edge_between(e2, c, a, copysign(per_overlap(slack, size2, longer), height));
     const Uniform3 w =
@@ -52,7 +53,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     triangle->b = quad(v, per_z.y);
     triangle->c = quad(w, per_z.z);
     // A triangle seen edge-on is not hit, as in common/planes_of_origin.cl.
-    int wanted = used & (fabs(height) > max(EDGE_ON_ROUNDING * distance * size1 * size2,
+    int wanted = used & (fabs(height) > max(EDGE_ON_ROUNDING * nearest * size1 * size2,
                                             0.5f * LEAST_VISIBLE(distance, longer)));
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
