@@ -213,7 +213,9 @@ fn a_shared_tile_has_32_work_items_and_room_for_its_stack() {
             .ends_with("must have 32 work-items, which share a tile; use 32 x 1 to 32 x 8")
     );
     assert!(check([8, 8], 192, barriers).unwrap_err().reason.ends_with("; use 32 x 1"));
-    assert!(check([32, 4], 192, barriers).unwrap_err().reason.contains("can exchange values only with barriers"));
+    assert!(
+        check([32, 4], 192, barriers).unwrap_err().reason.contains("can exchange values only with barriers")
+    );
     // Only lanes that exchange values by barriers need an array in `__local` memory for these values: two words per
     // lane.
     assert_eq!(check([32, 1], 192, barriers), Ok(192 * 8 + 52 * 32 + 2 * 4 * 32));
