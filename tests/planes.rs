@@ -7,7 +7,7 @@ use glam::{Vec3, vec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::scene::{Scene, load_scene};
-use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
+use raycl::strategy::{Culling, Intersector, Passes, Shading, Strategy, Traversal, preset};
 use std::fmt::Write as _;
 
 /// The size of the tests' images. The width and the height are odd, so that rays run along planes of
@@ -55,13 +55,31 @@ fn wrong(name: &str, scene: Scene) -> Vec<String> {
 /// Returns a line for each strategy that casts the scene wrong, as `wrong` does, but for pictures of another
 /// size.
 fn wrong_at(size: [u32; 2], name: &str, scene: Scene) -> Vec<String> {
+    wrong_with(strategies(), size, name, scene)
+}
+
+/// Returns a line for each of these strategies that casts the scene wrong.
+fn wrong_with(strategies: Vec<Strategy>, size: [u32; 2], name: &str, scene: Scene) -> Vec<String> {
     let mut stand = Stand::new(scene, size);
     let check = |strategy: Strategy| {
         let local_size = if strategy.traversal == Traversal::Tile { [1, 1] } else { COMMON_LOCAL_SIZE };
         let verdict = stand.check(&strategy, local_size).unwrap_or_else(|why| panic!("{strategy}: {why}"));
         verdict.reason.map(|reason| format!("{name}, {strategy}: {reason}"))
     };
-    strategies().into_iter().filter_map(check).collect()
+    strategies.into_iter().filter_map(check).collect()
+}
+
+/// With planes of an origin, the values of the three edge functions are the hit's weights only if the planes have the
+/// same factor. Eager shading interpolates normals with these weights; so does `tile-group`, to find the lights that
+/// a hit faces.
+#[test]
+fn normals_of_long_triangles_are_interpolated_with_the_weights_of_the_hit() {
+    let [wide, tile_group] =
+        ["wide-common-origin", "tile-group"].map(|name| preset(name).expect("a preset").strategy);
+    let eager = Strategy { shading: Shading::EAGER, passes: Passes::Fused, ..wide };
+    let strategies = [eager, tile_group].into_iter().filter(compiles_soon).collect();
+    let wrong = wrong_with(strategies, [61, 43], "a plank", scene("../tests/data/plank.toml"));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 #[test]

@@ -6,13 +6,13 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
-// Returns the absolute value of the factor by which an edge's plane is multiplied: 1 / the overlap of neighbouring
-// triangles (see SHARED_EDGE_SLACK), where the overlap is rounded down to a power of two. `size` is the edge's size,
-// `longer` that of the longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size, in the unit of
-// the edge functions. Multiplying by a power of two does not round. Two triangles' planes for their shared edge
-// therefore differ only by the sign and by a power of two.
-float per_overlap(float slack, float size, float longer) {
-    const float overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
+// Returns the absolute value of the factor by which a triangle's planes are multiplied: 1 / the overlap of neighbouring
+// triangles (see SHARED_EDGE_SLACK), where the overlap is rounded down to a power of two. `shortest` is the size of the
+// shortest edge, `longer` that of the longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size,
+// in the unit of the edge functions. Multiplying by a power of two does not round. Two triangles' planes for their
+// shared edge therefore differ only by the sign and by a power of two.
+float per_overlap(float slack, float shortest, float longer) {
+    const float overlap = max(slack * min(longer, OVERLAP_EDGES * shortest), FLT_MIN);
     return 1.0f / as_float(as_int(overlap) & 0x7f800000);
 }
 
@@ -54,16 +54,16 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 
     const float slack = SHARED_EDGE_SLACK * distance;
     const Uniform3 e3 = uniform_difference(corners.b, corners.c);
-    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is.
-    const float by1 = copysign(per_overlap(slack, size1, longer), height);
-    const float by2 = copysign(per_overlap(slack, size2, longer), height);
-    const float by3 = copysign(per_overlap(slack, uniform_size(e3), longer), height);
+    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is. They
+    // have the same factor, so that edge functions divided by their sum are the barycentric weights of a hit.
+    const float shortest = min(min(size1, size2), uniform_size(e3));
+    const float by = copysign(per_overlap(slack, shortest, longer), height);
     // 1 / t = d . n / height (n is the normal) is linear in the direction d, like the edge functions.
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;
-    row.a = uniform_scale(edge_plane(e3, b, c), by3);
-    row.b = uniform_scale(edge_plane(e2, c, a), by2);
-    row.c = uniform_scale(edge_plane(uniform_difference(corners.a, corners.b), a, b), by1);
+    row.a = uniform_scale(edge_plane(e3, b, c), by);
+    row.b = uniform_scale(edge_plane(e2, c, a), by);
+    row.c = uniform_scale(edge_plane(uniform_difference(corners.a, corners.b), a, b), by);
     row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
     return row;
 }
