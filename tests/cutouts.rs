@@ -109,6 +109,25 @@ fn soft_light_falls_through_holes() {
     }
 }
 
+/// Strategies whose shadow rays are cast from the light must find the point of a mask from the hit: relative to a
+/// light that is a million units away, points of the mask lie on a grid of a sixteenth of a unit. With `bvh`, shadow
+/// rays start at the hit. The changed kernel finds the point from the light.
+#[test]
+fn shadows_of_cut_outs_under_a_distant_light_are_not_ragged() {
+    let folder = room(MTL);
+    let behind = SCENE.replace("[0.3, 0.5, 0.5]", "[0, 0, -2.2]").replace("[0, 0, -2]", "[-0.6, -0.7, -4]");
+    folder.write("scene.toml", &behind.replace("[0.5, 1.5, 0]\npower = 30", "[2e5, 3e5, 8e5]\npower = 1e13"));
+    let expected = folder.picture(&["--strategy", "bvh"]).0;
+    for strategy in due(soon(["tile", "tile-watertight", "wide-common-origin", "tile-group"])) {
+        let picture = folder.picture(&["--strategy", strategy]).0;
+        assert!(apart(&picture, &expected) <= 4, "{strategy}: {}", apart(&picture, &expected));
+    }
+    let from = "any ? bundle->hit[vector] : splat(bundle->origin)";
+    let kernels = folder.kernels("tile_cpu/leaf.cl", from, "splat(bundle->origin)");
+    let ragged = folder.picture(&["--strategy", "tile", "--cl-dir", &kernels]).0;
+    assert!(apart(&ragged, &expected) > 30, "{}", apart(&ragged, &expected));
+}
+
 #[test]
 fn a_family_without_cut_outs_says_so_and_a_scene_can_leave_them_out() {
     let folder = room(MTL);

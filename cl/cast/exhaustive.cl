@@ -62,7 +62,13 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
             const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), to_light);
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
+#if PLANES_OF_ORIGIN
+            // Relative to a distant light, numbers have lost their last digits, so the mask's point is found from P.
+            open &= !SOLID_ON_RAYS(&scene->textures, first + k, corners(&scene->geometry, first + k),
+                                   working_get(working, POINT), to_light, hit.lanes);
+#else
             open &= !SOLID(&scene->textures, first + k, hit);
+#endif
             if (!ANY(open)) break;
 #else
             const Vec3 from = working_get(working, RAY_ORIGIN);

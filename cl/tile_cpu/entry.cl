@@ -82,7 +82,8 @@ typedef struct {
     Shears shears;
 #endif
 #if CUTOUTS
-    const Tree *tree; // the tree that the rays traverse
+    const Tree *tree;   // the tree that the rays traverse
+    Vec3 hit[VECTORS];  // the hits to which shadow rays run
 #endif
 } Bundle;
 

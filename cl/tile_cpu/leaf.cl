@@ -2,15 +2,16 @@
 
 #if CUTOUTS
 // Returns the lanes of `hits` whose ray hits the surface of a triangle and not a hole. `index` is the triangle's index
-// in leaf order.
-Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
+// in leaf order. With `any`, the rays run to a light. Relative to a distant light, numbers have lost their last digits,
+// so the mask's point is found from the other end of the ray.
+Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits, const int any) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, index), leaf_corners(bundle->tree, index),
-                         splat(bundle->origin), direction, hits);
+                         any ? bundle->hit[vector] : splat(bundle->origin), direction, hits);
 }
-#define SOLID_IN_TILE(bundle, vector, index, hits) solid_in_tile(bundle, vector, index, hits)
+#define SOLID_IN_TILE(bundle, vector, index, hits, any) solid_in_tile(bundle, vector, index, hits, any)
 #else
-#define SOLID_IN_TILE(bundle, vector, index, hits) hits
+#define SOLID_IN_TILE(bundle, vector, index, hits, any) hits
 #endif
 
 #include "tile_cpu/intersect/{intersector}.cl"

@@ -64,6 +64,9 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     bundle->x[vector] = -direction.to_light.x;
     bundle->y[vector] = -direction.to_light.y;
     bundle->z[vector] = -direction.to_light.z;
+#if CUTOUTS
+    bundle->hit[vector] = shaded->point;
+#endif
     // The shadow ray ends shortly before the hit, which is at t = distance.
     const varying gap = gap_before_hit(lighting->bias * direction.per_distance, 1.0f / direction.cosine);
     bundle->inv_t[vector] = SELECT(lit, direction.per_distance / (1.0f - gap), (varying)(FAR));

@@ -70,6 +70,9 @@ typedef struct {
     float nearest[RAYS];  // 1/z of the nearest hit so far, or of the ray's end
     float ceiling[RAYS];  // nearer hits are ignored: those at this 1/z or more
     int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
+#if CUTOUTS
+    Vec3 point[RAYS]; // Directions' point, along the pass's axes
+#endif
 } RayPacket;
 
 // A lane's rays before they are divided into passes. Directions may have any length; the unit of a ray's t is the
@@ -78,6 +81,11 @@ typedef struct {
 typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
+#if CUTOUTS
+    // A point of each ray, from which the point of a mask is found: the eye, or the hit to which a shadow ray runs.
+    // (Relative to a distant light, numbers have lost their last digits.)
+    Vec3 point[RAYS];
+#endif
 } Directions;
 
 // Returns the component of a ray's direction along the axis of a pass, or 0 if this component is too small for the ray
@@ -165,6 +173,9 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
         // Distances are stored as 1 / z, where z is t times the direction's component along the pass's axis.
         packet->nearest[ray] = joins ? directions->per_end * per_depth : FAR;
         packet->ceiling[ray] = fmin(directions->per_begin * per_depth, FAR);
+#if CUTOUTS
+        packet->point[ray] = point_along_axes(shaft, directions->point[ray]);
+#endif
     }
     widen(shaft, lane_min(group, low_x), lane_max(group, high_x), lane_min(group, low_y), lane_max(group, high_y));
     return joining;

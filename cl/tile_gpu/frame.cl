@@ -183,6 +183,9 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
     EACH_RAY(ray) {
         const Vec3 direction = direction_of(corner, step_x, step_y, tile_ray(group, ray, grid));
         directions->x[ray] = direction.x, directions->y[ray] = direction.y, directions->z[ray] = direction.z;
+#if CUTOUTS
+        directions->point[ray] = vec3(eye.x, eye.y, eye.z);
+#endif
     }
     directions->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
     directions->per_end = 0.0f;

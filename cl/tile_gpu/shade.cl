@@ -34,7 +34,8 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
         const float y = component(direction.x, direction.y, direction.z, shaft.down) * per_depth;
         widen(&shaft, x, x, y, y);
         // `left & (0u - left)` is the lowest bit of `left`, which belongs to this light.
-        if (!is_blocked(group, tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
+        if (!is_blocked(group, tree, &shaft, surface_point.point, x, y, per_depth, stack))
+            reached |= left & (0u - left);
     }
     return reached;
 }

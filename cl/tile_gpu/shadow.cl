@@ -171,6 +171,9 @@ INLINED uint light_directions(Group *group, const Tree *tree, const __global flo
         const Vec3 direction = direction_to_hit(surface_point, offset, bias);
         cast |= hit & faces(surface_point, offset, bias) ? 1u << ray : 0u;
         directions->x[ray] = direction.x, directions->y[ray] = direction.y, directions->z[ray] = direction.z;
+#if CUTOUTS
+        directions->point[ray] = surface_point.point;
+#endif
     }
     return cast;
 }

@@ -88,6 +88,10 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
+INLINED Vec3 point_along_axes(const Shaft *shaft, Vec3 point) {
+    return splat(along_axes(shaft, (float4)(point.x, point.y, point.z, 0.0f)));
+}
+
 // Loads the corners of the triangle at an index in leaf order. Returns 1, but by a computation from the fourth
 // components of all three corners: if the fourth component of a `float4` is unused, some compilers load the other three
 // components in two pieces, which takes twice as long.

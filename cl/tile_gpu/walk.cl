@@ -68,17 +68,17 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
 }
 
 #if CUTOUTS
-// Returns 1 if a ray hits the surface of a triangle, and 0 if the ray hits a hole. The ray has the slopes x and y, and
-// is known to meet the triangle. `index` is the triangle's index in leaf order.
-INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, float x, float y) {
+// Returns 1 if a ray hits the surface of a triangle, and 0 if the ray hits a hole. The ray has the slopes x and y, runs
+// through `point`, and is known to meet the triangle. `index` is the triangle's index in leaf order.
+INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, Vec3 point, float x, float y) {
     Corners corners;
     load_corners(shaft, tree, index, &corners.a, &corners.b, &corners.c);
-    return solid_on_rays(&tree->masks, leaf_triangle(tree, index), corners, vec3(shaft->x, shaft->y, shaft->z), vec3(x, y, 1.0f), 1);
+    return solid_on_rays(&tree->masks, leaf_triangle(tree, index), corners, point, vec3(x, y, 1.0f), 1);
 }
-#define SOLID_IN_PACKET(tree, shaft, index, x, y, hit) (hit && solid_in_packet(tree, shaft, index, x, y))
+#define SOLID_IN_PACKET(tree, shaft, index, point, x, y, hit) (hit && solid_in_packet(tree, shaft, index, point, x, y))
 #define USES_LANES(any) 1
 #else
-#define SOLID_IN_PACKET(tree, shaft, index, x, y, hit) hit
+#define SOLID_IN_PACKET(tree, shaft, index, point, x, y, hit) hit
 #define USES_LANES(any) !any
 #endif
 
@@ -116,7 +116,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPa
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
-            const int hit = SOLID_IN_PACKET(tree, shaft, first + candidates->lanes[k], packet->x[ray], packet->y[ray],
+            const int hit = SOLID_IN_PACKET(tree, shaft, first + candidates->lanes[k], packet->point[ray],
+                                            packet->x[ray], packet->y[ray],
                                             is_hit(&triangle, packet->x[ray], packet->y[ray], packet->nearest[ray],
                                                    packet->ceiling[ray], any, &per_depth));
             packet->nearest[ray] = hit ? (any ? FAR : per_depth) : packet->nearest[ray];
@@ -186,9 +187,9 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
     return enough;
 }
 
-// Returns 1 if anything blocks a single ray, else 0. All lanes work on this ray: lane i tests the ray against child i
-// of a node, or against triangle i of a leaf.
-INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
+// Returns 1 if anything blocks a single ray from a light, else 0. All lanes work on this ray: lane i tests the ray
+// against child i of a node, or against triangle i of a leaf. `end` is the hit to which the ray runs.
+INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, Vec3 end, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);
     uint word = 0;
@@ -206,7 +207,7 @@ INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float
             float per_depth;
             if (group->lane < LEAF_COUNT(word) &&
                 prepare(shaft, tree, LEAF_FIRST(word) + group->lane, nearest, 1, &own))
-                hit = SOLID_IN_PACKET(tree, shaft, LEAF_FIRST(word) + group->lane, x, y,
+                hit = SOLID_IN_PACKET(tree, shaft, LEAF_FIRST(word) + group->lane, point_along_axes(shaft, end), x, y,
                                       is_hit(&own, x, y, nearest, FAR, 1, &per_depth));
             blocked = lane_any(group, hit);
         }

@@ -138,7 +138,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
-        const Mask hits = SOLID_IN_TILE(bundle, vector, index, (inside >= 0.0f) & (seen > 0.0f));
+        const Mask hits = SOLID_IN_TILE(bundle, vector, index, (inside >= 0.0f) & (seen > 0.0f), any);
         if (any) {
             if (!ANY(hits)) continue;
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);

@@ -146,7 +146,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const Mask met = bundle->shears.axis[vector] == NO_AXIS
                              ? intersect_single(bundle, vector, prepared->corners, &inv_t)
                              : intersect_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
-        const Mask hits = SOLID_IN_TILE(bundle, vector, index, met);
+        const Mask hits = SOLID_IN_TILE(bundle, vector, index, met, any);
         if (!ANY(hits)) continue;
         bundle->inv_t[vector] = SELECT(hits, any ? (varying)(FAR) : inv_t, bundle->inv_t[vector]);
         if (!any) bundle->leaf_index[vector] = SELECT(hits, (varying_int)(index), bundle->leaf_index[vector]);
