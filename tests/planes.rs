@@ -99,6 +99,7 @@ fn lights_and_cameras_in_planes_are_verified_right() {
         ("tangent light", lit_from(30.0, -0.999, -10.0)),
         ("a camera in the triangle's plane", seen_along_the_triangle()),
         ("a camera in the ground's plane", scene("../tests/data/in-the-ground.toml")),
+        ("a camera in a slope's plane", scene("../tests/data/in-a-slope.toml")),
         ("a road from a driver's seat", scene("../tests/data/road.toml")),
         ("a triangle with distant corners", scene("../tests/data/long-triangle.toml")),
     ]

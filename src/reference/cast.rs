@@ -140,8 +140,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
         let is_sky = !self.is_light(sight);
-        let shadow =
-            Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far, to_light: !is_sky };
+        let (origin, near) = (point + w_i * bias, R::ZERO);
+        let shadow = Ray { origin, direction: w_i, near, far, to_light: !is_sky, is_shadow: true };
         // A light that is nearer than the bias counts as hidden. A sky whose reach is shorter than the bias counts as
         // visible.
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }

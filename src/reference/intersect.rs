@@ -53,7 +53,14 @@ mod tests {
 
     fn ray(x: f64, y: f64, z: f64) -> Ray<f64> {
         let direction = dvec3(0.0, 0.0, -z.signum());
-        Ray { origin: dvec3(x, y, z), direction, near: 0.0, far: f64::INFINITY, to_light: false }
+        Ray {
+            origin: dvec3(x, y, z),
+            direction,
+            near: 0.0,
+            far: f64::INFINITY,
+            to_light: false,
+            is_shadow: false,
+        }
     }
 
     #[test]

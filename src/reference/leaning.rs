@@ -160,9 +160,9 @@ pub fn larger_hit<R: Real>(
     }
     let [low, high] = found.distances(ray, &corners)?;
     let exact = found.height / found.size;
-    // A ray without a near plane starts beside a surface. The shadow bias allows for rounding at the start. The
-    // reference also casts such a ray with other biases and from other starting points.
-    let is_beyond = |t: R| if ray.near == R::ZERO { exact > R::ZERO } else { t > ray.near };
+    // At the start of a shadow ray, the shadow bias allows for rounding. The reference also casts such a ray with other
+    // biases and from other starting points.
+    let is_beyond = |t: R| if ray.is_shadow { exact > R::ZERO } else { t > ray.near };
     if !is_beyond(high) || low >= ray.far {
         return None;
     }
@@ -259,13 +259,15 @@ mod tests {
             let aim = corners[0].lerp(corners[1], 0.45) + vector(beside);
             let origin = if case % 8 < 4 { vector(3.0) } else { aim + along + vector(1e-4) };
             let direction = (aim - origin).normalize();
-            let ray = Ray { origin, direction, near: 1e-3, far: f32::INFINITY, to_light: false };
+            let ray =
+                Ray { origin, direction, near: 1e-3, far: f32::INFINITY, to_light: false, is_shadow: false };
             let [e1, e2] = [corners[1] - corners[0], corners[2] - corners[0]];
             // Devices do not hit triangles that are seen edge-on.
             let is_edge_on = e1.dot(direction.cross(e2)).abs() <= 6e-7 * e1.length() * e2.length();
             let found = !is_edge_on && moller_trumbore(&ray, corners, Culling::None).is_some();
             let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
-            let ray = Ray { origin, direction, near: 1e-3, far: f64::INFINITY, to_light: false };
+            let ray =
+                Ray { origin, direction, near: 1e-3, far: f64::INFINITY, to_light: false, is_shadow: false };
             let corners = corners.map(Vec3::as_dvec3);
             let [larger, smaller] = hits(&ray, corners, Culling::None);
             assert!(!found || larger, "case {case}: hit, but not even the larger triangle is");
@@ -280,7 +282,14 @@ mod tests {
     fn what_rounding_does_not_change_is_as_in_the_exact_test() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let direction = dvec3(0.1, 0.2, -1.0).normalize();
-        let ray = Ray { origin: dvec3(0.2, 0.1, 1.0), direction, near: 0.1, far: 9.0, to_light: false };
+        let ray = Ray {
+            origin: dvec3(0.2, 0.1, 1.0),
+            direction,
+            near: 0.1,
+            far: 9.0,
+            to_light: false,
+            is_shadow: false,
+        };
         let exact = moller_trumbore(&ray, corners, Culling::None);
         assert!(exact.is_some());
         let found = larger_hit(&ray, 0, corners, Culling::None).unwrap();
@@ -295,12 +304,27 @@ mod tests {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let hits = |y: f64, to_light: bool| {
             let origin = dvec3(0.3, y, -1.0);
-            let ray = Ray { origin, direction: DVec3::Z, near: 0.0, far: 1000.0, to_light };
+            let ray = Ray { origin, direction: DVec3::Z, near: 0.0, far: 1000.0, to_light, is_shadow: true };
             hits(&ray, corners, Culling::None)
         };
         assert_eq!(hits(1e-4, false), [true, true]);
         assert_eq!(hits(1e-4, true), [true, false], "1e-4 is less than the error of a distance of 1000");
         assert_eq!([hits(-1e-4, false), hits(-1e-4, true)], [[false, false], [true, false]]);
+    }
+
+    #[test]
+    fn rounding_decides_whether_an_eye_in_a_triangles_plane_sees_the_triangle() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let hits = |height: f64, is_shadow: bool| {
+            let (origin, direction) = (dvec3(0.3, 0.3, height), dvec3(0.0, 0.6, -0.8));
+            let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false, is_shadow };
+            hits(&ray, corners, Culling::None)
+        };
+        // The error of the height above the triangle is 6e-7 of the distance of the farthest corner, which is 0.76.
+        assert_eq!([1e-8, -1e-8].map(|height| hits(height, false)), [[true, false]; 2]);
+        assert_eq!([1e-5, -1e-5].map(|height| hits(height, false)), [[true; 2], [false; 2]]);
+        // A shadow ray starts at the bias, and is cast with several biases.
+        assert_eq!([1e-8, -1e-8].map(|height| hits(height, true)), [[true; 2], [false; 2]]);
     }
 
     /// Returns a scene with these triangles, which all have the same material.
@@ -342,7 +366,14 @@ mod tests {
     fn a_ray_beside_an_edge_that_two_triangles_share_hits_one_of_them() {
         let ray = |x: f64| {
             let origin = dvec3(x, 0.3, 2.0);
-            Ray { origin, direction: DVec3::NEG_Z, near: 0.1, far: f64::INFINITY, to_light: false }
+            Ray {
+                origin,
+                direction: DVec3::NEG_Z,
+                near: 0.1,
+                far: f64::INFINITY,
+                to_light: false,
+                is_shadow: false,
+            }
         };
         let [right, left, above] =
             [DVec3::X, DVec3::NEG_X, dvec3(1.0, 0.0, 0.5)].map(|corner| [DVec3::ZERO, DVec3::Y, corner]);
@@ -403,7 +434,7 @@ mod tests {
     fn a_certain_hit_hides_only_what_rounding_cannot_move_before_it() {
         let hit = |x: f64| {
             let (origin, direction) = (dvec3(x, 0.3, 2.0), DVec3::NEG_Z);
-            let ray = Ray { origin, direction, near: 0.1, far: 9.0, to_light: false };
+            let ray = Ray { origin, direction, near: 0.1, far: 9.0, to_light: false, is_shadow: false };
             larger_hit(&ray, 0, [DVec3::ZERO, DVec3::X, DVec3::Y], Culling::None).unwrap()
         };
         let (inside, beside) = (hit(0.3), hit(-1e-7));

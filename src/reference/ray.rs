@@ -16,6 +16,8 @@ pub struct Ray<R: Real> {
     pub far: R,
     /// True if a light is at the far end. Devices may cast such a ray from either end.
     pub to_light: bool,
+    /// True if the ray starts beside a surface, at the shadow bias from a hit.
+    pub is_shadow: bool,
 }
 
 /// The rays of an image, with one type of numbers.
@@ -59,6 +61,7 @@ impl<R: Real> Frame<R> {
             near: self.z_near * length,
             far: R::INFINITY,
             to_light: false,
+            is_shadow: false,
         }
     }
 }

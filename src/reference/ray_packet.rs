@@ -148,6 +148,7 @@ impl RayPacket {
             near: 0.0,
             far: f64::INFINITY,
             to_light: false,
+            is_shadow: false,
         };
         // The distance of the near plane along a ray depends on the ray's direction. For all rays of the
         // packet together, the distance of the near plane is therefore a range.
@@ -187,8 +188,14 @@ impl RayPacket {
         may: [f64; 2],
     ) -> Option<bool> {
         let around = self.around(tree);
-        let ray =
-            Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1], to_light: true };
+        let ray = Ray {
+            origin: self.origin,
+            direction: self.direction,
+            near: may[0],
+            far: may[1],
+            to_light: true,
+            is_shadow: true,
+        };
         let (mut blocked, mut open) = (false, false);
         tree.walk(&ray, around, |indexed, far| {
             if blocked || own == Some(indexed.triangle) {
@@ -267,7 +274,14 @@ mod tests {
                     PacketHit::All(_) => 2,
                 }] += 1;
                 for direction in rays(&packet) {
-                    let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
+                    let ray = Ray {
+                        origin,
+                        direction,
+                        near: 0.0,
+                        far: f64::INFINITY,
+                        to_light: false,
+                        is_shadow: false,
+                    };
                     let hit = moller_trumbore(&ray, corners, culling).map(|(t, _)| t);
                     let within =
                         |t: f64, [low, high]: [f64; 2]| t >= low * (1.0 - 1e-6) && t <= high * (1.0 + 1e-6);
@@ -298,7 +312,8 @@ mod tests {
             let (origin, light) = (vector(2.0), vector([2.0, 300.0][case % 3 % 2]));
             let direction = (aim - origin).normalize();
             let packet = RayPacket::new(origin, direction, NARROWEST).from_light(light);
-            let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
+            let ray =
+                Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false, is_shadow: false };
             let packet_hit = packet.intersect(&corners, Culling::None);
             let hit = larger_hit(&ray, 0, corners, Culling::None);
             let (larger, smaller) = (hit.is_some(), hit.is_some_and(|hit| hit.is_certain));

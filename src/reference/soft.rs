@@ -220,7 +220,14 @@ mod tests {
 
     /// Returns the irradiance at the ground's origin in each of 4096 samples.
     fn irradiances(scene: &Scene) -> Vec<f64> {
-        let ray = Ray { origin: DVec3::Y, direction: DVec3::NEG_Y, near: 0.0, far: 9.0, to_light: false };
+        let ray = Ray {
+            origin: DVec3::Y,
+            direction: DVec3::NEG_Y,
+            near: 0.0,
+            far: 9.0,
+            to_light: false,
+            is_shadow: false,
+        };
         let hit = Hit { t: 1.0, weights: [1.0, 0.0, 0.0], triangle: 0 };
         let radiance = |sample| {
             let seen = Seen::of(scene, sample, [3, 5]);

@@ -188,8 +188,14 @@ fn culled_faces_cast_no_shadow() {
 #[test]
 fn a_shadow_ray_passes_through_a_hole() {
     let mut scene = fixtures::single_triangle();
-    let ray =
-        Ray { origin: DVec3::ZERO, direction: DVec3::NEG_Z, near: 0.0, far: f64::INFINITY, to_light: true };
+    let ray = Ray {
+        origin: DVec3::ZERO,
+        direction: DVec3::NEG_Z,
+        near: 0.0,
+        far: f64::INFINITY,
+        to_light: true,
+        is_shadow: true,
+    };
     let is_blocked = |scene: &Scene| {
         let (mesh, culling) = (&scene.mesh, Culling::None);
         let exhaustive = Solid::new(Exhaustive::<f64>::new(mesh, culling), &mesh.textures);

@@ -117,8 +117,14 @@ mod tests {
 
     #[test]
     fn of_equally_near_hits_the_first_of_the_mesh_counts() {
-        let ray =
-            Ray { origin: DVec3::ZERO, direction: DVec3::Z, near: 0.0, far: f64::INFINITY, to_light: false };
+        let ray = Ray {
+            origin: DVec3::ZERO,
+            direction: DVec3::Z,
+            near: 0.0,
+            far: f64::INFINITY,
+            to_light: false,
+            is_shadow: false,
+        };
         assert_eq!(Backwards.closest(&ray).map(|hit| hit.triangle), Some(3));
     }
 }

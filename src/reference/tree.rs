@@ -313,8 +313,14 @@ mod tests {
             for light in &scene.lights {
                 let origin = ray.origin + ray.direction * hit.t;
                 let off = light.position.as_dvec3() - origin;
-                let shadow =
-                    Ray { origin, direction: off.normalize(), near: 1e-4, far: off.length(), to_light: true };
+                let shadow = Ray {
+                    origin,
+                    direction: off.normalize(),
+                    near: 1e-4,
+                    far: off.length(),
+                    to_light: true,
+                    is_shadow: true,
+                };
                 assert_eq!(tree.any(&shadow), exhaustive.any(&shadow), "{} shadow at {pixel}", scene.name);
             }
         }
@@ -383,8 +389,14 @@ mod tests {
     #[test]
     fn no_triangles_are_never_hit() {
         let tree = Tree::new(&Mesh::default(), Culling::None);
-        let ray =
-            Ray { origin: DVec3::ZERO, direction: DVec3::X, near: 0.0, far: f64::INFINITY, to_light: false };
+        let ray = Ray {
+            origin: DVec3::ZERO,
+            direction: DVec3::X,
+            near: 0.0,
+            far: f64::INFINITY,
+            to_light: false,
+            is_shadow: false,
+        };
         assert!(tree.closest(&ray).is_none());
     }
 
@@ -394,7 +406,14 @@ mod tests {
         let Node { low, high, .. } = tree.nodes[0];
         let visits = |x: f32, around: f64| {
             let origin = DVec3::new(f64::from(x), f64::from(0.5 * (low.y + high.y)), 9.0);
-            let ray = Ray { origin, direction: DVec3::NEG_Z, near: 0.0, far: f64::INFINITY, to_light: false };
+            let ray = Ray {
+                origin,
+                direction: DVec3::NEG_Z,
+                near: 0.0,
+                far: f64::INFINITY,
+                to_light: false,
+                is_shadow: false,
+            };
             let mut count = 0;
             tree.walk(&ray, around, |_, far| {
                 count += 1;
