@@ -177,9 +177,11 @@ impl Asked<'_> {
             sample.consider(caster.shaded(seen, ray, Some(hit), &reaches));
         }
         for off in off_plane(caster, ray, hit) {
+            let slid = slid(ray, hit, off);
             for caster in [caster, &leaning[0], &leaning[1]] {
                 let reaches = |sight: &Sight<f64>| caster.reaches(&moved(sight, off), bias);
                 sample.consider(caster.shaded(seen, ray, Some(hit), &reaches));
+                sample.consider(caster.radiance(seen, &slid, Some(hit), bias));
             }
         }
         if let Some(grazing) = caster.grazing(seen, ray, hit, bias, OFF_PLANE) {
@@ -264,6 +266,7 @@ fn mesh_of(mesh: &Mesh, triangle: &Triangle, material: Material) -> Mesh {
 /// - The pixel's ray is nudged in each direction along the image's axes.
 /// - The shadow bias is halved, and doubled.
 /// - Shadow rays start a little above, and below, the plane of the hit.
+/// - The hit is where the ray meets a plane a little above, and below, the plane of the hit.
 /// - Shadow rays end as far from the hit as those that a device casts from a distant light.
 /// - Surfaces near lights are included as occluders, and left out.
 /// - Rounding makes triangles larger and holes smaller, or triangles smaller and holes larger.
@@ -308,6 +311,16 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
 fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
     let off = caster.off_plane(ray, hit, OFF_PLANE);
     [off, -off]
+}
+
+/// Returns a ray whose hit is where `ray` meets the plane of the triangle if rounding moves this plane by `off`. A ray
+/// that meets a large triangle at a small angle slides far along the triangle: so far that the light's distance and
+/// direction change noticeably. The returned ray starts elsewhere on the same line, so that its hit keeps `hit.t`.
+fn slid(ray: &Ray<f64>, hit: &Hit<f64>, off: DVec3) -> Ray<f64> {
+    let along = off.length_squared() / off.dot(ray.direction);
+    // Seen edge-on, the plane may be moved past the eye or to infinity.
+    let along = if along.is_finite() { along.max(-hit.t).min(hit.t) } else { 0.0 };
+    Ray { origin: ray.origin + ray.direction * along, ..*ray }
 }
 
 fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
@@ -606,6 +619,46 @@ mod tests {
                 assert!(percent >= 50, "{light}, {mixed}: {percent} of 100");
             }
         }
+    }
+
+    #[test]
+    fn rounding_slides_a_hit_along_its_ray_onto_the_moved_plane() {
+        let (near, far, to_light, is_shadow) = (0.0, f64::INFINITY, false, false);
+        let ray =
+            Ray { origin: DVec3::Y, direction: DVec3::new(0.8, -0.6, 0.0), near, far, to_light, is_shadow };
+        let hit = Hit { t: 1.0 / 0.6, weights: [1.0, 0.0, 0.0], triangle: 0 };
+        let shift = |ray: &Ray<f64>, off: f64| slid(ray, &hit, off * DVec3::Y).origin - ray.origin;
+        for off in [1e-3, -1e-3] {
+            let expected = DVec3::new(-off * 0.8 / 0.6, off, 0.0);
+            assert!(shift(&ray, off).distance(expected) < 1e-12, "{off}: {}", shift(&ray, off));
+        }
+        let level = Ray { direction: DVec3::X, ..ray };
+        assert_eq!(shift(&level, 1e-3), DVec3::ZERO);
+        let nearly_level = Ray { direction: DVec3::new(1.0, -1e-9, 0.0), ..ray };
+        assert!((shift(&nearly_level, 1e-3).length() - hit.t).abs() < 1e-12, "no farther than to the eye");
+    }
+
+    /// On a ground of 200,000 units, the distance of a hit may be wrong by a unit. The hit that is nearer to the eye
+    /// is also nearer to the light.
+    #[test]
+    fn a_hit_on_a_large_triangle_may_be_brighter_than_the_exact_one() {
+        let brightest = |half: f32| {
+            let mut scene = fixtures::single_triangle();
+            let mesh = scene.mesh_mut();
+            mesh.positions = vec![vec3(-half, -1.0, -half), vec3(half, -1.0, -half), vec3(0.0, -1.0, half)];
+            mesh.normals.fill(Vec3::Y);
+            mesh.materials[0].glossy = Vec3::ZERO;
+            scene.lights[0].position = vec3(0.0, 2.0, -5.0);
+            let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
+            let frame = scene.camera.pixel_frame(80, 50);
+            let seen = Seen::of(&scene, Sample::CENTRE, [40, 30]);
+            let result =
+                sample(&Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 30.5] });
+            assert!(result.hit && result.radiance.x > 0.0);
+            result.range[1].x / result.radiance.x
+        };
+        let [small, large] = [10.0, 1e5].map(brightest);
+        assert!(small < 1.001 && large > 1.2, "{small} {large}");
     }
 
     /// The triangle is behind the camera, so all rays see the sky's picture.

@@ -11,7 +11,7 @@ use super::super::shade::{Sight, surface_at};
 use super::super::shadows::{Points, Shadows};
 use super::super::soft::Seen;
 use super::super::tree::Tree;
-use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, moved, nudges, off_plane};
+use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, moved, nudges, off_plane, slid};
 use crate::scene::Scene;
 use glam::DVec3;
 
@@ -56,12 +56,12 @@ impl Hits {
 
     /// Returns the points of all hits in `self`, as a centre and a largest distance from the centre. The
     /// centre is the hit of the pixel's own ray. The points also include two copies of the centre, moved off
-    /// the triangle's plane by the two offsets `offs`.
-    fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
+    /// the triangle's plane by the two offsets `offs`, and the two hits of [`slid`] rays.
+    fn points(&self, scene: &Scene, offs: [DVec3; 2], slid: &[RayHit; 2]) -> Points {
         let at = |(ray, hit): &RayHit| surface_at(scene, ray, hit);
         let point = |of: &RayHit| at(of)[0];
         let [centre, normal] = at(&self.centre);
-        let others = self.nudged.iter().map(|(_, other)| other).chain([&self.leaning]);
+        let others = self.nudged.iter().map(|(_, other)| other).chain([&self.leaning]).chain(slid);
         let spread = others.map(|other| point(other).distance(centre)).fold(0.0, f64::max);
         let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
         Points {
@@ -106,7 +106,8 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
         return None;
     }
     let offs = off_plane(caster, &ray, &hit);
-    let shadows = Shadows::new(seen, tree, hits.points(caster.scene(), offs), bias);
+    let slid = offs.map(|off| (slid(&ray, &hit, off), hit));
+    let shadows = Shadows::new(seen, tree, hits.points(caster.scene(), offs, &slid), bias);
     // If it is uncertain whether a light reaches all hit points, a shadow ray to this light is cast.
     let radiance_of = |seen: &Seen<'_>, (ray, hit): &RayHit, cast: &dyn Fn(&Sight<f64>) -> bool| {
         let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| cast(sight));
@@ -119,6 +120,9 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let mut sample = PixelSample::of(with_bias(&hits.centre, bias), true);
     for (reach, other) in &hits.nudged {
         sample.nudge(*reach, with_bias(other, bias));
+    }
+    for other in &slid {
+        sample.consider(with_bias(other, bias));
     }
     let are_unsure = shadows.some_are_unsure();
     let leaning = caster.leaning();
@@ -140,9 +144,10 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
             };
             sample.consider(radiance_of(seen, &hits.centre, &cast));
         }
-        for off in offs {
+        for (off, slid) in offs.into_iter().zip(&slid) {
             for caster in [caster, &leaning[0], &leaning[1]] {
                 sample.consider(moved_by(&hits.centre, caster, off));
+                sample.consider(moved_by(slid, caster, DVec3::ZERO));
             }
         }
     }
