@@ -121,15 +121,11 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     for (reach, other) in &hits.nudged {
         sample.nudge(*reach, with_bias(other, bias));
     }
-    for other in &slid {
-        sample.consider(with_bias(other, bias));
-    }
+    slid.iter().for_each(|other| sample.consider(with_bias(other, bias)));
     let are_unsure = shadows.some_are_unsure();
     let leaning = caster.leaning();
-    for caster in &leaning {
-        if hits.leaning.1 != hit || are_unsure {
-            sample.consider(moved_by(&hits.leaning, caster, DVec3::ZERO));
-        }
+    for caster in leaning.iter().filter(|_| hits.leaning.1 != hit || are_unsure) {
+        sample.consider(moved_by(&hits.leaning, caster, DVec3::ZERO));
     }
     if are_unsure {
         for factor in [0.5, 2.0] {
