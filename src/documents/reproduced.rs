@@ -5,6 +5,7 @@
 use super::sheet::{Device, line};
 use super::sources::Sources;
 use crate::report::Reproduction;
+use crate::words;
 use serde_json::Value;
 
 /// The possible verdicts on a claim. A document states how many claims have each verdict, in the order of
@@ -83,7 +84,7 @@ fn decided(claim: &Value) -> String {
     let first = deciding.next().or(other).and_then(|line| line["text"].as_str()).unwrap_or_default();
     let more = match deciding.count() {
         0 => String::new(),
-        more => format!(" (and {more} more with this verdict)"),
+        more => format!(" (and {} with this verdict)", words::counted(more, "more comparison")),
     };
     format!("**{verdict}**: {}{more}", code(first))
 }
@@ -107,7 +108,10 @@ mod tests {
         };
         let [held, failed, unclear, open] =
             [("a", "held"), ("b", "did not hold"), ("c", "unclear"), ("d", "cannot be tested here")];
-        assert_eq!(decided_text("held", &[held, held]), "**held**: a (and 1 more with this verdict)");
+        assert_eq!(
+            decided_text("held", &[held, held]),
+            "**held**: a (and 1 more comparison with this verdict)"
+        );
         assert_eq!(decided_text("did not hold", &[held, failed]), "**did not hold**: b");
         assert_eq!(decided_text("unclear", &[held, open, unclear]), "**unclear**: c");
         assert_eq!(decided_text("unclear", &[held, open]), "**unclear**: d");

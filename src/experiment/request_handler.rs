@@ -282,6 +282,20 @@ mod tests {
     use std::path::Path;
     use std::rc::Rc;
 
+    /// Returns a temporary folder with a folder for images.
+    fn folder_of_images() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        folder
+    }
+
+    /// Returns the key of the record of a point on a device; `None` means the host.
+    fn key_of(drafter: Drafter<'_>, (plan, point): (&Plan, usize), device: Option<&DeviceInfo>) -> String {
+        let of = &plan.points[point];
+        let at = Hashed::load(&drafter.experiment.scenes[of.scene], of.image_size).unwrap();
+        drafter.draft(of, device, &at).unwrap().key
+    }
+
     /// Lets a new worker check a caster on the host. The request has the key `key`, or the point's
     /// own key if `key` is `None`.
     fn checked(key: Option<&str>, verified: Option<&str>) -> Result<Reply> {
@@ -291,10 +305,8 @@ mod tests {
         let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
-        let own = drafter.draft(&plan.points[0], None, &at).unwrap().key;
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let own = key_of(drafter, (&plan, 0), None);
+        let folder = folder_of_images();
         let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
         let request = Request::Check {
             point: 0,
@@ -376,11 +388,9 @@ mod tests {
         change(&mut device.info);
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 1);
-        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
         let named = plan.points[0].device.map(|_| stands_for.as_ref().unwrap_or(&device.info));
-        let key = drafter.draft(&plan.points[0], named, &at).unwrap().key;
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let key = key_of(drafter, (&plan, 0), named);
+        let folder = folder_of_images();
         let checker = Checker::open(drafter, Some(&device), Pictures::of(folder.path())).unwrap();
         let mut handler = RequestHandler::new(drafter, plan, checker, stands_for);
         assert!(handler.answer(&Request::Cast { point: 0 }).is_err(), "it was not checked");
@@ -427,13 +437,8 @@ mod tests {
         let experiment = fixtures::experiment_of(&format!("{scenes}\nbaselines = ['serial']"));
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let key = |index: usize| {
-            let at = Hashed::load(&experiment.scenes[index], plan.points[index].image_size).unwrap();
-            drafter.draft(&plan.points[index], None, &at).unwrap().key
-        };
-        let keys = [key(0), key(1)];
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let keys = [0, 1].map(|point| key_of(drafter, (&plan, point), None));
+        let folder = folder_of_images();
         let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
         let mut handler = RequestHandler::new(drafter, plan.clone(), checker, None);
         for (point, key) in keys.into_iter().enumerate() {
@@ -446,8 +451,7 @@ mod tests {
 
     #[test]
     fn a_worker_places_the_camera_for_the_shape_of_each_points_images() {
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let folder = folder_of_images();
         std::fs::write(folder.path().join("bar.obj"), "v 0 0 0\nv 9 0 0\nv 0 1 2\nf 1 2 3\n").unwrap();
         let text = "question = '?'\nexpectation = '!'\nscenes = ['bar.obj']\nbaselines = ['serial']\n\
                     image_sizes = [[8, 20], [20, 8], [8, 8]]\n";
@@ -456,9 +460,8 @@ mod tests {
         let plan = Plan::new(&experiment, 0);
         let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
         let mut handler = RequestHandler::new(drafter, plan.clone(), checker, None);
-        for (point, of) in plan.points.iter().enumerate() {
-            let at = Hashed::load(&experiment.scenes[0], of.image_size).unwrap();
-            let key = drafter.draft(of, None, &at).unwrap().key;
+        for point in 0..plan.points.len() {
+            let key = key_of(drafter, (&plan, point), None);
             let checked = handler.answer(&Request::Check { point, key, verified: None });
             assert!(matches!(checked, Ok(Reply::Checked { ready: true, .. })), "{checked:?}");
         }
@@ -469,10 +472,8 @@ mod tests {
         let experiment = fixtures::experiment_of("scenes = ['scenes/triangle.toml']\nbaselines = ['serial']");
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
-        let key = drafter.draft(&plan.points[0], None, &at).unwrap().key;
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let key = key_of(drafter, (&plan, 0), None);
+        let folder = folder_of_images();
         let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
         let mut handler = RequestHandler::new(drafter, plan, checker, None);
         for block in [1, 2] {
@@ -489,10 +490,8 @@ mod tests {
         let experiment = fixtures::experiment_of("scenes = ['scenes/triangle.toml']\nbaselines = ['serial']");
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
-        let key = drafter.draft(&plan.points[0], None, &at).unwrap().key;
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let key = key_of(drafter, (&plan, 0), None);
+        let folder = folder_of_images();
         let phases = Rc::new(RefCell::new(Vec::new()));
         let told = Rc::clone(&phases);
         let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();

@@ -4,18 +4,19 @@ use super::Radiance;
 use crate::scene::Display;
 use image::{RgbImage, RgbaImage};
 use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Converts an image to 8 bits: each channel with radiance L becomes `trunc(255 * tone(exposure *
 /// L)^(1/gamma))`, evaluated in double precision. NaN becomes 0.
 pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
-    let shown = Shown::new(display);
+    let shown = Shown::of(display);
     let mut picture = RgbImage::new(image.width, image.height);
     picture.par_chunks_mut(3 * TOGETHER).zip(image.pixels.par_chunks(TOGETHER)).for_each(
         |(bytes, pixels)| {
-            pixels
-                .iter()
-                .zip(bytes.as_chunks_mut().0)
-                .for_each(|(pixel, bytes)| *bytes = shown.pixel(*pixel));
+            let mut convert = shown.converter();
+            for (bytes, radiance) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
+                *bytes = convert(*radiance);
+            }
         },
     );
     picture
@@ -27,7 +28,7 @@ pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
     if image.coverage.is_empty() {
         return None;
     }
-    let shown = Shown::new(display);
+    let shown = Shown::of(display);
     let pixel = |(radiance, coverage): (&[f32; 3], &f32)| {
         let covered = if *coverage > 0.0 { radiance.map(|channel| channel / coverage) } else { [0.0; 3] };
         let [red, green, blue] = shown.pixel(covered);
@@ -49,9 +50,21 @@ impl Shown {
     /// Number of low bits of a radiance that the second table of [`Self::tables`] ignores.
     pub const INDEX_SHIFT: u32 = 16;
 
-    /// Makes the tables for a scene's display settings.
-    pub fn new(display: Display) -> Self {
-        Self(Thresholds::new(display))
+    /// Returns the tables for a scene's display settings. The function keeps the tables that it returned last, because
+    /// the frames of a moving picture usually have the same settings, and new tables take longer than a small frame's
+    /// conversion.
+    pub fn of(display: Display) -> Arc<Self> {
+        static LAST: Mutex<Option<(Display, Arc<Shown>)>> = Mutex::new(None);
+        // The value is replaced as a whole, so a thread that panicked cannot have left half of it.
+        let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*last {
+            Some((of, shown)) if *of == display => Arc::clone(shown),
+            _ => {
+                let shown = Arc::new(Self(Thresholds::new(display)));
+                *last = Some((display, Arc::clone(&shown)));
+                shown
+            }
+        }
     }
 
     /// Returns the two tables of the display transform that devices read. The first table has, for each 8-bit
@@ -63,8 +76,23 @@ impl Shown {
     }
 
     /// Returns the 8-bit channels with which a pixel is displayed.
-    pub fn pixel(&self, radiance: [f32; 3]) -> [u8; 3] {
-        radiance.map(|channel| self.0.value(channel))
+    pub fn pixel(&self, [red, green, blue]: [f32; 3]) -> [u8; 3] {
+        let value = self.0.value(red);
+        // Many surfaces are grey: their channels are equal.
+        let other = |channel| if channel == red { value } else { self.0.value(channel) };
+        [value, other(green), other(blue)]
+    }
+
+    /// Returns a function that converts the pixels of a picture one after another. Neighbouring pixels often have
+    /// the same radiance, for example those of a plain background: the function then repeats its last result.
+    pub fn converter(&self) -> impl FnMut([f32; 3]) -> [u8; 3] {
+        let mut last = ([f32::NAN; 3], [0; 3]); // comparisons with NaN are false
+        move |radiance| {
+            if radiance != last.0 {
+                last = (radiance, self.pixel(radiance));
+            }
+            last.1
+        }
     }
 }
 
@@ -147,6 +175,26 @@ mod tests {
         ] {
             let image = Radiance { width: 1, height: 1, pixels: vec![[radiance; 3]], coverage: Vec::new() };
             assert_eq!(to_rgb8(&image, display).into_raw(), [value; 3], "{radiance}");
+        }
+    }
+
+    #[test]
+    fn pixels_are_displayed_alike_whatever_their_neighbours_and_other_channels_are() {
+        let channels = [0.0, 0.01, 0.05, f32::NAN, -1.0, f32::INFINITY];
+        let three = |index: usize| [index / 36, index / 6 % 6, index % 6].map(|channel| channels[channel]);
+        // Each pixel occurs twice in a row, and the order of the pixels has no pattern.
+        let pixels: Vec<[f32; 3]> = (0..2 * 216).map(|index| three(index / 2 * 85 % 216)).collect();
+        let expected: Vec<u8> =
+            pixels.iter().flatten().map(|channel| transform(*channel, Display::default())).collect();
+        let image = Radiance { width: 432, height: 1, pixels, coverage: Vec::new() };
+        assert_eq!(to_rgb8(&image, Display::default()).into_raw(), expected);
+    }
+
+    #[test]
+    fn each_display_has_its_own_tables() {
+        let darker = Display { exposure: 1.0, ..Display::default() };
+        for display in [Display::default(), darker, darker, Display::default()] {
+            assert_eq!(Shown::of(display).pixel([0.01; 3]), [transform(0.01, display); 3], "{display:?}");
         }
     }
 

@@ -190,7 +190,7 @@ mod tests {
         let image = upload(queue, pixels).unwrap();
         let mut bytes = Vec::new();
         let take = |rows: &[u8]| bytes.extend_from_slice(rows);
-        let hits = program.read(queue, (&image, SIZE), &Shown::new(display), 8, take).unwrap();
+        let hits = program.read(queue, (&image, SIZE), &Shown::of(display), 8, take).unwrap();
         (bytes, hits)
     }
 
@@ -198,7 +198,7 @@ mod tests {
     /// that hit something: no sample, half of the samples, or all.
     fn radiances() -> Vec<Float4> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let steps = Shown::new(Display::default());
+        let steps = Shown::of(Display::default());
         let ends = [0.0, -0.0, -1.0, 1.0, 1.5, f32::MAX, f32::MIN_POSITIVE, 1.0 / 15.0];
         let mut radiance = |index: usize| match index % 4 {
             0 => ends[index / 4 % ends.len()],
@@ -225,7 +225,7 @@ mod tests {
         {
             let spec = ShowProgram::spec(&Sources::Embedded, queue).unwrap();
             let (bytes, hits) = show(queue, &spec, &pixels, display);
-            let shown = Shown::new(display);
+            let shown = Shown::of(display);
             let expected: Vec<u8> =
                 pixels.iter().flat_map(|pixel| shown.pixel([pixel[0], pixel[1], pixel[2]])).collect();
             assert!(bytes == expected, "{display:?}: other bytes");
@@ -259,7 +259,7 @@ mod tests {
         let spec = ShowProgram::spec(&sources, &queue).unwrap();
         let program = ShowProgram::build(&queue, &spec, &ProgramCache::default(), &sources).unwrap();
         let image = upload(&queue, &radiances()).unwrap();
-        let shown = program.read(&queue, (&image, SIZE), &Shown::new(Display::default()), 8, |_| {});
+        let shown = program.read(&queue, (&image, SIZE), &Shown::of(Display::default()), 8, |_| {});
         let error = shown.unwrap_err();
         assert!(matches!(error, LaunchError::OwnKernel(_)), "{error:?}");
         let expected = format!("{} defines no kernel `{KERNEL}`, which raycl needs", file.display());

@@ -290,22 +290,33 @@ fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
     assert_eq!(sink.measured_by, vec![Some("own".to_owned()); 10]);
 }
 
+/// Times a group in two launches of `count` samples, on a device of this kind, with the rule about moved samples.
+/// Returns what the sink has noted.
+fn noted(
+    (kind, count): (DeviceKind, u32),
+    (mut group, mut workers): (OpenGroup, Mortals),
+    mut sink: Noting,
+) -> Noting {
+    let timing = format!("launches = 2, min_samples = {count}, max_samples = {count}, time_limit_ms = 1000");
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\ntiming = {{ {timing} }}"));
+    let (device, locks) = (DeviceInfo { kind, ..asleep::device(1.0) }, fixtures::own_locks());
+    let devices = [&device];
+    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
+    let off = AtomicBool::new(false);
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group.visit(&run, &mut supervisor, &mut sink).unwrap();
+    sink
+}
+
 /// Returns the launches of each record's samples. Three launches were measured earlier, and two are
 /// requested. The core-to-core latency was 180 ns in the first of the three earlier launches, 20 ns in the
 /// second, and 25 ns in the third.
 fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
-    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
-    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-    let (device, locks) = (DeviceInfo { kind, ..asleep::device(1.0) }, fixtures::own_locks());
-    let devices = [&device];
-    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     let latencies_ns = vec![180.0, 20.0, 25.0];
     let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..3).flat_map(samples).collect()));
-    let mut sink = Noting { past: past.into(), latencies_ns, ..Noting::default() };
-    let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
-    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
-    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    let sink = Noting { past: past.into(), latencies_ns, ..Noting::default() };
+    let sink = noted((kind, 10), (group(), Mortals::default()), sink);
     assert_eq!(sink.steps, 4, "two launches of two points were requested");
     sink.records.into_iter().map(|record| record.sample_launches).collect()
 }
@@ -528,22 +539,14 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
 
 #[test]
 fn an_additional_launch_is_reported_and_is_no_step() {
-    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
-    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-    let (device, locks) =
-        (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
-    let devices = [&device];
-    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     let latencies_ns = vec![180.0, 20.0];
     let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..2).flat_map(samples).collect()));
-    let mut sink = Noting { past: past.into(), latencies_ns, launches: 2, ..Noting::default() };
-    let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
+    let sink = Noting { past: past.into(), latencies_ns, launches: 2, ..Noting::default() };
+    let (workers, mut group) = (Mortals::default(), group());
     workers.frames.set(DEADLY);
-    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
-    let mut group = group();
     group.points[1].label = "b".into();
-    group.visit(&run, &mut supervisor, &mut sink).unwrap();
+    let sink = noted((DeviceKind::Cpu, 10), (group, workers), sink);
     let words = format!("triangle: {ADDITIONAL}");
     assert_eq!((sink.said, sink.steps), (vec![words], 4));
     assert!(sink.works.contains(&"timing b, additional launch 1".to_owned()), "{:?}", sink.works);
@@ -590,19 +593,11 @@ fn a_launch_is_repeated_by_new_workers_on_all_devices() {
 
 #[test]
 fn a_record_counts_the_launches_and_the_samples_that_were_left_out() {
-    let timing = "timing = { launches = 2, min_samples = 12, max_samples = 12, time_limit_ms = 1000 }";
-    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-    let (device, locks) =
-        (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
-    let devices = [&device];
-    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     let some = |launch: u32, count: usize, ns: f64| vec![sample(launch, Some(ns)); count];
     let all = [some(0, 6, 180.0), some(1, 5, 20.0), some(1, 2, 180.0), some(2, 6, 25.0)].concat();
     let past = ["a", "b"].map(|key| (key.to_owned(), all.clone()));
-    let mut sink = Noting { past: past.into(), latencies_ns: vec![20.0], ..Noting::default() };
-    let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
-    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
-    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    let sink = Noting { past: past.into(), latencies_ns: vec![20.0], ..Noting::default() };
+    let sink = noted((DeviceKind::Cpu, 12), (group(), Mortals::default()), sink);
     let counts = sink.records.iter().map(|one| (one.moved_launches, one.moved_samples));
     assert_eq!(counts.collect::<Vec<_>>(), [(Some(1), Some(2)); 2]);
 }

@@ -43,12 +43,12 @@ impl Caster {
         self.check_heap()?;
         let [width, height] = self.size;
         let mut picture = RgbImage::new(width, height);
-        let shown = Shown::new(display);
+        let shown = Shown::of(display);
         let show = |(bytes, pixels): (&mut [u8], &[Float4])| {
-            let (mut hits, mut finite) = (0, true);
+            let (mut hits, mut finite, mut convert) = (0, true, shown.converter());
             for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
                 let radiance = [pixel[0], pixel[1], pixel[2]];
-                *bytes = shown.pixel(radiance);
+                *bytes = convert(radiance);
                 finite &= radiance.iter().all(|channel| channel.is_finite());
                 hits += usize::from(pixel[3] > 0.0);
             }
@@ -79,7 +79,7 @@ impl Caster {
         take: impl FnMut(&[u8]),
     ) -> Result<Option<usize>, LaunchError> {
         self.check_heap()?;
-        program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
+        program.read(&self.queue, (&self.image, self.size), &Shown::of(display), together, take)
     }
 
     /// Returns how many samples of the last picture hit something. Each pixel of this picture has `count`
