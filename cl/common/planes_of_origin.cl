@@ -54,8 +54,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 
     const float slack = SHARED_EDGE_SLACK * distance;
     const Uniform3 e3 = uniform_difference(corners.b, corners.c);
-    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is. They
-    // have the same factor, so that edge functions divided by their sum are the barycentric weights of a hit.
+    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is. All
+    // are multiplied by the same factor `by`, so that edge functions divided by their sum are a hit's barycentric weights.
     const float shortest = min(min(size1, size2), uniform_size(e3));
     const float by = copysign(per_overlap(slack, shortest, longer), height);
     // 1 / t = d . n / height (n is the normal) is linear in the direction d, like the edge functions.

@@ -38,10 +38,10 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    // The triangles' edge planes: three rows of float4 for the eye, then three rows for each light. A row has a float4
-    // per triangle, in leaf order.
+    // The triangles' planes: three arrays of float4 for the eye, then three arrays for each light. An array has one
+    // float4 per triangle, in leaf order (see common_origin.cl).
     const __global float4 *planes;
-    int row; // number of float4 in a row
+    int row; // number of float4 in an array
 #endif
 #if CUTOUTS && defined(TILE_X)
     Textures masks; // the triangles' masks
@@ -64,7 +64,7 @@ Corners leaf_corners(const Tree *tree, int index) {
 int leaf_triangle(const Tree *tree, int index) { return as_int(tree->leaves[LEAF_ROW * (size_t)index + 3]); }
 
 #if PLANES_OF_ORIGIN
-// Returns the first of the three rows of planes that were prepared for an origin: the eye is origin 0, the first light
-// origin 1.
+// Returns the first of the three arrays of planes that were prepared for an origin: the eye is origin 0, the first
+// light origin 1.
 const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
 #endif

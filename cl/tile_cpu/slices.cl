@@ -47,7 +47,7 @@ typedef uint16 ChildWords;
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
 // The boxes of a node's children, relative to the origin: the sides at which rays enter and leave. `entry` is, for each
-// child, the smallest t at which a ray enters the child's box.
+// child, a lower bound of the t at which the tile's rays enter the child's box.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;

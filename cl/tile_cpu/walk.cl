@@ -1,7 +1,7 @@
 // The traversal of the tree by the rays of a tile.
 
-// An entry of the stack: a node or a leaf (its word), the smallest t at which a ray of the tile enters its box, and the
-// vectors whose rays visit it, one bit each.
+// An entry of the stack: a node or a leaf (its word), a lower bound of the t at which the tile's rays enter its box,
+// and the vectors whose rays visit it, one bit each.
 typedef struct {
     uint word;
     float entry;

@@ -35,7 +35,7 @@ typedef struct {
     float longest; // the largest component of a direction (x, y, 1)
 #if PLANES_OF_ORIGIN
     const __global float4 *planes; // the planes of all triangles for the rays' origin
-    uint across_row, down_row, along_row; // the offsets in `planes` of the rows for the pass's axes
+    uint across_row, down_row, along_row; // the offsets in `planes` of the arrays for the pass's axes
 #endif
 } Shaft;
 

@@ -33,9 +33,9 @@ pub struct Args {
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
     /// `begun` has just started; if this state lasts, the process was killed when it started. A process in the state
     /// `going` is measuring, or waits for a device. A process in the state `hung` has made no progress within the limit
-    /// of `raycl run --hang-limit`. A process in the state `lost` was killed, or its machine is down. A process in the
-    /// state `launcher lost` has ended because the program that started the process has ended. The other states are
-    /// `done`, `interrupted` and `failed`
+    /// of `raycl run --hang-limit`. A process in the state `lost` no longer increases its counter; probably, the
+    /// process was killed or its machine failed. A process in the state `launcher lost` has ended because the program
+    /// that started the process has ended. The other states are `done`, `interrupted` and `failed`
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process

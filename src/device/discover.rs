@@ -191,8 +191,8 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
 
 /// The advice to a user if a driver is installed, but cannot list its devices.
 const FAILED: &str = "a driver is installed, but could not list its devices: check that enough memory is free and that you may use the device, and run the command again";
-const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
-    sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
+const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on CPUs; install PoCL with\n  \
+    sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in the folder of raycl's source code. \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
 /// Returns the error if no platform is found. `limit_bytes` is the limit of this process's address space, or

@@ -39,7 +39,7 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 const SMALLER_GROUP: &str = "choose a smaller --local-size";
 /// The remedy if the strategy does not support something that the scene has.
 const ANOTHER: &str =
-    "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
+    "choose another --strategy; `raycl strategies` lists the presets, and all axes with their values";
 
 /// The remedy if a kernel file of the user lacks a kernel, or changes its parameters.
 const OWN_KERNEL: &str = "if a file replaces a built-in file, the file's kernels must keep their names and their parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";

@@ -84,6 +84,8 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
     }
 
     /// Returns the steps that cast the shadow rays to the lights of a round, which begins with the light `first_light`.
+    /// The first of these steps prepares the planes that the shadow rays need, or empties the queue of leftover shadow
+    /// rays. If `fused` is true, the steps of the first round also prepare the eye's planes and cast the primary rays.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
         let pass = if self.fused { Pass::Whole } else { Pass::Shadow };

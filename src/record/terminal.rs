@@ -217,9 +217,9 @@ fn meaning(record: &Record) -> &'static str {
         Outcome::Infeasible => obstacle(record.reason.as_deref().unwrap_or_default()),
         Outcome::OtherKind => "the preset is meant for devices of another kind",
         Outcome::BuildFailed => "the program did not compile",
-        Outcome::LaunchFailed => "the kernel did not run",
+        Outcome::LaunchFailed => "the kernel could not be run or timed",
         Outcome::WrongImage => "the image differs from the reference",
-        Outcome::TimedOut => "the measurement took too long",
+        Outcome::TimedOut => "a frame, or the build with the first frame, took longer than --hang-limit",
         Outcome::Crashed => "the measuring process crashed",
     }
 }
@@ -419,9 +419,12 @@ mod tests {
         for (outcome, line) in [
             (OtherKind, "other-kind: the preset is meant for devices of another kind, "),
             (BuildFailed, "build-failed: the program did not compile, "),
-            (LaunchFailed, "launch-failed: the kernel did not run, "),
+            (LaunchFailed, "launch-failed: the kernel could not be run or timed, "),
             (WrongImage, "wrong-image: the image differs from the reference, "),
-            (TimedOut, "timed-out: the measurement took too long, "),
+            (
+                TimedOut,
+                "timed-out: a frame, or the build with the first frame, took longer than --hang-limit, ",
+            ),
             (Crashed, "crashed: the measuring process crashed, "),
         ] {
             let at = |name: &str, side| Record { outcome, ..infeasible("gpu", name, side, "first\nsecond") };

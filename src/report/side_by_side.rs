@@ -64,7 +64,8 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     };
     let rows = names.iter().map(row).collect();
     let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
-        same scene, size and device. The cell shows the ratio of the two times, as a geometric mean over scenes and sizes.";
+        same scene, image size and device. The cell shows the strategy's time divided by the best strategy's time, as \
+        the geometric mean over scenes and image sizes.";
     plot(
         "strategies-by-device",
         "Strategies by device: time relative to the device's best",

@@ -194,9 +194,9 @@ fn meaning(record: &Record) -> String {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
         Outcome::OtherKind => "the preset is meant for devices of another kind",
         Outcome::BuildFailed => "the program did not compile",
-        Outcome::LaunchFailed => "the kernel did not run",
+        Outcome::LaunchFailed => "the kernel could not be run or timed",
         Outcome::WrongImage => "the image differs from the reference",
-        Outcome::TimedOut => "the measurement took too long",
+        Outcome::TimedOut => "a frame, or the build with the first frame, took longer than --hang-limit",
         Outcome::Crashed | Outcome::Measured => "the measuring process crashed",
     };
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
@@ -325,9 +325,13 @@ mod tests {
         for (outcome, expected, means) in [
             (Outcome::OtherKind, "kind", "the preset is meant for devices of another kind; naive"),
             (Outcome::BuildFailed, "build", "the program did not compile; naive"),
-            (Outcome::LaunchFailed, "launch", "the kernel did not run; naive"),
+            (Outcome::LaunchFailed, "launch", "the kernel could not be run or timed; naive"),
             (Outcome::WrongImage, "wrong", "the image differs from the reference; naive"),
-            (Outcome::TimedOut, "slow", "the measurement took too long; naive"),
+            (
+                Outcome::TimedOut,
+                "slow",
+                "a frame, or the build with the first frame, took longer than --hang-limit; naive",
+            ),
             (Outcome::Crashed, "crash", "the measuring process crashed; naive"),
         ] {
             let record = Record { outcome, ..infeasible("gpu", "naive", 8, "first\nsecond") };

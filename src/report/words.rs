@@ -31,7 +31,8 @@ impl Looks {
     }
 }
 
-/// Returns a record's name in a legend: the strategy's name, followed by " (host)" for a baseline.
+/// Returns a record's name in a legend. For a baseline, the name is the kind of baseline followed by " (host)",
+/// such as "serial-f32 (host)".
 pub fn series_name(record: &Record) -> String {
     if record.is_baseline() { format!("{} (host)", record.strategy) } else { record.name.clone() }
 }

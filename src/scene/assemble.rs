@@ -129,9 +129,9 @@ fn orbit(around: Option<Ball>, up: DVec3, with_lights: bool) -> Orbit {
     Orbit { centre, up, radius, with_lights }
 }
 
-/// Turns normals to the viewer. A scene on a turntable is seen from all sides, so either all of its normals
-/// are reversed or none. If only some of the scene's normals were reversed, dark surfaces would be visible at
-/// some angles. `around` is the ball around the scene.
+/// Reverses the normals of triangles that face away from the camera. A scene on a turntable is seen from all
+/// sides, so either all of its normals are reversed or none. If only some of the scene's normals were
+/// reversed, dark surfaces would be visible at some angles. `around` is the ball around the scene.
 fn turn_normals(mesh: &mut Mesh, around: Option<Ball>, camera: &Camera, shot: Shot) {
     if !shot.turns {
         return normals::turn_towards(mesh, camera.position);

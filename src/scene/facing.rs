@@ -10,8 +10,8 @@ use rayon::prelude::*;
 /// visible surface faces away.
 const ACROSS: usize = 48;
 /// If more than this fraction of the visible surface faces away, raycl writes a note. With `two_sided` and
-/// without a turntable, there is no such note, since raycl has already turned each triangle's normals to the
-/// viewer. With `two_sided` and a turntable, raycl reverses all normals if more than this fraction faces away
+/// without a turntable, there is no such note, since raycl has already reversed the normals of triangles that
+/// face away. With `two_sided` and a turntable, raycl reverses all normals if more than this fraction faces away
 /// and the scene has no outside, as in a room (`turn_normals` in `assemble.rs`).
 const MOST: f64 = 0.5;
 

@@ -68,7 +68,8 @@ impl Shot {
 /// through the room's open side. The camera looks horizontally at an open mesh that is not a room, from the
 /// side to which the mesh's faces point on average. The whole mesh is then visible in images that are at
 /// least as wide as high. If the file has no lights, the mesh gets a key light and a fill light. The normals
-/// of the mesh are turned to the viewer.
+/// of triangles that face away from the camera are reversed; in a scene that is seen from all sides, either
+/// all normals are reversed or none.
 ///
 /// # Errors
 ///

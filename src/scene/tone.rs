@@ -1,9 +1,10 @@
-//! Tone curves: how brightness beyond the range of a display becomes brightness that the display can show.
+//! Tone curves: they map each channel of exposed radiance, which has no upper limit, to the range from 0 to 1 that a
+//! display can show.
 
 use schemars::JsonSchema;
 
-/// The tone curve [default: clip]. The curve maps exposed radiance, which is never negative, to brightness
-/// from 0 to 1.
+/// The tone curve [default: clip]. The curve maps each channel of exposed radiance, which is never negative,
+/// to a brightness from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {

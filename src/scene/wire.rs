@@ -216,7 +216,7 @@ pub(super) struct DisplayWire {
     pub exposure: Option<Number<NonNegative>>,
     /// The tone curve: clip cuts what is brighter than 1; filmic keeps shades in bright parts [default: clip].
     pub tone: Option<Tone>,
-    /// Gamma: after the tone curve, brightness is raised to the power 1 / gamma [default: 2.2].
+    /// Gamma: after the tone curve, each channel is raised to the power 1 / gamma [default: 2.2].
     pub gamma: Option<Number<Positive>>,
 }
 

@@ -20,8 +20,8 @@ pub enum State {
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit
     /// of a step. `Hung` contains the number of seconds without progress.
     Hung(u64),
-    /// The attempt's counter does not increase, and the attempt did not report its end: it was killed, or its machine
-    /// is down.
+    /// The attempt's counter does not increase, and the attempt did not report its end. Probably, the attempt was
+    /// killed, or its machine failed. (A network file system that shows old data can also be the reason.)
     Lost,
     /// The attempt reported how it ended.
     Ended(End),
@@ -88,7 +88,7 @@ impl fmt::Display for State {
             ),
             Self::Lost => write!(
                 f,
-                "lost: the counter in its folder no longer increases, so the attempt was killed or its machine failed"
+                "lost: the counter in its folder no longer increases; probably, the attempt was killed or its machine failed"
             ),
             Self::Ended(End::Done) => write!(f, "done"),
             Self::Ended(End::Interrupted) => write!(f, "interrupted"),
@@ -194,7 +194,7 @@ mod tests {
             ),
             (
                 State::Lost,
-                "lost: the counter in its folder no longer increases, so the attempt was killed or its machine failed",
+                "lost: the counter in its folder no longer increases; probably, the attempt was killed or its machine failed",
             ),
             (State::Ended(End::Done), "done"),
             (State::Ended(End::Interrupted), "interrupted"),

@@ -1,19 +1,19 @@
 // Prepares a leaf's triangle for the rays of a pass (rays that run mainly along one axis: see entry.cl), and tests rays
 // against it. The test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but
 // loads these planes from a table. The kernel tile_prepare computes the table: once per frame for the eye, and once per
-// round of lights (see shadow.cl) for the round's lights. For each origin, the table has three rows, one for each
-// coordinate axis. A row has a quad (float4) per triangle: the components along the row's axis of the triangle's three
-// planes and of 1/z. Three loads, one per row, read all planes of a triangle, whatever the axes of the pass.
+// round of lights (see shadow.cl) for the round's lights. For each origin, the table has three arrays, one for each
+// coordinate axis. An array has a quad (float4) per triangle: its planes' and 1/z's components along the array's axis.
+// Three loads, one per array, read all planes of a triangle, whatever the axes of the pass.
 
-// The table of planes for one origin (the eye or a light). In each row, the triangles are in leaf order, so that
+// The table of planes for one origin (the eye or a light). In each array, the triangles are in leaf order, so that
 // neighbouring lanes load neighbouring quads:
 //
 //                 triangle 0               triangle 1               ...
-//     x's row     u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
-//     y's row     u.y  v.y  w.y  (1/z).y   ...
-//     z's row     u.z  v.z  w.z  (1/z).z
+//     x's array   u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
+//     y's array   u.y  v.y  w.y  (1/z).y   ...
+//     z's array   u.z  v.z  w.z  (1/z).z
 //
-// For rays mainly along x, the table's rows serve in the order y, z, x: permuting axes costs no instruction.
+// For rays mainly along x, the table's arrays serve in the order y, z, x: permuting axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
 // The overlap of neighbouring triangles, in units of the usual overlap, which planes_of scales to 1. As in
@@ -39,7 +39,7 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
 // (the smallest 1/z at which a hit matters), else 0.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
-    const uint at = (uint)index; // three rows have fewer than 2^32 quads
+    const uint at = (uint)index; // three arrays have fewer than 2^32 quads
     const float4 across = quads[shaft->across_row + at], down = quads[shaft->down_row + at];
     const float4 along = quads[shaft->along_row + at];
     const float overlap = OVERLAP * shaft->longest;

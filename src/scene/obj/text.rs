@@ -112,7 +112,8 @@ impl Source<'_> {
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
         let whole_line = before.len() - begin + length;
-        // An error's offsets are correct for the file only if the file is UTF-8 text.
+        // Only UTF-8 text is shown beside the message. In other text, some bytes would have to be replaced before
+        // the text can be shown, and `span` would then mark the wrong place.
         match std::str::from_utf8(self.text) {
             Ok(text) if text.len() <= SHOWN_FILE_BYTES && whole_line <= SHOWN_LINE_BYTES => {
                 let span = before.len()..before.len() + length;
