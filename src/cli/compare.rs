@@ -82,7 +82,7 @@ pub fn run(args: Args) -> Result<()> {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
             "raycl compares two points if their records have the same key (a hash that identifies what was measured). \
-             It compares two points without equal keys if they have the same scene, image size, device, strategy \
+             Without equal keys, two points are compared if they have the same scene, image size, device, strategy \
              name and local size. Scenes are the same if their contents are equal; if each folder has only one \
              device, the two devices count as the same",
         ));

@@ -40,8 +40,8 @@ pub struct Args {
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
-    /// 32 work-items cast a tile of rays together: 32x4 if they can exchange values without barriers on the device,
-    /// else 32x1]
+    /// 32 work-items cast a tile of rays together: 32x4 if work-items of the device can exchange values without
+    /// barriers, else 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
@@ -264,10 +264,10 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;
     let own = made.cl_dir.as_ref().map_or(String::new(), |folder| {
-        format!(" Kernel files in {} come before built-in files of the same names.", folder.display())
+        format!(" Kernel files in {} replace built-in files of the same names.", folder.display())
     });
     let about = format!(
-        "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.{own}",
+        "The program was compiled for work-groups of {x} x {y} work-items on the device {}. The strategy is {}.{own}",
         both_names(&made.device),
         made.strategy
     );
@@ -399,9 +399,9 @@ mod tests {
             page("naive", &made).unwrap().unwrap()
         };
         let said =
-            "Its strategy is a strategy. Kernel files in mine come before built-in files of the same names.";
+            "The strategy is a strategy. Kernel files in mine replace built-in files of the same names.";
         assert!(page_of(Some("mine")).contains(said));
-        assert!(page_of(None).contains("Its strategy is a strategy.</p>"));
+        assert!(page_of(None).contains("The strategy is a strategy.</p>"));
     }
 
     #[test]

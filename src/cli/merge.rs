@@ -24,23 +24,23 @@ pub struct Args {
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (name,
-    /// platform, driver and other properties that affect times; a number counts only as a whole), a kind (cpu,
-    /// gpu, accelerator), or all. Results of the baselines (ray casters on the host) are always merged. If no
-    /// device on which a shard has begun matches NAME, raycl reports all points of NAME except the baselines as
-    /// missing. Not with --status [default: all devices on which a shard has begun]
+    /// platform, driver and other properties that affect times), a kind (cpu, gpu, accelerator), or all. A NAME of
+    /// digits matches only a whole number of the description: 1 does not match H100. Results of the baselines (ray
+    /// casters on the host) are always merged. If no device on which a shard has begun matches NAME, raycl reports
+    /// all points of NAME except the baselines as missing. Not with --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
-    /// `begun` has just started; if this state lasts, the process was killed when it started. A process in the state
-    /// `going` is measuring, or waits for a device. A process in the state `hung` has made no progress within the limit
-    /// of `raycl run --hang-limit`. A process in the state `lost` no longer increases its counter; probably, the
+    /// `begun` has just started; if this state lasts, the process was probably killed when it started. A process in the
+    /// state `going` is measuring, or waits for a device. A process in the state `hung` has made no progress within the
+    /// limit of `raycl run --hang-limit`. A process in the state `lost` no longer increases its counter; probably, the
     /// process was killed or its machine failed. A process in the state `launcher lost` has ended because the program
     /// that started the process has ended. The other states are `done`, `interrupted` and `failed`
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
     /// increases once per second. A process whose counter stays the same counts as lost. A network file system may show
-    /// old data for some time; choose more SECONDS than that time
+    /// old data for some time; choose SECONDS longer than this time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", conflicts_with_all = ["device", "quiet"], value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one object per process
@@ -140,7 +140,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         help.extend(missing.failed.iter().map(command_text));
     }
     if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
-        let remedy = "a wrong image stays the result of its point; to discard this image, move the folder of the attempt that cast the image out of parts/";
+        let remedy = "a wrong image stays the result of its point; to discard this image, move out of parts/ the folder of the attempt that cast the image";
         help.push(remedy.to_owned());
     }
     match said.is_empty() {

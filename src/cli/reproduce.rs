@@ -48,8 +48,8 @@ pub struct Args {
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// With --resume, also measure two kinds of points again: points that failed, and points that did not fit only
-    /// because other programs or other points used memory at that time
+    /// With --resume, also measure two kinds of points again: points that failed, and points that did not fit because
+    /// other programs or other points were using the memory that these points need
     #[arg(long, requires = "resume")]
     retry_failed: bool,
     /// If another process is measuring on a selected device, end at once instead of waiting for it

@@ -83,12 +83,12 @@ pub struct Args {
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     pub(crate) resume: bool,
-    /// With --resume, also measure two kinds of points again: points that failed, and points that did not fit only
-    /// because other programs or other points used memory at that time
+    /// With --resume, also measure two kinds of points again: points that failed, and points that did not fit because
+    /// other programs or other points were using the memory that these points need
     #[arg(long, requires = "resume")]
     pub(super) retry_failed: bool,
-    /// Time limit in seconds for opening a device, for building a point's kernels and casting its first image, and for
-    /// casting each later frame
+    /// Time limit in seconds for each of these steps: opening a device, building a point's kernels and casting its
+    /// first image, casting a later frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over several devices of the same model, instead of measuring every point on every device.

@@ -13,7 +13,7 @@ use crate::record::{Group, HOST, Record, ratio};
 const ROOM: usize = 12;
 
 /// The end of the captions of both heat maps.
-const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all scenes and sizes. A value with (1 of 2) has no ring: \
+const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all scenes and sizes. A value such as 1.00 (1 of 2) has no ring: \
                            it is the mean over only one of two scenes and sizes, because the point has no time or too \
                            few samples for the other one.";
 
@@ -55,8 +55,8 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
                 slower.collect(),
                 own.len(),
                 &format!(
-                    "{name} on {device}: its time at its best local size, divided by the best time of all strategies, \
-                     for each scene and image size"
+                    "{name} on {device}: time of the strategy at its best local size, divided by the best time of all \
+                     strategies, for each scene and image size"
                 ),
             )
         };
@@ -218,7 +218,7 @@ mod tests {
         assert!(plots[0].svg.contains("wide on gpu") && plots[0].svg.contains(">3.00<"));
         assert!(
             plots[0].svg.contains(
-                "wide on gpu: its time at its best local size, divided by the best time of all strategies, for each scene and image size&#10;3.00× teapot: wide"
+                "wide on gpu: time of the strategy at its best local size, divided by the best time of all strategies, for each scene and image size&#10;3.00× teapot: wide"
             ),
             "{}",
             plots[0].svg

@@ -82,7 +82,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
     series.extend(published);
     let chart = Chart {
         title: format!("Time against local size: {}", group_title(group)),
-        x_label: "local size, in work-items across x down (ordered by their product)".into(),
+        x_label: "local size, in work-items across x down (ordered by the number of work-items)".into(),
         y_label: "median device time of a frame, ms".into(),
         across: Across::Names(size_names(&sizes)),
         up: kind,

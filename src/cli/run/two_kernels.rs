@@ -93,7 +93,7 @@ fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
 /// the kernels of `folder`.
 fn refused_by(error: Error, folder: &Path) -> Error {
     let help = format!(
-        "this error occurs only with the kernels of {}; to compare two folders, both must have every value that the experiment names; {}",
+        "this error occurs only with the kernels of {}; both folders of kernels must have every value that the experiment names; {}",
         folder.display(),
         error.remedy()
     );
