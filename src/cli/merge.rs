@@ -27,7 +27,8 @@ pub struct Args {
     /// platform, driver and other properties that affect times), a kind (cpu, gpu, accelerator), or all. A NAME of
     /// digits matches only a whole number of the description: 1 does not match H100. Results of the baselines (ray
     /// casters on the host) are always merged. If no device on which a shard has begun matches NAME, raycl reports
-    /// all points of NAME except the baselines as missing. Not with --status [default: all devices on which a shard has begun]
+    /// all points of NAME except the baselines as missing. Not with --status [default: all devices on which a shard
+    /// has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
