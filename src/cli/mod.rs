@@ -62,7 +62,7 @@ use guarded::{Guarded, Screen};
   raycl view scenes/teapot.toml              a window to look around in
   raycl run configs/quick.toml               an experiment: pictures, tables, records
   raycl run configs/figure-8.toml --dry-run  the list of the experiment's points, without measuring
-  raycl strategies                           the axes of strategies with their values, and the presets
+  raycl strategies                           axes of strategies with their values, and presets
   raycl kernel naive                         the source of one strategy
 
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C, 128 + N ended by the signal with the number N.
