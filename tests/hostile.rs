@@ -191,19 +191,19 @@ fn a_folder_of_results_leads_nowhere_else() {
     std::fs::create_dir(&elsewhere).expect("a folder");
     let victim = elsewhere.join("victim");
     std::fs::write(&victim, "precious, without a last newline").expect("a file");
-    for (name, target) in [
-        ("records.jsonl", &victim),
-        ("samples.jsonl", &victim),
-        ("launches.jsonl", &victim),
-        (".lock", &victim),
-        ("images", &elsewhere),
-        ("plots", &elsewhere),
-        ("exports", &elsewhere),
+    for (name, target, code) in [
+        ("records.jsonl", &victim, 2),
+        ("samples.jsonl", &victim, 2),
+        ("launches.jsonl", &victim, 2),
+        (".lock", &victim, 2),
+        ("images", &elsewhere, 1),
+        ("plots", &elsewhere, 1),
+        ("exports", &elsewhere, 1),
     ] {
         let [at, aside] = [folder.path("out").join(name), folder.path("kept")];
         std::fs::rename(&at, &aside).expect("it was there");
         symlink(target, &at).expect("a link");
-        let message = folder.mistake(&run(&device, &["--resume"]), 1);
+        let message = folder.mistake(&run(&device, &["--resume"]), code);
         has(&message, &[name, "link"]);
         std::fs::remove_file(&at).expect("the link");
         std::fs::rename(&aside, &at).expect("its place");
@@ -228,7 +228,7 @@ fn a_device_in_the_place_of_a_file_is_not_read() {
         let at = folder.path("out").join(name);
         std::fs::remove_file(&at).expect("it was there");
         symlink("/dev/zero", &at).expect("a link");
-        folder.mistake(&run(&device, &["--resume"]), 1);
+        folder.mistake(&run(&device, &["--resume"]), 2);
     }
     folder.mistake(&["report", "out"], 2);
 }

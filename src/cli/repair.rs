@@ -85,6 +85,7 @@ impl Findings {
     fn repair(&mut self, attempt: PathBuf, is_stopped: bool) -> Result<()> {
         if is_stopped {
             refuse_closed(&attempt, CLOSED)?;
+            Lock::refuse_link(&attempt)?;
         }
         match is_stopped.then(|| Lock::take(&attempt)) {
             Some(Ok(_lock)) => {
@@ -254,6 +255,17 @@ mod tests {
         let error = findings.repair(folder.path().to_owned(), true).unwrap_err();
         assert_eq!(error.exit_code(), 1);
         assert!(error.to_string().starts_with("cannot write ") && findings.running.is_empty(), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_attempt_whose_lock_is_a_link_is_an_error_and_not_taken_for_running() {
+        let folder = tempfile::tempdir().unwrap();
+        std::os::unix::fs::symlink("elsewhere", folder.path().join(".lock")).unwrap();
+        let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
+        let error = findings.repair(folder.path().to_owned(), true).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("it is a link"), "{error}");
+        assert!(findings.running.is_empty() && !folder.path().join("elsewhere").exists());
     }
 
     /// On a file system without locks, only an attempt's counter shows that the attempt is running.

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::existing;
 use crate::printer;
 use crate::reader::folder_of;
-use crate::record::own_file;
+use crate::record::refuse_link;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -35,11 +35,18 @@ impl Lock {
         let mut attempts = 0;
         loop {
             attempts += 1;
+            Self::refuse_link(folder)?;
             let file = open(&path).map_err(|error| Error::unwritable(&path, &error))?;
             if let Some(lock) = Self::of_file(file, &path, attempts < LOCK_ATTEMPTS)? {
                 return Ok(lock);
             }
         }
+    }
+
+    /// Returns an input error (a mistake of the user) if the lock's file in a folder is a link, a pipe or a
+    /// device.
+    pub fn refuse_link(folder: &Path) -> Result<()> {
+        refuse_link(&folder.join(LOCK))
     }
 
     /// Locks the open file of a folder's lock. Returns `None` if `must_be_there` is true and somebody removed
@@ -67,7 +74,6 @@ impl Lock {
 
 /// Opens the file that will be locked, and creates this file if it is missing.
 fn open(path: &Path) -> std::io::Result<File> {
-    own_file(path)?;
     OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path)
 }
 

@@ -93,12 +93,15 @@ impl Results {
             cannot_make(if folder.is_dir() { &images } else { folder }, &error, ELSEWHERE)
         })?;
         let lock = Lock::take(folder)?;
+        // The folder's results are read before any file of the folder is changed, so that a folder that is
+        // refused, such as that of another program, keeps its files.
+        let mut past = Past::in_folder(folder)?;
+        let peak = Peak::stored_in(folder)?;
         let [records, samples, launch_ends, rounds, anchors] =
             [RECORDS, SAMPLES, LAUNCHES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         // No other run writes to the folder while this run holds the lock.
         remove_leftovers(folder, Duration::ZERO);
-        keep_environment(folder, |path| environment.write(path))?;
-        let mut results = Self {
+        let results = Self {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
@@ -107,12 +110,13 @@ impl Results {
             anchors: JsonLines::append_to(&anchors)?,
             controls: None,
             host: None,
-            latencies: Latencies::default(),
-            peak: Peak::stored_in(folder)?,
-            past: Past::in_folder(folder)?,
+            latencies: std::mem::take(&mut past.latencies),
+            past,
+            peak,
             _lock: lock,
         };
-        results.latencies = std::mem::take(&mut results.past.latencies);
+        // A session that cannot open its journals does not begin, and leaves the environment of the last one.
+        keep_environment(folder, |path| environment.write(path))?;
         sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
         Ok(results)
     }
@@ -326,6 +330,39 @@ mod tests {
         assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
         assert!(folder.path().join("environment-1.json").exists());
         assert!(!folder.path().join("images/.raycl-abc").exists());
+    }
+
+    #[test]
+    fn a_folder_that_is_refused_keeps_its_files() {
+        let peaks = [(peak::FILE, "rubbish")];
+        let array = [(RECORDS, "[{\"id\":1},{\"id\":2}]"), (SAMPLES, "mine"), (ENVIRONMENT, "{\"my\":1}")];
+        let lines = [(RECORDS, "{\"id\":1}\n{\"id\":2}"), (ENVIRONMENT, "{}"), (ROUNDS, "[")];
+        for files in [&peaks[..], &array, &lines] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = |name: &str| folder.path().join(name);
+            files.iter().for_each(|(name, text)| std::fs::write(path(name), text).unwrap());
+            let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
+            assert_eq!(refused.exit_code(), 2, "{refused}");
+            for (name, text) in files {
+                assert_eq!(std::fs::read_to_string(path(name)).unwrap(), *text, "{name}");
+            }
+            // The refused session adds its lock and a folder for pictures.
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), files.len() + 2, "{refused}");
+        }
+    }
+
+    /// git-annex and DataLad replace files by links.
+    #[cfg(unix)]
+    #[test]
+    fn a_journal_that_is_a_link_is_the_users_mistake_and_leaves_the_environment() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Results::create(folder.path(), &Environment::default()).unwrap());
+        let [anchors, outer] = [ANCHORS, "outer"].map(|name| folder.path().join(name));
+        std::fs::rename(&anchors, &outer).unwrap();
+        std::os::unix::fs::symlink(&outer, &anchors).unwrap();
+        let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
+        assert!(refused.exit_code() == 2 && refused.to_string().contains("it is a link"), "{refused}");
+        assert!(!folder.path().join(earlier_environment(1)).exists());
     }
 
     #[test]

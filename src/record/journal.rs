@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::own_file;
+use super::refuse_link;
 use crate::error::{Error, Result};
 use crate::existing;
 use crate::reader;
@@ -29,23 +29,19 @@ pub struct JsonLines<T> {
     line_type: PhantomData<fn(&T)>,
 }
 
-impl<T: Serialize> JsonLines<T> {
-    /// Opens the file for appending, and creates it if it is missing. Removes an incomplete last line. The
-    /// file is opened in append mode: if two runs write to the file, they do not overwrite each other's
+impl<T: Serialize + DeserializeOwned> JsonLines<T> {
+    /// Opens the file for appending, and creates it if it is missing. Removes the beginning of a line from
+    /// the file's end, but nothing else. Returns an input error (a mistake of the user) if the file is a link.
+    /// The file is opened in append mode: if two runs write to the file, they do not overwrite each other's
     /// lines. Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems have
     /// no locks, and a user may have removed the lock's file. On NFS, runs on two machines can still
     /// overwrite each other's lines, since each machine stores its own position of the file's end.
     pub fn append_to(path: &Path) -> Result<Self> {
+        refuse_link(path)?;
         let fail = |error| Error::unwritable(path, &error);
-        own_file(path).map_err(fail)?;
-        let file = OpenOptions::new().create(true).read(true).append(true).open(path).map_err(fail)?;
+        let mut file = OpenOptions::new().create(true).read(true).append(true).open(path).map_err(fail)?;
         let text = std::fs::read(path).map_err(fail)?;
-        let end = whole_lines(&text) as u64;
-        // A file whose last line is complete is not cut, since another run may have appended lines after this
-        // function read the file.
-        if end < text.len() as u64 {
-            file.set_len(end).map_err(fail)?;
-        }
+        end_last_line::<T>(&mut file, &text).map_err(fail)?;
         let is_recognised = existing::still_leads_to(path, &file).unwrap_or(false);
         Ok(Self { path: path.to_path_buf(), file, is_recognised, line_type: PhantomData })
     }
@@ -86,6 +82,27 @@ impl<T: Serialize> JsonLines<T> {
     }
 }
 
+/// Makes a journal with the contents `text` end with a complete line. Removes the beginning of a line, as a killed run
+/// leaves it. Any other last line gets the line break that it lacks: the line may be a whole record, or the file may
+/// not be raycl's.
+fn end_last_line<T: DeserializeOwned>(file: &mut File, text: &[u8]) -> IoResult<()> {
+    let end = whole_lines(text);
+    match &text[end..] {
+        // A file whose last line is complete is not changed, since another run may have appended lines after
+        // `text` was read.
+        [] => Ok(()),
+        line if serde_json::from_slice::<T>(line).is_err_and(|error| is_beginning(line, &error)) => {
+            file.set_len(end as u64)
+        }
+        _ => file.write_all(b"\n"),
+    }
+}
+
+/// Returns true if `line` is the beginning of a line of a journal. `error` says why the line cannot be read.
+fn is_beginning(line: &[u8], error: &serde_json::Error) -> bool {
+    line.starts_with(b"{") && !line.ends_with(b"\n") && error.is_eof()
+}
+
 /// Calls `write`, which appends `bytes` to the file. If `write` fails, removes the bytes that `write`
 /// appended. If another process appended lines at the same time, removes only an incomplete last line.
 fn append_or_nothing(
@@ -115,12 +132,12 @@ fn read_from(mut file: &File, start: u64) -> IoResult<Vec<u8>> {
 /// The contents of a file of JSON lines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lines<T> {
-    /// All complete, readable lines.
+    /// All complete, readable lines. The last line counts even if it lacks its line break.
     pub lines: Vec<T>,
-    /// True if the last line of the file is incomplete. `lines` does not contain the incomplete last line.
+    /// True if the file ends with the beginning of a line. `lines` does not contain this incomplete line.
     pub torn: bool,
-    /// The numbers, from 1, of the damaged lines: complete lines that cannot be read, and that `lines` does
-    /// not contain.
+    /// The numbers, from 1, of the damaged lines: other lines that cannot be read, and that `lines` does not
+    /// contain.
     pub damaged: Vec<usize>,
     /// Why the last damaged line cannot be read; empty if no line is damaged.
     reason: String,
@@ -175,14 +192,7 @@ pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
 /// Reads a file of JSON lines. Leaves out an incomplete last line and damaged lines; the returned `Lines`
 /// says which lines are left out.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
-    let unreadable = |error: std::io::Error| match error.kind() {
-        // Each of the next four kinds of error means that no journal is at the path.
-        InvalidInput | IsADirectory | NotADirectory | NotFound => {
-            Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
-        }
-        _ => existing::unreadable(path, &error),
-    };
+    let unreadable = |error| unreadable(path, &error);
     let mut file = BufReader::new(reader::open(path).map_err(unreadable)?);
     let mut read = Lines::default();
     let mut line = Vec::new();
@@ -191,12 +201,9 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
         if file.read_until(b'\n', &mut line).map_err(unreadable)? == 0 {
             break;
         }
-        if !line.ends_with(b"\n") {
-            read.torn = true;
-            break;
-        }
         match serde_json::from_slice(&line) {
             Ok(value) => read.lines.push(value),
+            Err(error) if is_beginning(&line, &error) => read.torn = true,
             Err(_) if line.trim_ascii().is_empty() => {}
             Err(error) => {
                 read.reason = without_position(&error);
@@ -205,6 +212,18 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
         }
     }
     Ok(read)
+}
+
+/// Returns the error for a journal that cannot be read.
+pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> Error {
+    use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
+    match error.kind() {
+        // Each of the next four kinds of error means that no journal is at the path.
+        InvalidInput | IsADirectory | NotADirectory | NotFound => {
+            Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
+        }
+        _ => existing::unreadable(path, error),
+    }
 }
 
 /// Returns the message of an error of serde without the position of the error. Serde counts lines within one
@@ -222,7 +241,8 @@ fn whole_lines(bytes: &[u8]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{Outcome, Record, Sample};
+    use crate::measure::StopReason;
+    use crate::record::{AnchorSample, LaunchEnd, Outcome, Record, RoundLoad, Sample};
 
     fn record(key: &str) -> Record {
         Record {
@@ -265,6 +285,72 @@ mod tests {
         JsonLines::append_to(&path).unwrap().append(&record("c")).unwrap();
         let read = read_lines::<Record>(&path).unwrap();
         assert_eq!((read.lines, read.torn), (vec![record("a"), record("c")], false));
+    }
+
+    /// An editor may remove the last line break.
+    #[test]
+    fn a_whole_last_line_without_a_line_break_counts_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let lines = ["a", "b"].map(|key| serde_json::to_string(&record(key)).unwrap());
+        std::fs::write(&path, lines.join("\n")).unwrap();
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines, read.torn), (["a", "b"].map(record).to_vec(), false));
+        JsonLines::append_to(&path).unwrap().append(&record("c")).unwrap();
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines, read.damaged), (["a", "b", "c"].map(record).to_vec(), Vec::new()));
+    }
+
+    #[test]
+    fn a_last_line_that_is_no_beginning_of_a_record_is_damaged_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let array = "[{\"id\":1},{\"id\":2}]";
+        for text in ["mine", "\"mine", "nul", array, "[\"a", "{\"id\":1}", "{\"id\":1}\n{\"id\":2}", "\0\0"] {
+            std::fs::write(&path, text).unwrap();
+            let read = read_lines::<Record>(&path).unwrap();
+            let damaged: Vec<usize> = (1..=text.lines().count()).collect();
+            assert_eq!((read.lines.len(), read.torn, read.damaged), (0, false, damaged), "{text:?}");
+            JsonLines::<Record>::append_to(&path).unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("{text}\n"));
+        }
+    }
+
+    /// A loss of power may leave zeros at the end of a file. They are not removed silently.
+    #[test]
+    fn a_last_line_with_zeros_is_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let line = serde_json::to_string(&record("a")).unwrap();
+        std::fs::write(&path, format!("{line}\n{{\"key\":\"b\0\0")).unwrap();
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines.len(), read.torn, read.damaged), (1, false, vec![2]));
+    }
+
+    /// Checks that `value`'s line, cut off at each byte in turn, counts as the beginning of a line.
+    fn check_beginnings<T: Serialize + DeserializeOwned>(value: &T) {
+        let line = serde_json::to_vec(value).unwrap();
+        for end in 1..line.len() {
+            let is_torn = |error| is_beginning(&line[..end], &error);
+            assert!(serde_json::from_slice::<T>(&line[..end]).is_err_and(is_torn), "{end}");
+        }
+    }
+
+    #[test]
+    fn a_line_of_any_journal_that_is_cut_off_is_the_beginning_of_a_line() {
+        check_beginnings(&Record {
+            scene: "\u{e9}\n\u{1}\"\\".into(),
+            is_control: true,
+            median_ms: Some(-1.25e-7),
+            interval_ms: Some([1.5, 2e20]),
+            sample_launches: vec![0, 12],
+            ..record("a")
+        });
+        check_beginnings(&Sample { ms: 1.5, measured_on: Some("gpu".into()), ..Sample::default() });
+        let stop_reason = StopReason::NoiseSettled;
+        check_beginnings(&LaunchEnd { launch: 7, stop_reason, samples: [("a".to_owned(), 3)].into() });
+        check_beginnings(&RoundLoad { launch: 7, load_1m: Some(0.25), ..RoundLoad::default() });
+        check_beginnings(&AnchorSample { launch: 7, ms: 2.5, ..AnchorSample::default() });
     }
 
     #[test]

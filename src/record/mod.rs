@@ -76,7 +76,7 @@ pub use repair::{Repaired, repair};
 pub use revision::dirty_program;
 pub use rounds::RoundLoad;
 pub(crate) use rounds::{LEAST_READINGS, MOVED, latency_ns};
-pub use safe_paths::{ordinary, own_file, own_folder, read_inside};
+pub use safe_paths::{ordinary, own_file, own_folder, read_inside, refuse_link};
 pub use sample::Sample;
 pub(crate) use scenes::{new_names, tell_scenes_apart};
 pub(crate) use smallest_difference::smallest_difference_note;

@@ -1,11 +1,14 @@
 //! Checks the paths in a folder of results. A folder of results may come from a stranger, so paths in the
 //! folder must not lead out of the folder or to a device file.
 
+use crate::error::{Error, Result};
 use crate::reader;
 use std::io::{Error as IoError, ErrorKind};
 use std::path::Path;
 
 const LINK: &str = "it is a link, which may lead out of the folder";
+/// The remedy for a link, a pipe or a device to which raycl would have to append.
+const ORDINARY: &str = "put an ordinary file in its place, such as the file to which a link leads (in git-annex and DataLad: `git annex unlock FILE`), or choose another folder with --out DIR";
 
 /// Creates a subfolder in a folder of results. Fails if the subfolder's path is a link.
 pub fn own_folder(path: &Path) -> std::io::Result<()> {
@@ -25,6 +28,17 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         Err(error) => Err(error),
     }
+}
+
+/// Returns an input error (a mistake of the user) if `path` is a link, a pipe or a device, to which raycl must
+/// not append.
+pub fn refuse_link(path: &Path) -> Result<()> {
+    own_file(path).map_err(|error| match error.kind() {
+        ErrorKind::InvalidInput => {
+            Error::input(format!("cannot write {}: {error}", path.display())).with_help(ORDINARY)
+        }
+        _ => Error::unwritable(path, &error),
+    })
 }
 
 /// Fails if `path` is a pipe or a device, since reading from a pipe or a device may never end.
@@ -66,6 +80,11 @@ mod tests {
         symlink(&outer, &file).unwrap();
         symlink("/tmp", &plots).unwrap();
         assert!(own_file(&file).unwrap_err().to_string().contains("link"));
+        for path in [file.as_path(), Path::new("/dev/null")] {
+            let refused = refuse_link(path).unwrap_err();
+            assert!(refused.to_string().starts_with(&format!("cannot write {}: it is ", path.display())));
+            assert_eq!((refused.exit_code(), refused.remedy()), (2, ORDINARY));
+        }
         assert!(own_folder(&plots).unwrap_err().to_string().contains("link"));
         assert!(
             own_file(&folder.path().join("new")).is_ok() && own_folder(&folder.path().join("made")).is_ok()

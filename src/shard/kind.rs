@@ -163,7 +163,7 @@ mod tests {
         let kind = Kind { device: "gpu".into(), ..Kind::default() };
         kind.write(&path).unwrap();
         let text = std::fs::read(&path).unwrap();
-        for lost in [&[][..], &text[..text.len() - 1]] {
+        for lost in [&[][..], &text[..text.len() - 2]] {
             std::fs::write(&path, lost).unwrap();
             let error = Kind::all(folder.path()).unwrap_err();
             let expected = format!("{} has no complete line", path.display());
