@@ -133,13 +133,7 @@ impl Part<'_> {
             ..About::of_this_process(self.shard, devices, self.args.hang_limit.as_secs_f64())
         };
         let attempt = Attempt::begin(&self.out, &about)?;
-        let result = self.watched(&attempt, &about.host, interrupted);
-        attempt.ended(&match &result {
-            Ok(_) => End::Done,
-            Err(Error::Interrupted { .. }) => End::Interrupted,
-            Err(error) => End::Failed(error.to_string()),
-        })?;
-        result
+        store_end(&attempt, self.watched(&attempt, &about.host, interrupted))
     }
 
     /// Measures while one thread watches the launcher, and another thread regularly increases a counter in
@@ -225,6 +219,18 @@ impl Part<'_> {
     }
 }
 
+/// Stores in the attempt's folder how the attempt ended, and returns the attempt's `result`. If the attempt failed, and
+/// its end cannot be stored either, for example on a full disk, the returned error is that of the attempt.
+fn store_end<T>(attempt: &Attempt, result: Result<T>) -> Result<T> {
+    let stored = attempt.ended(&match &result {
+        Ok(_) => End::Done,
+        Err(Error::Interrupted { .. }) => End::Interrupted,
+        Err(error) => End::Failed(error.to_string()),
+    });
+    let value = result?;
+    stored.map(|()| value)
+}
+
 /// Returns the line with which an attempt at a shard begins. `earlier` is the number of earlier attempts.
 fn begun(shard: Shard, earlier: usize, folder: &Path) -> String {
     let again = match earlier {
@@ -293,6 +299,19 @@ mod tests {
         let line = |earlier| begun(Shard { number: 1, of: 2 }, earlier, Path::new("out/a"));
         let expected = ["", ", after an earlier attempt", ", after 2 earlier attempts"];
         assert_eq!([0, 1, 2].map(line), expected.map(|again| format!("shard 1/2{again}: out/a")));
+    }
+
+    #[test]
+    fn an_attempt_whose_end_cannot_be_stored_keeps_its_own_error() {
+        let folder = tempfile::tempdir().expect("a folder").path().join("gone");
+        let attempt = Attempt { folder, name: "a".to_owned() };
+        for (error, code) in [(Error::interrupted("a"), 130), (Error::input("a"), 2), (Error::run("a"), 1)] {
+            let (message, ended) = (error.to_string(), store_end::<()>(&attempt, Err(error)));
+            let ended = ended.expect_err("the attempt failed");
+            assert_eq!((ended.to_string(), ended.exit_code()), (message, code));
+        }
+        let stored = store_end(&attempt, Ok(())).expect_err("the folder is missing");
+        assert!(stored.to_string().starts_with("cannot write "), "{stored}");
     }
 
     #[test]
