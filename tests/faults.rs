@@ -446,21 +446,41 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     ground.resume();
 }
 
+/// Returns a command that runs `command`, which then cannot make a file of more than this many times 1024 bytes.
+fn limited(kibibytes: u32, command: &Command) -> Command {
+    let mut bash = Command::new("bash");
+    let words = format!("ulimit -f {kibibytes}; exec \"$@\"");
+    bash.args(["-c", &words, "bash"]).arg(command.get_program()).args(command.get_args());
+    for (name, value) in command.get_envs() {
+        value.map(|value| bash.env(name, value));
+    }
+    bash
+}
+
+#[test]
+fn a_repair_on_a_full_disk_changes_nothing_and_leaves_no_half_copy() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (journal, damaged) = (out.path().join("records.jsonl"), "nonsense\n".repeat(1000));
+    std::fs::write(&journal, &damaged).expect("a journal");
+    let mut repair = crate::binary::program();
+    repair.arg("repair").arg(out.path());
+    let output = run(&mut limited(1, &repair));
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    for part in ["cannot write", "records.jsonl.damaged-1", "ulimit -f"] {
+        assert!(said(&output).contains(part), "{part} is not in {}", said(&output));
+    }
+    assert_eq!(std::fs::read_to_string(&journal).expect("a journal"), damaged);
+    let names = std::fs::read_dir(out.path()).expect("a folder").flatten().map(|entry| entry.file_name());
+    assert_eq!(names.filter(|name| name != ".lock").count(), 1, "the journal");
+}
+
 /// In this test, the run cannot write a file at one of two moments: before anything is measured, or after all
 /// points are measured.
 #[test]
 fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_continued() {
     let ground = Ground::new(3);
-    // The run cannot make a file that has more than this many times 1024 bytes.
     let limited = |kibibytes: u32, arguments: &[&str]| {
-        let run = ground.command(arguments);
-        let mut bash = Command::new("bash");
-        let words = format!("ulimit -f {kibibytes}; exec \"$@\"");
-        bash.args(["-c", &words, "bash"]).arg(run.get_program()).args(run.get_args());
-        for (name, value) in run.get_envs() {
-            value.map(|value| bash.env(name, value));
-        }
-        let output = crate::binary::run(&mut bash);
+        let output = run(&mut limited(kibibytes, &ground.command(arguments)));
         assert_eq!(output.status.code(), Some(1), "{}", said(&output));
         let names = std::fs::read_dir(&ground.out).expect("results").flatten().map(|entry| entry.file_name());
         let unfinished: Vec<_> = names.filter(|name| name.to_string_lossy().starts_with(".raycl-")).collect();

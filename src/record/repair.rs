@@ -1,11 +1,11 @@
 //! Removes damaged lines from a folder's journals, and keeps a copy of each original file.
 
+use super::journal::unreadable;
 use super::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
-use super::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
+use super::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample, ordinary, own_file, write_new, write_whole};
 use crate::error::{Error, Result};
 use crate::existing;
 use serde::de::DeserializeOwned;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// A journal that was repaired.
@@ -43,39 +43,33 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     if !existing::exists(path)? {
         return Ok(None);
     }
-    let failed = |error| {
+    let refused = |error| {
         Error::input(format!("cannot repair {}: {error}", path.display()))
             .with_help("give the path of a folder that `raycl run` wrote; its files must not be links")
     };
-    own_file(path).and_then(|()| ordinary(path)).map_err(failed)?;
-    let bytes = std::fs::read(path).map_err(failed)?;
-    let is_kept = |line: &&[u8]| line.ends_with(b"\n") && (line.trim_ascii().is_empty() || is_whole(line));
+    own_file(path).and_then(|()| ordinary(path)).map_err(refused)?;
+    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    // A whole last line counts even if it lacks its line break, which the next run adds.
+    let is_kept = |line: &&[u8]| line.trim_ascii().is_empty() || is_whole(line);
     let (kept, damaged): (Vec<&[u8]>, Vec<&[u8]>) =
         bytes.split_inclusive(|&byte| byte == b'\n').partition(is_kept);
     if damaged.is_empty() {
         return Ok(None);
     }
-    let copy = keep_copy(path, &bytes).map_err(failed)?;
+    let copy = keep_copy(path, &bytes)?;
     write_whole(path, &kept.concat())?;
     Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
 }
 
 /// Writes a copy of a journal to the disk, in the same folder and under an unused name. Returns the copy's
-/// path.
-fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
+/// path. A copy that cannot be written completely, because the disk is full, does not appear.
+fn keep_copy(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;
-    loop {
-        match std::fs::File::create_new(named(number)) {
-            Ok(mut file) => {
-                file.write_all(bytes)?;
-                file.sync_all()?;
-                return Ok(named(number));
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => number += 1,
-            Err(error) => return Err(error),
-        }
+    while !write_new(&named(number), bytes)? {
+        number += 1;
     }
+    Ok(named(number))
 }
 
 #[cfg(test)]
@@ -135,21 +129,51 @@ mod tests {
         let path = folder.path().join("samples.jsonl");
         let good = "{\"key\":\"a\",\"round\":0,\"ms\":1.5}\n";
         for (index, text) in [
-            format!("{good}nonsense\n{good}{{\"key\":"),
+            format!("{good}nonsense\n\n{good}{{\"key\":"),
             format!("\0\n{good}"),
-            format!("{good}{}", good.trim()),
+            format!("{good}{}", good.trim_end_matches("}\n")),
         ]
         .iter()
         .enumerate()
         {
             std::fs::write(&path, text).unwrap();
             let [repaired] = &repair(folder.path()).unwrap()[..] else { panic!("one file was damaged") };
-            assert_eq!((repaired.damaged, repaired.kept), [(2, 2), (1, 1), (1, 1)][index]);
+            assert_eq!((repaired.damaged, repaired.kept), [(2, 3), (1, 1), (1, 1)][index]);
             assert_eq!(std::fs::read_to_string(&repaired.copy).unwrap(), *text);
             assert!(read_lines::<Sample>(&path).unwrap().damaged.is_empty());
             assert!(repair(folder.path()).unwrap().is_empty());
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[test]
+    fn a_whole_last_line_without_a_line_break_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(SAMPLES);
+        let good = "{\"key\":\"a\",\"round\":0,\"ms\":1.5}";
+        for (text, kept) in [(format!("{good}\n{good}"), None), (format!("nonsense\n{good}"), Some(1))] {
+            std::fs::write(&path, &text).unwrap();
+            assert_eq!(repair(folder.path()).unwrap().first().map(|repaired| repaired.kept), kept);
+            assert!(std::fs::read_to_string(&path).unwrap().ends_with(good));
+        }
+    }
+
+    /// The journal's name is so long that no copy can have a longer name.
+    #[test]
+    fn a_copy_that_cannot_be_written_is_no_mistake_of_the_user_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("k".repeat(250) + ".jsonl");
+        let error = keep_copy(&path, b"nonsense\n").unwrap_err();
+        assert_eq!(error.exit_code(), 1, "{error}");
+        assert!(error.to_string().starts_with("cannot write ") && error.to_string().contains(".damaged-1: "));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_folder_in_the_place_of_a_journal_is_the_users_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join(SAMPLES)).unwrap();
+        assert_eq!(repair(folder.path()).unwrap_err().exit_code(), 2);
     }
 
     #[cfg(unix)]
