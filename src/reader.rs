@@ -36,15 +36,17 @@ pub enum Kind {
     /// A picture that the user names for a comparison with another picture. The file's size, and the size of
     /// the decoded picture, are compared with the free memory.
     Picture,
-    /// A file that a run writes about itself (such as `plan.json`), a stored sweep, or one of raycl's documents.
+    /// A file that a run writes about itself (such as `environment.json`), a stored sweep, or one of raycl's documents.
     Results,
+    /// The plan of a run, `plan.json`. Its size grows with the number of points, like the sizes of journals.
+    Plan,
     /// A picture that a report shows or `raycl merge` copies.
     Shown,
 }
 
 /// For each purpose, its name in messages, and the size in MiB of the largest file that is read. `None` means that this
 /// module does not limit the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
-const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
+const LIMITS_MIB: [(Kind, &str, Option<u64>); 10] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
     (Kind::Texture, "a texture", Some(256)),
@@ -53,6 +55,7 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Mesh, "a mesh", None),
     (Kind::Picture, "a picture", None),
     (Kind::Results, "a file of results", Some(64)),
+    (Kind::Plan, "a plan", None),
     (Kind::Shown, "a picture of results", Some(64)),
 ];
 

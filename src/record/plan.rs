@@ -108,7 +108,7 @@ impl CurrentPlan {
                  record of each point",
             )
         };
-        let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;
+        let text = reader::bytes(&path, reader::Kind::Plan).map_err(|error| unreadable(&error))?;
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 
@@ -166,6 +166,17 @@ mod tests {
         for command in ["raycl run --resume", "raycl reproduce --resume", "raycl merge"] {
             assert!(error.remedy().contains(&format!("`{command}`")), "{}", error.remedy());
         }
+    }
+
+    /// raycl writes plans of any size. Here, zeros follow a small plan, and the parser stops at the first zero.
+    #[test]
+    fn a_plan_is_read_whatever_its_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        std::fs::write(&path, "{\"points\":[]}").unwrap();
+        std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len((64 << 20) + 1).unwrap();
+        let error = CurrentPlan::read(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("trailing characters"), "{error}");
     }
 
     #[cfg(unix)]
