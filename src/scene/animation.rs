@@ -11,7 +11,7 @@ use super::overrides::{self, PATHS};
 use super::setting::Setting;
 use super::wire::{SceneWire, Whole};
 use super::{Scene, Shot};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shortened};
 use crate::toml_error::toml_error;
 use crate::toml_read::from_text;
 use std::collections::BTreeSet;
@@ -19,7 +19,7 @@ use std::fmt;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use toml::Table;
-use track::{STEPS, Track};
+use track::{STEPS, Track, is_within};
 pub(super) use wire::AnimationWire;
 
 /// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built
@@ -35,6 +35,8 @@ pub struct Animation {
     /// The scene file's TOML table, without the key `animation`.
     table: Table,
     tracks: Vec<Track>,
+    /// The numbers, in the scene file, of the camera's tracks that an angle replaces.
+    left_out: Vec<usize>,
     shot: Shot,
     cache: FrameCache,
 }
@@ -46,10 +48,14 @@ impl fmt::Debug for Animation {
 }
 
 impl Animation {
-    /// Checks the `[animation]` of a scene file, and returns the animation.
+    /// Checks the `[animation]` of a scene file, and returns the animation. Tracks are left out only after they
+    /// were numbered, so that a path such as `animation.track.1` means the same track with and without an angle.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
         let AnimationWire { frames: Whole(frames), frames_per_second, track } = wire;
-        let tracks = track.into_iter().enumerate().map(|track| Track::of(&document, track, frames));
+        let (left_out, kept): (Vec<_>, Vec<_>) =
+            track.into_iter().enumerate().partition(|(_, track)| document.leaves_out_track(&track.path));
+        let left_out = left_out.into_iter().map(|(number, _)| number).collect();
+        let tracks = kept.into_iter().map(|track| Track::of(&document, track, frames));
         let tracks = tracks.collect::<Result<Vec<Track>>>()?;
         for (number, track) in tracks.iter().enumerate() {
             tracks[..number].iter().try_for_each(|earlier| track.refuse_to_hide(&document, earlier))?;
@@ -58,14 +64,27 @@ impl Animation {
         let mut table: Table = document.text.parse().map_err(|error| document.misread(&error))?;
         table.remove("animation");
         let frames_per_second = frames_per_second.and_then(|Whole(rate)| u16::try_from(rate).ok());
-        Ok(Self { frames, frames_per_second, document, table, tracks, shot, cache: FrameCache::default() })
+        let cache = FrameCache::default();
+        Ok(Self { frames, frames_per_second, document, table, tracks, left_out, shot, cache })
     }
 
-    /// Returns a note for each setting whose value a track replaces, wholly or in part.
+    /// Returns a note for each setting whose value a track replaces, wholly or in part, and for each setting that
+    /// changes a track that was left out.
     pub(super) fn notes_on_replaced(&self, settings: &[Setting]) -> Vec<String> {
-        let noted =
-            |setting| self.tracks.iter().find_map(|track| track.note_replaced(setting, self.document.quotes));
+        let quotes = self.document.quotes;
+        let replaced =
+            |setting: &Setting| self.tracks.iter().find_map(|track| track.note_replaced(setting, quotes));
+        let noted = |setting: &Setting| replaced(setting).or_else(|| self.note_left_out(setting));
         settings.iter().filter_map(noted).collect()
+    }
+
+    /// Returns a note if `setting` changes a track that was left out; otherwise `None`.
+    fn note_left_out(&self, setting: &Setting) -> Option<String> {
+        let is_of = |number: &usize| is_within(&setting.path, &format!("animation.track.{number}"));
+        self.left_out.iter().any(is_of).then(|| {
+            let origin = shortened(&*setting.origin);
+            format!("{origin} has no effect: the camera's angle replaces this track")
+        })
     }
 
     /// Checks two conditions for each frame in `frames`: the scene file with the frame's values can be parsed
@@ -226,7 +245,7 @@ fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::{INPUTS, load_scene, load_scene_with};
+    use crate::scene::{INPUTS, Loaded, load_scene, load_scene_with};
     use glam::Vec3;
     use toml::Value;
 
@@ -374,6 +393,56 @@ mod tests {
         let set = |key: &str, value: Value| [(format!("camera.{key}"), value)];
         assert!(load(&file(position, ""), &set("azimuth_degrees", Value::from(40))).is_ok());
         assert_eq!(load(&file("", ""), &set("position", eye)).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
+    }
+
+    /// Loads an animation with a track of the camera before two other tracks, with an azimuth and `settings`.
+    fn with_angle(settings: &[(&str, Value)]) -> Loaded {
+        let tracks = "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 0], [4, 0, 0]]\n\
+            [[animation.track]]\npath = \"light.0.power\"\nvalues = [6, 8]\n\
+            [[animation.track]]\npath = \"display.exposure\"\nvalues = [3, 9]\n";
+        let (folder, ..) = animated(tracks);
+        let angle = ("camera.azimuth_degrees", Value::from(30));
+        let all = [&[angle][..], settings].concat();
+        let all: Vec<_> = all.into_iter().map(|(path, value)| (path.to_owned(), value)).collect();
+        load_scene_with(&folder.path().join("a.toml"), &all).unwrap()
+    }
+
+    #[test]
+    fn an_angle_leaves_out_the_cameras_tracks_and_the_others_keep_their_numbers() {
+        let values = Value::Array([2, 4].map(Value::from).to_vec());
+        let loaded = with_angle(&[("animation.track.1.values", values.clone())]);
+        assert_eq!((loaded.scene.lights[0].power, loaded.scene.display.exposure), (Vec3::splat(2.0), 3.0));
+        let mut animation = loaded.animation.unwrap();
+        let last = animation.scene(3, &loaded.scene).unwrap();
+        assert_eq!((last.lights[0].power, last.display.exposure), (Vec3::splat(4.0), 9.0));
+        assert_eq!(last.camera, loaded.scene.camera);
+
+        let note = format!(
+            "animation.track.0.values = {values} has no effect: the camera's angle replaces this track"
+        );
+        assert!(!loaded.notes.iter().any(|note| note.contains("has no effect")), "{:?}", loaded.notes);
+        let notes = with_angle(&[("animation.track.0.values", values)]).notes;
+        assert!(notes.contains(&note), "{notes:?}");
+    }
+
+    #[test]
+    fn an_angle_leaves_out_no_track_whose_path_was_set() {
+        let track: Table = "path = \"camera.fov_y_degrees\"\nvalues = [20, 40]".parse().unwrap();
+        let loaded = with_angle(&[("animation.track.3", Value::Table(track))]);
+        let last = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap();
+        assert!(last.camera.tan_half_fov > 1.5 * loaded.scene.camera.tan_half_fov);
+    }
+
+    #[test]
+    fn beside_an_angle_a_mistake_in_a_track_has_the_tracks_own_line() {
+        let tracks = "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 0], [4, 0, 0]]\n\
+            [[animation.track]]\npath = \"object.0.faces\"\nvalues = [[[0, 1, 2]], [[0, 1, 7]]]\n\
+            interpolation = \"step\"\n";
+        let (folder, ..) = animated(tracks);
+        let angle = ("camera.azimuth_degrees".to_owned(), Value::from(30));
+        let loaded = load_scene_with(&folder.path().join("a.toml"), &[angle]).unwrap();
+        let message = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap_err().to_string();
+        assert!(message.contains("a.toml:14: track `object.0.faces` at frame 3: "), "{message}");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
-use toml::{Table, Value};
+use toml::{Spanned, Table, Value};
 
 /// The help in an error about a scene file that cannot be parsed.
 pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
@@ -148,6 +148,16 @@ impl Document {
             Some(changed) => changed.origin(&self.text, span),
             None => Origin::File(span.clone()),
         }
+    }
+
+    /// Returns true if the animation leaves out a track that has the path `path`. It leaves out the file's tracks
+    /// that move the camera if a setting sets an angle, from which the camera shows the whole scene. A track
+    /// whose path was set is not the file's, and stays.
+    pub fn leaves_out_track(&self, path: &Spanned<String>) -> bool {
+        let has_angle = self.changed.as_ref().is_some_and(|changed| overrides::have_angle(&changed.settings));
+        has_angle
+            && overrides::moves_camera(path.get_ref())
+            && matches!(self.origin(&path.span()), Origin::File(_))
     }
 
     /// Returns the location of the part `span` of the text: `FILE:LINE`, or the setting or track that set the

@@ -17,11 +17,13 @@ const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_
 /// the last element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting
 /// of the camera's azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the
 /// elevation therefore removes the camera's position, direction and field of view from the scene's table.
-/// Settings before and after the angle may set the direction and the field of view again. Returns an error if
-/// one setting sets an angle and another setting sets the position.
+/// Settings before and after the angle may set the direction and the field of view again. The animation's
+/// tracks of the camera stay in the table, so that each track keeps its index in a setting's path and in a
+/// location for a message; `Animation::of` leaves them out. Returns an error if one setting sets an angle and
+/// another setting sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
-    if settings.iter().any(|setting| is_angle(&setting.path)) {
+    if have_angle(settings) {
         remove_pose_and_fov(document);
     }
     for setting in settings {
@@ -29,6 +31,11 @@ pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
         set(document, path, value).map_err(|reason| setting.error(reason).with_help(PATHS))?;
     }
     Ok(())
+}
+
+/// Returns true if one of the settings sets the camera's azimuth or elevation.
+pub(super) fn have_angle(settings: &[Setting]) -> bool {
+    settings.iter().any(|setting| is_angle(&setting.path))
 }
 
 /// Returns true if a value at this path is the camera's azimuth or elevation.
@@ -55,21 +62,16 @@ fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     Err(angle.error(message).with_help("leave out the angle or the position"))
 }
 
-/// Removes the camera's position, direction and field of view. Also removes the animation's tracks that
-/// change the position, the direction, the field of view, an angle or the whole camera.
+/// Removes the camera's position, direction and field of view.
 fn remove_pose_and_fov(document: &mut Table) {
     if let Some(Value::Table(camera)) = document.get_mut("camera") {
         POSE_AND_FOV.iter().for_each(|key| drop(camera.remove(*key)));
-    }
-    let tracks = document.get_mut("animation").and_then(|animation| animation.get_mut("track"));
-    if let Some(tracks) = tracks.and_then(Value::as_array_mut) {
-        tracks.retain(|track| !track.get("path").and_then(Value::as_str).is_some_and(moves_camera));
     }
 }
 
 /// Returns true if a track with this path, such as `camera.look_at.1` or `camera`, changes the camera's
 /// position, direction, field of view or one of its angles.
-fn moves_camera(path: &str) -> bool {
+pub(super) fn moves_camera(path: &str) -> bool {
     let mut names = path.split('.');
     let moves = |name: &str| POSE_AND_FOV.contains(&name) || ANGLES.contains(&name);
     names.next() == Some("camera") && names.next().is_none_or(moves)
@@ -219,14 +221,24 @@ mod tests {
 
     #[test]
     fn an_angle_removes_what_moves_the_camera() {
-        let text = "[[animation.track]]\npath = 'camera.position'\n[[animation.track]]\npath = 'camera.look_at.1'\n\
-            [[animation.track]]\npath = 'camera.azimuth_degrees'\n\
-            [[animation.track]]\npath = 'camera'\n[[animation.track]]\npath = 'camera.z_near'\n[[animation.track]]\npath = 'light.0.power'\n";
+        for path in ["camera", "camera.position", "camera.look_at.1", "camera.fov_x_degrees"] {
+            assert!(moves_camera(path), "{path}");
+        }
+        assert!(ANGLES.iter().all(|angle| moves_camera(&format!("camera.{angle}"))));
+        for path in ["camera.z_near", "camera.up", "light.0.position", "object.0.position"] {
+            assert!(!moves_camera(path), "{path}");
+        }
+    }
+
+    #[test]
+    fn an_angle_removes_no_track_so_that_each_keeps_its_index() {
+        let text =
+            "[[animation.track]]\npath = 'camera.position'\n[[animation.track]]\npath = 'light.0.power'\n";
         let mut document: Table = text.parse().unwrap();
-        apply(&mut document, &[Setting::new("camera.azimuth_degrees", Value::Integer(90))]).unwrap();
+        let angle = Setting::new("camera.azimuth_degrees", Value::Integer(90));
+        apply(&mut document, &[angle, Setting::new("animation.track.1.at", Value::Integer(7))]).unwrap();
         let tracks = document["animation"]["track"].as_array().unwrap();
-        let paths: Vec<_> = tracks.iter().filter_map(|track| track["path"].as_str()).collect();
-        assert_eq!(paths, ["camera.z_near", "light.0.power"]);
+        assert_eq!((tracks.len(), tracks[0].get("at"), &tracks[1]["at"]), (2, None, &Value::Integer(7)));
     }
 
     #[test]

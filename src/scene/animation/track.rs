@@ -150,7 +150,7 @@ impl Track {
 }
 
 /// Returns true if the value at `path` is the value at `whole` or a part of it.
-fn is_within(path: &str, whole: &str) -> bool {
+pub(super) fn is_within(path: &str, whole: &str) -> bool {
     path.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
