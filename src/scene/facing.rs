@@ -1,8 +1,9 @@
 //! Measures how much of the visible surface faces away from the camera. Surfaces that face away are dark,
 //! since only the front of a surface is lit.
 
-use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
-use super::{Camera, Scene};
+use super::mesh::{Mesh, PARALLEL_TRIANGLES};
+use super::{Camera, Scene, Textures};
+use crate::reference::texture::Texels;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -81,23 +82,23 @@ fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     averted_part_of(mesh, mesh.triangles.len(), camera, aspect)
 }
 
-/// Considers the visible surface of the first `own` triangles. Returns the fraction of this surface where normals
-/// point away from the camera; `None` if none of these triangles is visible. Triangles after the first `own` ones hide what is
-/// behind them, but do not count as visible surface.
+/// Considers the visible surface of the first `own` triangles; holes of cut-outs are no surface. Returns the
+/// fraction of the visible surface where normals point away from the camera; `None` if none of these triangles
+/// is visible. Triangles after the first `own` ones hide what is behind them, but do not count as visible
+/// surface.
 fn averted_part_of(mesh: &Mesh, own: usize, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
     let grid = Grid::new(camera, [ACROSS, down]);
     let nothing = || vec![(f64::INFINITY, None); ACROSS * down];
     let nearer = |a: (f64, Option<bool>), b: (f64, Option<bool>)| if b.0 < a.0 { b } else { a };
-    let (own, others) = mesh.triangles.split_at(own.min(mesh.triangles.len()));
-    let seen_of = |triangles: &[Triangle], counts: bool| {
+    let all = mesh.triangles.len();
+    let seen_of = |first: usize| {
         let mut nearest = nothing();
-        triangles.iter().for_each(|triangle| grid.draw(mesh, (triangle, counts), &mut nearest));
+        let numbers = first..all.min(first + PARALLEL_TRIANGLES);
+        numbers.for_each(|number| grid.draw(mesh, (number, number < own), &mut nearest));
         nearest
     };
-    let own = own.par_chunks(PARALLEL_TRIANGLES).map(|triangles| seen_of(triangles, true));
-    let others = others.par_chunks(PARALLEL_TRIANGLES).map(|triangles| seen_of(triangles, false));
-    let seen = own.chain(others);
+    let seen = (0..all).into_par_iter().step_by(PARALLEL_TRIANGLES).map(seen_of);
     let seen = seen.reduce(nothing, |a, b| a.into_iter().zip(b).map(|(a, b)| nearer(a, b)).collect());
     let hits = seen.iter().filter(|(_, averted)| averted.is_some()).count();
     let averted = seen.iter().filter(|(_, averted)| *averted == Some(true)).count();
@@ -128,7 +129,10 @@ impl Grid {
         }
     }
 
-    fn draw(&self, mesh: &Mesh, (triangle, counts): (&Triangle, bool), nearest: &mut Nearest) {
+    /// Enters the triangle with the index `number` at the samples where it is the nearest surface so far. `counts`
+    /// is false for a ground that raycl added.
+    fn draw(&self, mesh: &Mesh, (number, counts): (usize, bool), nearest: &mut Nearest) {
+        let triangle = &mesh.triangles[number];
         let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3() - self.eye);
         let Some([columns, rows]) = self.bounds(corners) else { return };
         let [a, b, c] = corners;
@@ -142,7 +146,9 @@ impl Grid {
             let sides = faces.map(|face| face.dot(ray) * volume.signum());
             let distance = volume / plane.dot(ray);
             let sample = &mut nearest[y * self.size[0] + x];
-            if sides.iter().all(|side| *side >= 0.0) && distance > self.z_near && distance < sample.0 {
+            let is_nearest = distance > self.z_near && distance < sample.0;
+            let is_hit = is_nearest && sides.iter().all(|side| *side >= 0.0);
+            if is_hit && !is_hole(&mesh.textures, number, sides) {
                 *sample = (distance, averted);
             }
         }
@@ -172,10 +178,20 @@ impl Grid {
     }
 }
 
+/// Returns true if a point of the triangle with the index `number` is in a hole of the triangle's mask. The
+/// point's barycentric weights are `sides`, divided by their sum. The test is that of `reference/cutouts.rs`.
+fn is_hole(textures: &Textures, number: usize, sides: [f64; 3]) -> bool {
+    let Some(row) = textures.mapped.get(number) else { return false };
+    let Some(mask) = row.mask.map(|mask| &textures.list[mask as usize]) else { return false };
+    let sum: f64 = sides.iter().sum();
+    let texels = Texels::at(mask, 0, row, sides.map(|side| side / sum));
+    texels.mix(|texel| f64::from(texel >> 24)) < mask.least_step()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Shape, generate};
+    use crate::scene::{Mapped, Shape, Texture, Triangle, Wrap, generate};
 
     #[test]
     fn a_ball_is_seen_from_its_front_and_its_inside_from_behind() {
@@ -281,6 +297,24 @@ mod tests {
             mesh.append(wall(depth, [-1.0, 1.0], Vec3::NEG_Z));
             assert_eq!(averted_part(&mesh, &Camera::PAPER, 1.0), Some(averted), "{depth}");
         }
+    }
+
+    #[test]
+    fn through_a_hole_the_surface_behind_it_is_visible() {
+        // The left texel of the mask is transparent, so the left half of the wall is a hole.
+        let mask = |texels: [u32; 2]| {
+            let mapped = |corners| Mapped { corners, texture: None, mask: Some(0) };
+            let texture =
+                Texture { size: [2, 1], wrap: [Wrap::Clamp; 2], least_alpha: 1 << 15, texels: texels.into() };
+            let [low, high] = [[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [[0.0, 0.0], [1.0, 1.0], [0.0, 1.0]]];
+            Textures { list: vec![texture], mapped: vec![mapped(low), mapped(high)] }
+        };
+        let cut_out = |texels| Mesh { textures: mask(texels), ..wall(1.0, [-1.0, 1.0], Vec3::NEG_Z) };
+        let mut mesh = cut_out([0, 255 << 24]);
+        assert_eq!(averted_part(&mesh, &Camera::PAPER, 1.0), Some(1.0));
+        mesh.append(rectangle(2.0, [-2.0, 2.0], [-2.0, 2.0], Vec3::Z));
+        assert_eq!(averted_part(&mesh, &Camera::PAPER, 1.0), Some(0.5));
+        assert_eq!(averted_part(&cut_out([0, 0]), &Camera::PAPER, 1.0), None);
     }
 
     #[test]
