@@ -20,7 +20,9 @@ use crate::clock::ms_since;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
-use crate::image::{Radiance, check_target, layer_targets, save, save_layers, save_rgb8, shows_8_bits};
+use crate::image::{
+    Radiance, check_target, holds_radiance, layer_targets, save, save_layers, save_rgb8, shows_8_bits,
+};
 use crate::launch::Session;
 use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
@@ -212,7 +214,7 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
     let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
-    notes.extend(last_notes(&scene, sampling.most, verified.as_ref()).chain(keeping_notes));
+    notes.extend(last_notes(args, &scene, sampling, verified.as_ref()).chain(keeping_notes));
     timeline.ends("keep");
     let report = Report {
         frames: args.repeat,
@@ -294,10 +296,31 @@ fn with_wrong_times(mut notes: Vec<String>, cast: &Cast, device: &DeviceInfo) ->
     notes
 }
 
-/// Returns the notes about soft light with one sample, about the verification, and about a raycl that was built
-/// from uncommitted sources.
-fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> impl Iterator<Item = String> {
-    hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
+/// Returns the notes about soft light with one sample, about options for the display, about the verification, and
+/// about a raycl that was built from uncommitted sources.
+fn last_notes(
+    args: &Args,
+    scene: &Scene,
+    sampling: Sampling,
+    verified: Option<&Verification>,
+) -> impl Iterator<Item = String> {
+    let of_picture = hard(scene, sampling.most).into_iter().chain(undisplayed(args, sampling));
+    of_picture.chain(verified.and_then(Verification::note)).chain(dirty_program())
+}
+
+/// Returns a note if options for the display change no surface in the picture, since the picture's file contains
+/// radiance. There is no note if sampling is adaptive, since the options then decide which pixels get more samples.
+/// The note speaks of surfaces because the radiance of a background such as `#204060` depends on the options.
+fn undisplayed(args: &Args, sampling: Sampling) -> Option<String> {
+    let (options, target) = (args.subject.display_options(), target(args));
+    let is_useless = holds_radiance(target.path()) && !sampling.is_adaptive();
+    (is_useless && !options.is_empty()).then(|| {
+        let change = if options.len() == 1 { "changes" } else { "change" };
+        let (options, name) = (options.join(" and "), target.path().display());
+        format!(
+            "{options} {change} no surface in '{name}': the file contains radiance; a .png or .jpg contains displayed colours"
+        )
+    })
 }
 
 /// Returns a note if each pixel gets only one sample, and the scene has lights with an extent or a sky: such lights are
@@ -575,6 +598,27 @@ mod tests {
         assert!(with_area(&[0.0, 0.0]).is_some_and(|note| note.starts_with("1 light has edges:")));
         let both = with_area(&[0.0, 0.5]);
         assert!(both.is_some_and(|note| note.starts_with("several lights have a radius or edges:")));
+    }
+
+    #[test]
+    fn options_for_the_display_are_noted_if_the_picture_is_not_displayed() {
+        let of = |more: &[&str], sampling: Sampling| {
+            undisplayed(&args(&[&["a.toml"], more].concat()), sampling).unwrap_or_default()
+        };
+        let both = ["-o", "b.exr", "--exposure", "8", "--tone", "filmic"];
+        let start =
+            "--exposure 8 and --tone filmic change no surface in 'b.exr': the file contains radiance;";
+        assert!(of(&both, Sampling::ONE).starts_with(start), "{}", of(&both, Sampling::ONE));
+        let set = of(&["-o", "b.HDR", "--set", "display.gamma=1"], Sampling::all(4));
+        assert!(set.starts_with("--set display.gamma=1 changes no surface in 'b.HDR'"), "{set}");
+        assert_eq!(of(&both, Sampling::adaptive(16)), "");
+        assert_eq!(of(&["-o", "b.exr", "--background", "#204060"], Sampling::ONE), "");
+        for name in ["b.png", "b.jpg", "b.apng", "-"] {
+            assert_eq!(of(&["-o", name, "--exposure", "8"], Sampling::ONE), "", "{name}");
+        }
+        let (args, scene) =
+            (args(&[&["a.toml"], &both[..]].concat()), crate::reference::fixtures::single_triangle());
+        assert!(last_notes(&args, &scene, Sampling::ONE, None).any(|note| note.starts_with(start)));
     }
 
     #[test]

@@ -135,6 +135,14 @@ impl Subject {
         }
     }
 
+    /// Returns the options that change how radiance is displayed, as the user wrote them. Returns none if an option
+    /// has a mistake, which [`Subject::load`] reports.
+    pub fn display_options(&self) -> Vec<String> {
+        let is_of_display = |setting: &Setting| setting.path.split('.').next() == Some("display");
+        let settings = self.overrides().unwrap_or_default().into_iter().filter(is_of_display);
+        settings.map(|setting| shortened(setting.origin)).collect()
+    }
+
     /// Returns the values of the scene that options and `--set` change. A value of `--set` is read
     /// as TOML if it is valid TOML, and otherwise as text.
     ///

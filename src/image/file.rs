@@ -267,6 +267,11 @@ pub fn shows_8_bits(path: &Path) -> bool {
     format(path).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
 }
 
+/// Returns true if a file of this name contains radiance instead of displayed colours.
+pub fn holds_radiance(path: &Path) -> bool {
+    format(path).is_ok_and(|format| matches!(format, Format::Exr | Format::Hdr))
+}
+
 /// Returns true if a file of this name is a JPEG.
 pub fn is_jpeg(path: &Path) -> bool {
     format(path).is_ok_and(|format| format == Format::Jpeg)

@@ -24,8 +24,8 @@ pub use decode::ODD_PALETTE;
 pub use decode::{decoder_message, picture_reader};
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8, transform};
 pub use file::{
-    Values, check_alpha, check_image, check_png, check_target, frame_key, read_picture, save, save_frame,
-    save_rgb8, shows_8_bits,
+    Values, check_alpha, check_image, check_png, check_target, frame_key, holds_radiance, read_picture, save,
+    save_frame, save_rgb8, shows_8_bits,
 };
 pub use frame::Frame;
 pub use hdr_header::{HdrExposure, with_usual_signature};

@@ -206,7 +206,7 @@ pub fn run(args: &Args) -> Result<()> {
         total_ms: ms_since(start),
         frames_per_s: (frames > 0).then(|| f64::from(frames) / seconds),
         output,
-        notes: notes.chain(last_notes(&first, sampling.most, None)).collect(),
+        notes: notes.chain(last_notes(args, &first, sampling, None)).collect(),
     };
     tell(args, &report)
 }

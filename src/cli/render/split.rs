@@ -139,7 +139,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         left_out,
         frames: args.repeat,
         total_ms: ms_since(start),
-        notes: notes.into_iter().chain(last_notes(&scene, sampling.most, verified.as_ref())).collect(),
+        notes: notes.into_iter().chain(last_notes(args, &scene, sampling, verified.as_ref())).collect(),
         verified,
         output: target.path().display().to_string(),
     };
