@@ -33,9 +33,10 @@ pub struct Sample {
     /// other than a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
-    /// The core-to-core latency in nanoseconds: the larger of a reading before and a reading after the frame.
-    /// If the frame ended shortly after the last reading, raycl takes no new reading, and the value is the
-    /// last reading. Absent if the latency was not measured.
+    /// The core-to-core latency in nanoseconds. Of a reading before and a reading after the frame, this is the
+    /// reading outside the range in which samples count (the earlier one if both are outside it), or else the
+    /// larger reading. If the frame ended shortly after the last reading, raycl takes no new reading, and the
+    /// value is the last reading. Absent if the latency was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub core_to_core_ns: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single
