@@ -269,14 +269,13 @@ impl Materials {
         notes.extend(values::note_more(checked.more, &source));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
-        for (material, Extras { mut asked, model, colour, mask, emission, emitted }) in
+        for (material, Extras { name: own, mut asked, model, colour, mask, emission, emitted }) in
             list.iter().zip(checked.extras)
         {
-            let own = if material.name == NAMELESS { "" } else { &material.name };
             let number = self.list.len() as u32;
-            names.whole.insert(own.to_owned(), number);
-            let [_, short, _] = possible_names(own);
+            let [_, short, _] = possible_names(&own);
             names.short.insert(short.to_owned(), number);
+            names.whole.insert(own, number);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
             let completed = |map: Option<(usize, Map)>, alone| {
                 map.map(|(line, map)| map.with_context(format!("{name}:{line}"), folder, alone))
@@ -291,9 +290,6 @@ impl Materials {
         Ok(names)
     }
 }
-
-/// A replacement for the empty name, which some exporters write and `tobj` refuses.
-const NAMELESS: &str = "\u{1}";
 
 /// A checked material file.
 #[derive(Default)]
@@ -311,6 +307,7 @@ struct Checked {
 /// The properties of a material that raycl reads without `tobj`.
 #[derive(Default)]
 struct Extras {
+    name: String,
     asked: Asked,
     /// The value of `illum`, the number of an illumination model.
     model: Option<Vec<u8>>,
@@ -351,9 +348,11 @@ impl Checked {
     fn read(&mut self, line: usize, name: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
         match name {
             b"newmtl" => {
-                let name = words(rest);
-                self.plain += &format!("newmtl {}\n", if name.is_empty() { NAMELESS } else { &name });
-                self.extras.push(Extras::default());
+                // The name is not given to `tobj`, which refuses the empty name that some exporters write, and
+                // removes Unicode blanks around a name. `usemtl` keeps such blanks, which may be a part of a
+                // letter: a name that is not UTF-8 is decoded as Latin-1.
+                self.plain += "newmtl m\n";
+                self.extras.push(Extras { name: words(rest), ..Extras::default() });
             }
             b"Kd" | b"Ks" => {
                 let name = words(name);

@@ -56,6 +56,22 @@ fn a_material_may_have_the_empty_name() {
     assert_eq!(file.notes, Vec::<String>::new());
 }
 
+/// In the last two names, raycl decodes a byte of a letter as a Unicode blank of Latin-1: the names are Shift-JIS.
+#[test]
+fn a_name_keeps_the_unicode_blanks_around_it() {
+    let names: [&[u8]; 6] =
+        [b"a\xa0", b"\x85a", "\u{3000}".as_bytes(), "\u{3000}a\u{2003}".as_bytes(), b"\x82\xa0", b"\x83\x85"];
+    for name in names {
+        let folder = tempfile::tempdir().unwrap();
+        let mtl = [&b"newmtl "[..], name, b"\nKd 0.25 0 0\nnewmtl a\nKd 1 0 0\n"].concat();
+        std::fs::write(folder.path().join("a.mtl"), mtl).unwrap();
+        let obj = [&b"mtllib a.mtl\nusemtl "[..], name, b"\n", CORNERS.as_bytes(), b"f 1 2 3\n"].concat();
+        let file = parse("test.obj", Reach { folder: folder.path(), ..nowhere() }, &obj).unwrap();
+        let red = file.mesh.material(&file.mesh.triangles[0]).lambertian.x;
+        assert_eq!((red, file.notes), (0.25, Vec::<String>::new()), "{name:?}");
+    }
+}
+
 #[test]
 fn a_material_file_that_is_something_else_is_named() {
     let notes = notes_of("usemtl a", "\u{89}not a PNG");
