@@ -127,6 +127,8 @@ fn odd_but_clear_files_are_read() {
         "\u{feff}v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n".as_bytes().to_vec(),
         b"v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r".to_vec(),
         b"# C:\\\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\n2 \\\n3".to_vec(),
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\ \n2 \\\t \n 3".to_vec(),
+        b"v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 \\ \r\n3\r\n".to_vec(),
         b"  v 0 0 0 # a\n\tv 1 0 0 1 0 0\nv 0 1 0\n f 1/ 2// 3/7 # b".to_vec(),
         b"o G\xe4nse\nusemtl\ng\np 1\nl 1 2\nfoo bar\nf 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_vec(),
     ];
@@ -156,7 +158,10 @@ fn a_comment_does_not_continue_a_line() {
 
 #[test]
 fn a_mistake_after_continued_lines_has_its_own_line() {
-    assert!(message("v 0 0 \\\n\\\n0\nv 1 0 x\nf 1 1 2\n").contains("test.obj:4: `x`"));
+    for end in ["\\\n", "\\ \t\n"] {
+        let text = format!("v 0 0 {end}{end}0\nv 1 0 x\nf 1 1 2\n");
+        assert!(message(&text).contains("test.obj:4: `x`"), "{text:?}");
+    }
 }
 
 #[test]

@@ -180,20 +180,18 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
 }
 
 /// Returns the text without a byte order mark, and with line feeds as its only line ends. Lines that end in
-/// `\` are joined with the next line. Empty lines are added after a joined line, so that line numbers stay
-/// the same.
+/// `\`, which blanks may follow, are joined with the next line. Empty lines are added after a joined line, so
+/// that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let has = |byte: &u8| bytes.par_chunks(CHUNK_BYTES).any(|piece| piece.contains(byte));
-    let continued =
-        || has(&b'\\') && (bytes.ends_with(b"\\") || bytes.windows(2).any(|pair| pair == b"\\\n"));
-    if !has(&b'\r') && !continued() {
+    if !has(&b'\r') && !(has(&b'\\') && has_continuation(bytes)) {
         return Cow::Borrowed(bytes);
     }
     let mut out = Vec::with_capacity(bytes.len());
     let mut joined = 0;
     for line in split_lines(bytes) {
-        match line.strip_suffix(b"\\") {
+        match line.trim_ascii_end().strip_suffix(b"\\") {
             // A comment such as `# made from C:\` is not continued.
             Some(head) if !separated(line).any(|word| word.starts_with(b"#")) => {
                 out.extend_from_slice(head);
@@ -208,6 +206,15 @@ pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
         }
     }
     Cow::Owned(out)
+}
+
+/// Returns true if a line ends in `\`, which blanks may follow.
+fn has_continuation(bytes: &[u8]) -> bool {
+    let ends_line = |at: usize| {
+        let mut rest = bytes[at + 1..].iter();
+        rest.find(|byte| **byte == b'\n' || !byte.is_ascii_whitespace()).is_none_or(|byte| *byte == b'\n')
+    };
+    memchr_iter(b'\\', bytes).any(ends_line)
 }
 
 /// Splits lines at LF, CR LF or CR.

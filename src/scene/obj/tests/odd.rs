@@ -183,6 +183,9 @@ fn a_continuation_at_the_end_of_the_file_continues_nothing() {
         folder: Path::new("/nowhere"),
         permitted: Permitted { beyond: false, quotes: true, scaled: false },
     };
-    let file = parse("m.obj", reach, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 \\").unwrap();
-    assert_eq!(file.mesh.triangles.len(), 1);
+    for end in ["\\", "\\ ", "\\\t\n"] {
+        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 {end}");
+        let file = parse("m.obj", reach, text.as_bytes()).unwrap();
+        assert_eq!(file.mesh.triangles.len(), 1, "{text:?}");
+    }
 }
