@@ -362,17 +362,26 @@ fn naming(count: usize) -> String {
     format!("{} {}", counted(count, "face"), if count == 1 { "names" } else { "name" })
 }
 
-/// Adds a note on the materials that `usemtl` names but no MTL file defines.
-pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
+/// Adds a note on the materials that `usemtl` names but no MTL file defines. `is_coloured` is true if vertices
+/// have colours.
+pub(super) fn note_unknown_materials(
+    faces: &[FaceChunk],
+    is_coloured: bool,
+    quotes: bool,
+    notes: &mut Vec<String>,
+) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
     let such_as = if names.len() == 1 { "material " } else { "for example material " };
     let materials = counted_are(names.len(), "material named by `usemtl`");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
-    notes.push(format!(
-        "{materials} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used, unless the \
-         scene sets another `k_l`"
-    ));
+    let instead = match is_coloured {
+        true => "only the vertices' colours are shown, unless the scene sets a `k_l`".to_owned(),
+        false => format!(
+            "the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used, unless the scene sets another `k_l`"
+        ),
+    };
+    notes.push(format!("{materials} in no material file{first}: {instead}"));
 }
 
 #[cfg(test)]

@@ -82,7 +82,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     let mut notes = Vec::new();
     points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
-    let materials = mtl::load_all(reach, libraries, &mut notes)?;
+    let materials = mtl::load_all(reach, libraries, points::are_coloured(&points), &mut notes)?;
     let coordinates = match materials.maps.iter().any(Maps::has_any) {
         true => read_coordinates(source, &chunks, &mut notes),
         false => Vec::new(),
@@ -158,7 +158,7 @@ fn add_notes(
 ) {
     faces::note_partial_normals(faces, source, notes);
     faces::note_odd_faces(faces, source, notes);
-    faces::note_unknown_materials(faces, source.quotes, notes);
+    faces::note_unknown_materials(faces, points::are_coloured(points), source.quotes, notes);
     notes::of_statements(points, mesh, source.quotes, notes);
     notes::of_materials(asked, mesh, source.quotes, notes);
 }
@@ -191,7 +191,7 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
 
 /// Gives triangles the colours of their vertices, if at least one vertex has a colour.
 fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk]) {
-    if points.iter().all(|chunk| chunk.coloured == 0) {
+    if !points::are_coloured(points) {
         return;
     }
     // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.

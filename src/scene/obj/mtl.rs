@@ -43,13 +43,14 @@ pub(in crate::scene) struct Reach<'a> {
 /// Loads all MTL files that can be loaded, and adds notes on files that cannot be loaded. If several files
 /// define a material of the same name, the material of the file in the last `mtllib` line is used. If several
 /// of these files are in the same line, the material of the line's first file is used. The specification of
-/// OBJ demands this order of files.
+/// OBJ demands this order of files. `is_coloured` is true if vertices have colours.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
+    is_coloured: bool,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
-    let mut loader = Loader::new();
+    let mut loader = Loader::new(is_coloured);
     // The indices of the files that each `mtllib` line names.
     let mut lines: Vec<Vec<usize>> = Vec::new();
     // The indices of the files that an `mtllib` line names, by the text of the line. Some programs write the
@@ -78,6 +79,8 @@ struct Loader {
     names: Vec<Names>,
     /// The subjects of the notes on files that cannot be loaded.
     missing: FewNotes,
+    /// True if the vertices of the mesh have colours.
+    is_coloured: bool,
 }
 
 /// The names of a file's materials, and the materials' indices in `Materials::list`.
@@ -92,14 +95,15 @@ struct Names {
 }
 
 impl Loader {
-    fn new() -> Self {
+    fn new(is_coloured: bool) -> Self {
         let materials = Materials {
             list: vec![Material::default()],
             asked: vec![Asked::default()],
             maps: vec![Maps::default()],
             by_name: HashMap::new(),
         };
-        Self { materials, files: HashMap::new(), names: Vec::new(), missing: FewNotes::default() }
+        let missing = FewNotes::default();
+        Self { materials, files: HashMap::new(), names: Vec::new(), missing, is_coloured }
     }
 
     /// Loads a file unless it has been loaded, and returns its index in `names`. If the file cannot be
@@ -118,7 +122,8 @@ impl Loader {
                 Ok(Some(number))
             }
             Err(reason) => {
-                self.missing.add(name.to_owned(), || unusable(reach, name, &reason), notes);
+                let note = || unusable(reach, name, &reason, self.is_coloured);
+                self.missing.add(name.to_owned(), note, notes);
                 Ok(None)
             }
         }
@@ -138,14 +143,18 @@ impl Loader {
 }
 
 /// Returns a note on a material file that cannot be used because of `reason`.
-fn unusable(reach: Reach<'_>, name: &str, reason: &str) -> String {
+fn unusable(reach: Reach<'_>, name: &str, reason: &str, is_coloured: bool) -> String {
     let (name, hint) = match reach.permitted.quotes {
         true => (format!(" {}", quoted_name(name)), reach.other_case(possible_paths(name))),
         false => (String::new(), String::new()),
     };
-    format!(
-        "material file{name} {reason}{hint}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
-    )
+    let instead = match is_coloured {
+        true => "only the vertices' colours are shown".to_owned(),
+        false => {
+            format!("its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}")
+        }
+    };
+    format!("material file{name} {reason}{hint}: {instead}")
 }
 
 /// Reads the bytes of a material file. Returns an error if the file is known to have another format.

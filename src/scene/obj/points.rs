@@ -212,6 +212,11 @@ pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
     points
 }
 
+/// Returns true if at least one vertex of the file has a colour.
+pub(super) fn are_coloured(chunks: &[PointChunk]) -> bool {
+    chunks.iter().any(|chunk| chunk.coloured > 0)
+}
+
 /// Returns the linear colours of the file's vertices. Some programs write colours from 0 to 255, others from
 /// 0 to 1. All colours of a file have the same range.
 pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {

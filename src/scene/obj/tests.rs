@@ -363,6 +363,23 @@ fn vertices_have_the_colours_of_their_own_lines_and_are_white_without() {
 }
 
 #[test]
+fn without_its_material_a_mesh_shows_only_the_colours_of_its_vertices_and_its_notes_say_so() {
+    let file = |colour: &str| {
+        let vertices = CORNERS.replace('\n', &format!(" {colour}\n"));
+        read(&format!("mtllib none.mtl\nusemtl a\n{vertices}f 1 2 3\n")).unwrap()
+    };
+    let says =
+        |note: &String| ["only the vertices' colours are shown", "grey"].map(|what| note.contains(what));
+    for (colour, shown, expected) in
+        [("1 0 0", Vec3::X, [true, false]), ("", Vec3::splat(0.8), [false, true])]
+    {
+        let file = file(colour);
+        assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, shown, "{colour}");
+        assert_eq!(file.notes.iter().map(says).collect::<Vec<_>>(), [expected; 2], "{:?}", file.notes);
+    }
+}
+
+#[test]
 fn the_colours_of_a_file_have_one_range() {
     let colours = |text: &str| -> Vec<f32> {
         let mesh = read(text).unwrap().mesh;
