@@ -4,7 +4,7 @@ use crate::scene::corner_colours::{CornerColours, packed};
 use crate::scene::material::Material;
 use crate::scene::mesh::PARALLEL_TRIANGLES;
 use crate::scene::{Mesh, Triangle};
-use crate::words::counted_are;
+use crate::words::{counted, counted_are};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -75,18 +75,24 @@ fn painted(mesh: &Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) -> (Vec<Mater
     (materials, numbers)
 }
 
-/// Returns true if a channel of a linear colour is NaN, or lies outside 0 to 1 by more than half of a
-/// rounding step. A rounding step is 1 / `STEPS`.
-pub(super) fn is_outside(colour: &Vec3) -> bool {
+/// Returns true if a channel of a colour is NaN, or lies outside 0 to 1 by more than half of a rounding step. A
+/// rounding step is 1 / `STEPS`.
+pub(in crate::scene) fn is_outside(colour: &Vec3) -> bool {
     let most = 0.5 / STEPS;
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
 }
 
 /// Returns a note on the `count` elements, such as vertices, whose colours have channels outside 0 to 1;
 /// `None` if `count` is 0.
-pub(super) fn note_outside(count: usize, element: &str) -> Option<String> {
+pub(in crate::scene) fn note_outside(count: usize, element: &str) -> Option<String> {
     let elements = || counted_are(count, &format!("{element} with a colour outside 0 to 1"));
     (count > 0).then(|| format!("{} shown with channels limited to this range", elements()))
+}
+
+/// Returns a note on the `count` elements, such as vertices, whose alpha is below 1; `None` if `count` is 0.
+pub(in crate::scene) fn note_clear(count: usize, element: &str) -> Option<String> {
+    let note = || format!("alpha of {} is not used: every surface is opaque", counted(count, element));
+    (count > 0).then(note)
 }
 
 #[cfg(test)]

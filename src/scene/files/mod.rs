@@ -20,7 +20,7 @@ use flaw::Named;
 use glam::DVec3;
 use std::path::Path;
 
-pub(in crate::scene) use colours::{linear, paint};
+pub(in crate::scene) use colours::{is_outside, linear, note_clear, note_outside, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::{Placement, is_valid, placement_of};
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};

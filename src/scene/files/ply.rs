@@ -273,10 +273,7 @@ impl Parts {
             (self.vertices.iter().filter(|vertex| vertex.colour.is_clear()).count(), "vertex"),
             (self.face_colours.iter().filter(|colour| colour.is_clear()).count(), "face"),
         ] {
-            if clear > 0 {
-                let elements = counted(clear, element);
-                notes.push(format!("alpha of {elements} is not used: every surface is opaque"));
-            }
+            notes.extend(colours::note_clear(clear, element));
         }
         notes.extend(self.notes(quotes, header, short));
         Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })

@@ -146,7 +146,7 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     }
 }
 
-/// Adds notes on faces, statements and materials of which raycl ignores or replaces parts. `asked` has the
+/// Adds notes on faces, colours, statements and materials of which raycl ignores or replaces parts. `asked` has the
 /// unsupported features of each material.
 fn add_notes(
     source: &Source,
@@ -159,6 +159,7 @@ fn add_notes(
     faces::note_partial_normals(faces, source, notes);
     faces::note_odd_faces(faces, source, notes);
     faces::note_unknown_materials(faces, points::are_coloured(points), source.quotes, notes);
+    points::note_colours(points, source, notes);
     notes::of_statements(points, mesh, source.quotes, notes);
     notes::of_materials(asked, mesh, source.quotes, notes);
 }

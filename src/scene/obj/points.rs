@@ -4,9 +4,11 @@
 
 use super::asked::Asked;
 use super::odd::Odd;
-use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, usual_vector, words};
+use super::text::{
+    Chunk, Mistake, Seen, Source, decimal, keyword, number, quoted, tokens, usual_vector, words,
+};
 use super::wishes;
-use crate::scene::files::{Placement, linear};
+use crate::scene::files::{Placement, is_outside, linear, note_clear, note_outside};
 use crate::scene::validate::MAX_COORDINATE;
 use crate::words::counted;
 use glam::{DVec3, Vec3};
@@ -16,7 +18,7 @@ use std::collections::BTreeSet;
 /// vertex without a colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a channel of a colour is larger than this, all channels in the file count as numbers from 0 to 255. The
-/// limit is above 1, because rounded channels may be slightly larger than 1.
+/// limit is above 1, because rounded channels may be slightly larger than 1. The same holds for alpha.
 const MOST_OF_UNIT: f32 = 1.5;
 /// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
 /// limit is finite in double precision.
@@ -91,6 +93,10 @@ pub(super) struct PointChunk {
     pub colours: Vec<Vec3>,
     /// The largest channel of all colours.
     pub brightest: f32,
+    /// The alpha of each vertex with an alpha, as it is in the file.
+    pub alphas: Vec<f32>,
+    /// Vertices with a colour that is not valid. These vertices count as vertices without a colour.
+    pub odd_colours: Seen,
     /// The smoothing groups in `s` lines, including `off`.
     pub smoothing: BTreeSet<String>,
     /// The vertices with only two coordinates.
@@ -105,11 +111,17 @@ pub(super) struct PointChunk {
 }
 
 impl PointChunk {
-    /// Reads the numbers after a vertex's coordinates. Three numbers are a colour; fewer numbers, such as a
-    /// weight, are ignored.
-    fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>) {
-        let mut channel = || tokens.next().and_then(number);
-        let (Some(red), Some(green), Some(blue)) = (channel(), channel(), channel()) else { return };
+    /// Reads the words after a vertex's coordinates. Three numbers are a colour, and a fourth number is its alpha.
+    /// A single number is ignored: it is a weight, which concerns only curves and surfaces.
+    fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>, offset: usize) {
+        let mut next = || tokens.next().map(number);
+        let (red, green, blue) = match (next(), next(), next()) {
+            (Some(Some(red)), Some(Some(green)), Some(Some(blue))) => (red, green, blue),
+            (None | Some(Some(_)), None, _) => return,
+            _ => return self.odd_colours.at(offset),
+        };
+        // A word that is not a number counts as an alpha of 0, so that a note says that it is ignored.
+        self.alphas.extend(next().map(Option::unwrap_or_default));
         self.coloured += 1;
         self.colours.resize(self.positions.len() - 1, UNCOLOURED);
         self.colours.push(Vec3::new(red, green, blue));
@@ -125,7 +137,7 @@ impl PointChunk {
         match reading.position(&mut words) {
             Some(position) => {
                 self.positions.push(position);
-                self.colour(words);
+                self.colour(words, offset);
             }
             None => self.odd_vertex(rest, offset, reading),
         }
@@ -217,11 +229,34 @@ pub(super) fn are_coloured(chunks: &[PointChunk]) -> bool {
     chunks.iter().any(|chunk| chunk.coloured > 0)
 }
 
-/// Returns the linear colours of the file's vertices. Some programs write colours from 0 to 255, others from
-/// 0 to 1. All colours of a file have the same range.
+/// Returns the value of a full channel. Some programs write colours from 0 to 255, others from 0 to 1. All
+/// colours of a file have the same range.
+fn full_channel(channels: impl Iterator<Item = f32>) -> f32 {
+    if channels.fold(0.0, f32::max) > MOST_OF_UNIT { 255.0 } else { 1.0 }
+}
+
+/// Adds notes on the vertices whose colours raycl changes, or does not use.
+pub(super) fn note_colours(chunks: &[PointChunk], source: &Source, notes: &mut Vec<String>) {
+    let full = full_channel(chunks.iter().map(|chunk| chunk.brightest));
+    let is_limited = |colour: &&Vec3| **colour != UNCOLOURED && is_outside(&(**colour / full));
+    let limited = chunks.iter().flat_map(|chunk| &chunk.colours).filter(is_limited).count();
+    notes.extend(note_outside(limited, "vertex"));
+    let alphas = || chunks.iter().flat_map(|chunk| &chunk.alphas).copied();
+    let opaque = full_channel(alphas());
+    notes.extend(note_clear(alphas().filter(|alpha| *alpha < opaque).count(), "vertex"));
+    let odd = chunks.iter().map(|chunk| chunk.odd_colours).fold(Seen::default(), Seen::joined);
+    let note = || {
+        let (line, vertices) = (source.line(odd.first), counted(odd.count, "vertex"));
+        format!(
+            "line {line}: colours of {vertices} are not used: expected three finite numbers after x, y and z"
+        )
+    };
+    notes.extend((odd.count > 0).then(note));
+}
+
+/// Returns the linear colours of the file's vertices.
 pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
-    let brightest = chunks.iter().map(|chunk| chunk.brightest).fold(0.0, f32::max);
-    let full = if brightest > MOST_OF_UNIT { 255.0 } else { 1.0 };
+    let full = full_channel(chunks.iter().map(|chunk| chunk.brightest));
     let mut colours = Vec::with_capacity(chunks.iter().map(|chunk| chunk.positions.len()).sum());
     for chunk in chunks {
         let end = colours.len() + chunk.positions.len();

@@ -397,6 +397,37 @@ fn the_colours_of_a_file_have_one_range() {
 }
 
 #[test]
+fn colours_of_vertices_that_are_changed_or_not_used_are_noted() {
+    let notes = |first: &str, others: &str| {
+        read(&format!("v 0 0 0 {first}\nv 1 0 0 {others}\nv 0 1 0 {others}\nf 1 2 3\n")).unwrap().notes
+    };
+    let limited = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
+    let alpha = "alpha of 1 vertex is not used: every surface is opaque";
+    let odd = "line 1: colours of 1 vertex are not used: expected three finite numbers after x, y and z";
+    for (first, expected) in [
+        ("", vec![]),
+        ("0.5", vec![]),
+        ("0 0.5 1.001 1", vec![]),
+        ("0 1.2 0", vec![limited]),
+        ("0 -0.5 0", vec![limited]),
+        ("0 0.5 1 0.9", vec![alpha]),
+        ("0 0.5 1 nan", vec![alpha]),
+        ("1.2 0 0 0.9", vec![limited, alpha]),
+        ("nan 0 0", vec![odd]),
+        ("0 1e400 0", vec![odd]),
+        ("0 0 1.#INF", vec![odd]),
+        ("0.5 0.5", vec![odd]),
+        ("red", vec![odd]),
+    ] {
+        assert_eq!(notes(first, "1 1 1 1"), expected, "{first}");
+    }
+    let two = |note: &str| vec![note.replace("1 vertex", "2 vertices").replace(" is shown", " are shown")];
+    assert_eq!(notes("0 9 255 255", "0 9 255 254"), two(alpha));
+    assert_eq!(notes("0 9 255 255", "0 9 256 255"), two(limited));
+    assert_eq!(notes("", "red"), two(&odd.replace("line 1", "line 2")));
+}
+
+#[test]
 fn notes_stay_short_and_counts_are_readable() {
     let words: String = (0..1_000).map(|i| format!("word{i}{}\n", "x".repeat(100))).collect();
     let notes = notes_of(&words, "");
