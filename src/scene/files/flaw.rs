@@ -36,6 +36,12 @@ impl Flaw {
         Self { line: Some(line), ..self }
     }
 
+    /// Puts the name of the part of the file that contains the mistake before the description.
+    pub fn within(self, part: &str) -> Self {
+        let named = |what: String| format!("{part}: {what}");
+        Self { what: named(self.what), unquoted: self.unquoted.map(named), ..self }
+    }
+
     /// Replaces the default remedy, which says that the file may be cut off or damaged.
     pub fn with_remedy(self, remedy: &'static str) -> Self {
         Self { remedy, ..self }
@@ -80,6 +86,9 @@ mod tests {
         let [shown, withheld] = errors(Flaw::quoting("`x` is wrong", "a word is wrong").at(7));
         assert_eq!([shown.to_string(), withheld.to_string()], ["a:7: `x` is wrong", "a:7: a word is wrong"]);
         assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT, OUTSIDE]);
+        let [shown, withheld] = errors(Flaw::quoting("`x` is wrong", "a word is wrong").within("node 2"));
+        let expected = ["a: node 2: `x` is wrong", "a: node 2: a word is wrong"];
+        assert_eq!([shown.to_string(), withheld.to_string()], expected);
         let [shown, withheld] = errors(Flaw::from("it is too large"));
         assert_eq!([shown.to_string(), withheld.to_string()], ["a: it is too large"; 2]);
         assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT; 2]);

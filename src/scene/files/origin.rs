@@ -182,11 +182,17 @@ pub(in crate::scene) fn is_valid(position: &DVec3) -> bool {
 fn check(positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
     let mut used = triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| corner as usize);
     let Some(vertex) = used.find(|&vertex| !is_valid(&positions[vertex])) else { return Ok(()) };
+    Err(invalid(&format!("vertex {vertex}"), &positions[vertex]))
+}
+
+/// Returns the mistake of a position that is not valid. `vertex` names the vertex at this position as the file's
+/// author knows it.
+pub(super) fn invalid(vertex: &str, position: &DVec3) -> Flaw {
     let expected = format!("expected finite coordinates within +-{MAX_COORDINATE:e}");
-    Err(Flaw::quoting(
-        format!("vertex {vertex} is at {}; {expected}", positions[vertex]),
-        format!("vertex {vertex} is not valid; {expected}"),
-    ))
+    Flaw::quoting(
+        format!("{vertex} is at {position}; {expected}"),
+        format!("{vertex} is not valid; {expected}"),
+    )
 }
 
 #[cfg(test)]

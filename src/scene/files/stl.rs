@@ -3,7 +3,7 @@
 
 use super::MeshFile;
 use super::flaw::{Flaw, Named};
-use super::origin::settle;
+use super::origin::{invalid, is_valid, settle};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::scene::material::Material;
@@ -41,7 +41,9 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
         true => {
             let count = held(bytes).map_err(failed)?;
             hold(named.name, count as u64, &Available::read())?;
-            (binary(bytes, count), notes(bytes, count))
+            let corners = binary(bytes, count);
+            check(&corners).map_err(failed)?;
+            (corners, notes(bytes, count))
         }
         // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read` demands
         // memory of four times the file's size, which is enough for triangles of 100 bytes or more.
@@ -132,6 +134,13 @@ fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
     let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
     let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
     rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
+}
+
+/// Returns an error if a corner of a binary file is not valid. The error names the corner as it is in the file,
+/// before equal corners are joined.
+fn check(corners: &[DVec3]) -> std::result::Result<(), Flaw> {
+    let Some(at) = corners.iter().position(|corner| !is_valid(corner)) else { return Ok(()) };
+    Err(invalid(&format!("vertex {} of facet {}", at % 3, at / 3), &corners[at]))
 }
 
 /// The words that STL defines for a text file.
@@ -227,7 +236,8 @@ fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::r
             Flaw::quoting(format!("{} {expected}", quoted(word)), format!("not a number {expected}")).at(line)
         })
     };
-    Ok(DVec3::new(number()?, number()?, number()?))
+    let corner = DVec3::new(number()?, number()?, number()?);
+    if is_valid(&corner) { Ok(corner) } else { Err(invalid("a vertex", &corner).at(line)) }
 }
 
 /// Joins equal corners. Returns the distinct positions, and one triangle for every three corners.
@@ -375,6 +385,7 @@ mod tests {
             ("vertex 0 1 0\n", "", "a.stl:7: a facet without exactly three"),
             ("vertex 0 1 0", "vertex 0 nan 0", "a.stl:6"),
             ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex with fewer"),
+            ("vertex 0 1 0", "vertex 0 1e13 0", "a.stl:6: a vertex is at [0, 10000000000000, 0]; expected"),
             (
                 "endloop",
                 "vertex 5 0 0\nvertex 5 1 0\nvertex 5 0 1\nendloop",
@@ -384,6 +395,15 @@ mod tests {
         ] {
             let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
             assert!(error.contains(message), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_corner_that_is_not_valid_is_named_by_its_facet() {
+        for x in [f32::NAN, f32::INFINITY, 1e13] {
+            let corners = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X, Vec3::new(x, 0.0, 0.0), Vec3::Y];
+            let error = parse("b.stl", &binary_of(&corners)).err().unwrap().to_string();
+            assert!(error.starts_with("b.stl: vertex 1 of facet 1 is at ["), "{error}");
         }
     }
 

@@ -44,7 +44,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
-    let walk = Walk::of(numbers, &placed, &maps).map_err(|what| named.error(what))?;
+    let walk = Walk::of(numbers, &placed, &maps).map_err(|flaw| named.error(flaw))?;
     let settled = walk.settled((materials.list, pictures.list), &mut |mesh, all| {
         all.append(&mut notes);
         obj::note_materials(&materials.asked, mesh, quotes, all);

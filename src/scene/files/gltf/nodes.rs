@@ -62,7 +62,11 @@ pub(super) struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// Reads the meshes, cameras and lights of all nodes of the scene.
-    pub fn of(numbers: Numbers<'a>, placed: &[PlacedNode], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
+    pub fn of(
+        numbers: Numbers<'a>,
+        placed: &[PlacedNode],
+        maps: &'a [Option<ColourMap>],
+    ) -> Result<Self, Flaw> {
         let mut walk = Self {
             numbers,
             positions: Vec::new(),
@@ -82,7 +86,7 @@ impl<'a> Walk<'a> {
         };
         for (index, transform) in placed {
             let Some(node) = numbers.root.get(*index) else { continue };
-            walk.visit(node, *transform).map_err(|what| format!("node {}: {what}", index.value()))?;
+            walk.visit(node, *transform).map_err(|flaw| flaw.within(&format!("node {}", index.value())))?;
         }
         if walk.starts.is_empty() {
             walk.add_unplaced()?;
@@ -96,25 +100,27 @@ impl<'a> Walk<'a> {
     }
 
     /// Adds all meshes of the file, for a file whose scene contains no mesh, such as a library of meshes.
-    fn add_unplaced(&mut self) -> Parsed<()> {
+    fn add_unplaced(&mut self) -> Result<(), Flaw> {
         let meshes = meshes_of(self.numbers.root, &[]);
         self.left_out.unplaced = meshes.len();
         meshes.into_iter().try_for_each(|mesh| {
-            self.add_mesh(mesh, DMat4::IDENTITY).map_err(|what| format!("mesh {}: {what}", mesh.value()))
+            let within = |flaw: Flaw| flaw.within(&format!("mesh {}", mesh.value()));
+            self.add_mesh(mesh, DMat4::IDENTITY).map_err(within)
         })
     }
 
-    fn visit(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
+    fn visit(&mut self, node: &Node, transform: DMat4) -> Result<(), Flaw> {
         if let Some(index) = node.mesh {
             self.left_out.skins += usize::from(node.skin.is_some());
             self.add_mesh(index, transform)?;
         }
         self.add_camera(node, transform)?;
-        self.add_light(node, transform)
+        Ok(self.add_light(node, transform)?)
     }
 
-    fn add_mesh(&mut self, index: Index<GltfMesh>, transform: DMat4) -> Parsed<()> {
+    fn add_mesh(&mut self, index: Index<GltfMesh>, transform: DMat4) -> Result<(), Flaw> {
         self.starts.push(self.triangles.len() as u32);
+        let first = self.positions.len();
         let mesh = self.numbers.root.get(index);
         let mesh = mesh.ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
         for primitive in &mesh.primitives {
@@ -132,7 +138,11 @@ impl<'a> Walk<'a> {
                 Shape::Other => self.left_out.lines_and_points += 1,
             }
         }
-        Ok(())
+        // A position's index in this list is not a number that the file has, so the error names only the mesh.
+        match self.positions[first..].iter().find(|position| !origin::is_valid(position)) {
+            Some(position) => Err(origin::invalid(&format!("a vertex of mesh {}", index.value()), position)),
+            None => Ok(()),
+        }
     }
 
     fn add(&mut self, part: Part, map: Option<ColourMap>, transform: DMat4) -> Parsed<()> {

@@ -743,6 +743,20 @@ fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
 }
 
 #[test]
+fn a_position_that_is_not_valid_is_named_by_its_node_and_mesh() {
+    let second = r#""translation": [0, 0, 5]}, {"mesh": 0, "translation": [0, 1e13, 0]}"#;
+    let text = triangle().replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#);
+    let text = text.replace(r#""translation": [0, 0, 5]}"#, second);
+    let start = "a.gltf: node 1: a vertex of mesh 0 is ";
+    for (quotes, what) in [(true, "at [0, 9999999827968, 0]"), (false, "not valid")] {
+        let reach = Reach { folder: Path::new("/nowhere"), permitted: Permitted { quotes, ..PERMITTED } };
+        let error = parse("a.gltf", reach, text.as_bytes()).err().unwrap().to_string();
+        let expected = format!("{start}{what}; expected finite coordinates within +-1e12");
+        assert_eq!(error, expected);
+    }
+}
+
+#[test]
 fn nodes_that_enlarge_a_mesh_beyond_all_numbers_are_refused() {
     // The mesh is in nine nodes, each of which makes it 1e38 times as large.
     let nodes: String =
