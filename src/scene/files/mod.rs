@@ -3,6 +3,7 @@
 mod colours;
 mod flaw;
 mod gltf;
+mod joined;
 mod lights;
 mod origin;
 mod pictures;
@@ -119,6 +120,7 @@ pub(in crate::scene) fn read(
         ))
         .with_help("a mesh needs triangles: point clouds and lines are not drawn; MeshLab, for example, makes triangles of points"));
     }
+    joined::join_positions(&mut file.mesh);
     file.notes.extend(invisible(&file.mesh));
     Ok(file)
 }

@@ -3,6 +3,7 @@
 
 use super::MeshFile;
 use super::flaw::{Flaw, Named};
+use super::joined::{Sorted, joined};
 use super::origin::{invalid, is_valid, settle};
 use crate::error::Result;
 use crate::memory::Available;
@@ -12,7 +13,6 @@ use crate::scene::normals::MISSING;
 use crate::scene::obj::{Asked, Wish, decimal, quoted, split_lines};
 use crate::words::{counted, counted_are};
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// Number of bytes before the triangles of a binary file.
 const HEADER_BYTES: usize = 84;
@@ -25,14 +25,14 @@ const HEAD_BYTES: usize = 1 << 10;
 /// facets.
 const COLOUR: &[u8] = b"COLOR=";
 
-/// The bits of a corner's coordinates, by which corners are sorted, and the corner's index.
-type Sorted = ([u64; 3], u32);
+/// The bits of a corner's coordinates, by which corners are sorted.
+type Key = [u64; 3];
 
 /// Memory for a triangle of a binary file while equal corners are joined, in bytes. For each of the three
 /// corners, four values are in memory: the corner as it is in the file, the corner's entry in the sorted
 /// list, the index of the corner's position, and this position.
-const JOINING_BYTES: u64 =
-    (3 * (2 * size_of::<DVec3>() + size_of::<Sorted>() + size_of::<u32>()) + size_of::<Triangle>()) as u64;
+const JOINING_BYTES: u64 = (3 * (2 * size_of::<DVec3>() + size_of::<Sorted<Key>>() + size_of::<u32>())
+    + size_of::<Triangle>()) as u64;
 
 /// Reads an STL file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
@@ -56,7 +56,8 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             (corners, notes)
         }
     };
-    let (positions, triangles) = joined(&corners);
+    let (positions, numbers) = joined(&corners, key);
+    let triangles = triangles_of(&numbers);
     let (positions, placement) = settle(&positions, &triangles).map_err(failed)?;
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
     Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
@@ -240,29 +241,19 @@ fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::r
     if is_valid(&corner) { Ok(corner) } else { Err(invalid("a vertex", &corner).at(line)) }
 }
 
-/// Joins equal corners. Returns the distinct positions, and one triangle for every three corners.
-fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
+fn key(corner: &DVec3) -> Key {
     // Adding zero makes -0 and 0 equal.
-    let mut order: Vec<Sorted> = (0..)
-        .zip(corners)
-        .map(|(index, corner)| (corner.to_array().map(|x| (x + 0.0).to_bits()), index))
-        .collect();
-    order.par_sort_unstable();
-    let is_same = |a: &Sorted, b: &Sorted| a.0 == b.0;
-    // The list of positions is created with its final size, since a list that grows takes up to three times
-    // the memory.
-    let mut positions = Vec::with_capacity(order.chunk_by(is_same).count());
-    let mut numbers = vec![0; corners.len()];
-    for same in order.chunk_by(is_same) {
-        same.iter().for_each(|(_, index)| numbers[*index as usize] = positions.len() as u32);
-        positions.push(corners[same[0].1 as usize]);
-    }
+    corner.to_array().map(|x| (x + 0.0).to_bits())
+}
+
+/// Returns one triangle for every three corners. `corners` has the index of each corner's position.
+fn triangles_of(corners: &[u32]) -> Vec<Triangle> {
     let triangle = |corners: &[u32]| Triangle {
         positions: [corners[0], corners[1], corners[2]],
         normals: [MISSING; 3],
         material: 0,
     };
-    (positions, numbers.chunks_exact(3).map(triangle).collect())
+    corners.chunks_exact(3).map(triangle).collect()
 }
 
 #[cfg(test)]

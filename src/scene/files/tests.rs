@@ -1,6 +1,7 @@
 //! Tests that damaged files of every format are refused or read, without a panic.
 
 use super::*;
+use glam::Vec3;
 use std::path::PathBuf;
 
 const PERMITTED: Permitted = Permitted { beyond: false, quotes: true, scaled: false };
@@ -42,6 +43,39 @@ fn files_cut_off_anywhere_and_with_any_byte_changed_do_not_panic() {
             }
         }
     }
+}
+
+/// The two triangles meet at 90 degrees.
+#[test]
+fn triangles_that_share_no_vertices_are_smooth_up_to_the_crease_and_keep_the_colours_of_their_corners() {
+    let corners = ["0 0 0", "0 1 0", "-1 0 -1", "0 1 0", "0 0 0", "1 0 -1"];
+    let colours = ["1 0 0", "0 1 0"].map(|colour| [colour; 3]);
+    let coloured = corners.iter().zip(colours.as_flattened());
+    let vertices: String = coloured.map(|(corner, colour)| format!("v {corner} {colour}\n")).collect();
+    let obj = format!("{vertices}f 1 2 3\nf 4 5 6\n");
+    let header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 2\nproperty list uchar int vertex_indices\nend_header\n";
+    let ply = format!("{header}{}\n3 0 1 2\n3 3 4 5\n", corners.join("\n"));
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = |name: &str, text: &str, format, crease| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let mut mesh = super::read(&path, Opened::at(&path).unwrap(), format, PERMITTED).unwrap().mesh;
+        crate::scene::normals::complete(&mut mesh, crease);
+        mesh
+    };
+    for (name, text, format) in [("a.obj", &obj, MeshFormat::Obj), ("a.ply", &ply, MeshFormat::Ply)] {
+        let smooth = mesh(name, text, format, None);
+        let sharp = mesh(name, text, format, Some(40.0));
+        assert_eq!(smooth.positions.len(), 4, "{name}");
+        for triangle in [0, 1] {
+            assert_eq!(smooth.corner_normals(&smooth.triangles[triangle])[..2], [Vec3::Z; 2], "{name}");
+            assert_ne!(sharp.corner_normals(&sharp.triangles[triangle])[0], Vec3::Z, "{name}");
+        }
+    }
+    let mesh = mesh("a.obj", &obj, MeshFormat::Obj, None);
+    let colours = mesh.triangles.iter().map(|triangle| mesh.material(triangle).lambertian);
+    assert_eq!(colours.collect::<Vec<_>>(), [Vec3::X, Vec3::Y]);
 }
 
 #[test]
