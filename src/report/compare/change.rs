@@ -28,11 +28,18 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
     Some((ratio_of_means(&[after], &second)?.over(ratio_of_means(&[before], &first)?), against))
 }
 
-/// The references of all compared points, and the kind of these references. References are points by whose
-/// mean time the times of other points are divided. Which points are the references of a point depends only
-/// on the rounds in which the two runs measured this point. The key of the map identifies these rounds (see
-/// [`rounds`]).
-pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
+/// The references of some points, and the kind of these references. References are points by whose mean time
+/// the times of other points are divided.
+type Found<'a> = (Vec<Both<'a>>, Against);
+
+/// The names of the devices of a pair of records.
+type Devices<'a> = [&'a str; 2];
+
+/// The references of all compared points. Which points are the references of a point depends only on the
+/// rounds in which the two runs measured this point and, if the references are kernels, on the point's
+/// device. The key of the map identifies these rounds (see [`rounds`]) and the device. The device is `None`
+/// if the references are those of all points of the rounds.
+pub(super) struct References<'a>(HashMap<([blake3::Hash; 2], Option<Devices<'a>>), Found<'a>>);
 
 impl<'a> References<'a> {
     /// Finds the references (points by whose mean time other times are divided) among `all`. `all` contains
@@ -46,37 +53,47 @@ impl<'a> References<'a> {
                 groups.entry(rounds).or_default().push(pair);
             }
         }
-        let known =
-            |(rounds, beside): (_, Vec<Both<'a>>)| Some((rounds, among_group(&beside, &other_devices)?));
-        Self(groups.into_iter().filter_map(known).collect())
+        let known = |(rounds, beside): ([blake3::Hash; 2], Vec<Both<'a>>)| {
+            let found = among_group(&beside, &other_devices).into_iter();
+            found.map(move |(devices, found)| ((rounds, devices), found))
+        };
+        Self(groups.into_iter().flat_map(known).collect())
     }
 
     /// Returns the references of `points` (points of the same rounds, by whose mean time other times are
     /// divided), and the kind of these references. The points in `points` were measured together, and are not
     /// returned as their own references. Returns `None` if no other point can be a reference.
     pub fn of(&self, points: &[Both<'_>]) -> Option<(Vec<Both<'a>>, Against)> {
-        let (references, against) = self.0.get(&rounds(*points.first()?)?)?;
+        let (references, against) = self.found(*points.first()?)?;
         let is_own = |one: &Record| points.iter().any(|(own, _)| std::ptr::eq(one, *own));
         let others: Vec<Both<'a>> = references.iter().filter(|(one, _)| !is_own(one)).copied().collect();
         (!others.is_empty()).then_some((others, *against))
     }
 
+    /// Returns the references of a point, which may include the point itself. Kernels are references only of
+    /// kernels on the same device: the speeds of two devices, or of a device and the host, may change by
+    /// different factors.
+    fn found(&self, pair: Both<'_>) -> Option<&Found<'a>> {
+        let rounds = rounds(pair)?;
+        let device = (!pair.0.is_baseline()).then(|| devices(&pair));
+        [None, device].into_iter().find_map(|device| self.0.get(&(rounds, device)))
+    }
+
     /// Returns true if the point's times are compared without a reference, because the devices of all kernels
     /// of the same rounds differ, and no baseline is the same.
     fn are_bare(&self, pair: Both<'_>) -> bool {
-        let of_rounds = rounds(pair).and_then(|rounds| self.0.get(&rounds));
-        of_rounds.is_some_and(|(_, against)| *against == Against::BareTimes)
+        self.found(pair).is_some_and(|(_, against)| *against == Against::BareTimes)
     }
 }
 
 /// Returns the names of the devices of a pair of records.
-fn devices<'a>((before, after): &Both<'a>) -> [&'a str; 2] {
+fn devices<'a>((before, after): &Both<'a>) -> Devices<'a> {
     [&before.device, &after.device]
 }
 
 /// Returns the names of those pairs of devices in `all` that are two different devices. A device is the same
 /// if its name is the same, or if records with equal keys show that only its name differs in the second run.
-fn other_devices<'a>(all: &[Both<'a>]) -> HashSet<[&'a str; 2]> {
+fn other_devices<'a>(all: &[Both<'a>]) -> HashSet<Devices<'a>> {
     let renamed: HashSet<_> =
         all.iter().filter(|(before, after)| before.key == after.key).map(devices).collect();
     let differ = |names: &[&str; 2]| names[0] != names[1] && !renamed.contains(names);
@@ -89,29 +106,38 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns those of the points `beside` by whose mean time other times are divided (the references). All
-/// points in `beside` were measured in the same rounds. If both runs measured baselines among them with the
-/// same program, these baselines are the references. Without such baselines, the references are the kernels
-/// whose times changed by similar factors. If the two devices of every kernel are a pair of `other_devices`,
-/// there are no references, since the factor by which one device is faster would cancel. Returns `None` for
-/// fewer than three kernels without baselines, since nobody could know which of two kernels became faster or
-/// slower.
+/// Returns those of the points `beside` by whose mean time other times are divided (the references), with the
+/// device whose points have these references, or `None` for all points. All points in `beside` were measured
+/// in the same rounds. If both runs measured baselines among them with the same program, these baselines are
+/// the references. Without such baselines, the references are kernels (see [`of_each_device`]). If the two
+/// devices of every kernel are a pair of `other_devices`, there are no references, since the factor by which
+/// one device is faster would cancel.
 fn among_group<'a>(
     beside: &[Both<'a>],
-    other_devices: &HashSet<[&'a str; 2]>,
-) -> Option<(Vec<Both<'a>>, Against)> {
+    other_devices: &HashSet<Devices<'a>>,
+) -> Vec<(Option<Devices<'a>>, Found<'a>)> {
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
     let baselines: Vec<Both<'a>> = beside.iter().filter(untouched).copied().collect();
     let kernels: Vec<Both<'a>> = beside.iter().filter(|(one, _)| !one.is_baseline()).copied().collect();
     let differ = |pair: &Both<'_>| other_devices.contains(&devices(pair));
     match baselines.is_empty() {
-        false => Some((baselines, Against::Baselines)),
+        false => vec![(None, (baselines, Against::Baselines))],
         true if !other_devices.is_empty() && kernels.iter().all(differ) => {
-            Some((Vec::new(), Against::BareTimes))
+            vec![(None, (Vec::new(), Against::BareTimes))]
         }
-        true if kernels.len() < 3 => None,
-        true => Some((alike(kernels), Against::PointsInCommon)),
+        true => of_each_device(&kernels),
     }
+}
+
+/// Returns, for each device, those of its `kernels` whose times changed by similar factors. Leaves out devices
+/// with fewer than three kernels, since nobody could know which of two kernels became faster or slower.
+fn of_each_device<'a>(kernels: &[Both<'a>]) -> Vec<(Option<Devices<'a>>, Found<'a>)> {
+    let mut of_devices: HashMap<Devices<'a>, Vec<Both<'a>>> = HashMap::new();
+    for &pair in kernels {
+        of_devices.entry(devices(&pair)).or_default().push(pair);
+    }
+    let several = of_devices.into_iter().filter(|(_, kernels)| kernels.len() >= 3);
+    several.map(|(device, kernels)| (Some(device), (alike(kernels), Against::PointsInCommon))).collect()
 }
 
 /// Compares the two times of a point, each divided by the time of the anchor (fixed work that shows the
@@ -249,6 +275,26 @@ mod tests {
         assert_eq!(changes(&[naive, wide, serial], &later), [against(0.75), against(0.5), None]);
         let both = changes(&[naive, serial, parallel], &[naive, ("host", "serial", 20.0), parallel]);
         assert_eq!(both[1..], [against(2.0), against(0.5)]);
+    }
+
+    /// In this test, the first device became twice as fast, and its kernels are the majority.
+    #[test]
+    fn kernels_are_relative_to_kernels_of_their_own_device() {
+        let run = |first: f64, kernels_of_second: usize| {
+            let kernels = ["naive", "wide", "bvh", "tile"];
+            let all = kernels.map(|name| measured("gpu", name, 8, first));
+            let others = kernels.map(|name| measured("cpu", name, 8, 3.0));
+            judged([&all[..], &others[..kernels_of_second]].concat())
+        };
+        let changes = |kernels_of_second: usize| -> Vec<_> {
+            let [before, after] = [1.0, 0.5].map(|first| run(first, kernels_of_second));
+            let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
+            let references = References::among(&all);
+            all.iter().map(|pair| middle(change(*pair, &references))).collect()
+        };
+        let unchanged = Some((1.0, Against::PointsInCommon));
+        assert_eq!(changes(3), [unchanged; 7]);
+        assert_eq!(changes(2), [[unchanged; 4].to_vec(), vec![None; 2]].concat());
     }
 
     /// In this test, the two runs have a control point in common, whose time changed by the factor 10 from

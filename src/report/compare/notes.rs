@@ -182,8 +182,8 @@ impl Comparison {
         };
         Some(format!(
             "No baseline was measured in both folders, with the same program and the same settings, in the same rounds \
-             as {points}. {changes} are therefore relative to those points whose times changed by similar factors. \
-             A change that all points share cannot be detected."
+             as {points}. {changes} are therefore relative to those kernels of the same device whose times changed \
+             by similar factors. A change that all kernels of a device share cannot be detected."
         ))
     }
 
@@ -198,8 +198,8 @@ impl Comparison {
             format!(
                 "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed: in the \
                  rounds in which these kernels were measured, the two folders have neither an anchor kernel, nor \
-                 baselines, nor three kernels in common. With `--times`, the measured times are compared, \
-                 and changes include every difference between the runs.",
+                 baselines, nor three kernels of one device in common. With `--times`, the measured times are \
+                 compared, and changes include every difference between the runs.",
                 which(&names)
             )
         })

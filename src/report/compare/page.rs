@@ -44,9 +44,9 @@ impl Comparison {
         format!(
             "In each folder, a point's time is divided by the time of the anchor, a kernel that never \
              changes and is timed in the same rounds. Without an anchor, the point's time is divided by the \
-             mean time of the baselines. Without baselines, the point's time is divided by the mean time of \
-             the points that changed by similar factors. Without such points either, the \
-             verdict is \"cannot tell\". The two times are compared without being divided in three cases: \
+             mean time of the baselines. Without baselines, a kernel's time is divided by the mean time of \
+             the kernels of the same device that changed by similar factors. Without an anchor, baselines \
+             and such kernels, the verdict is \"cannot tell\". The two times are compared without being divided in three cases: \
              with `--times`; if the devices differ and the folders have no baselines in common; and if the \
              point was measured for both folders in the same rounds. The change is the second folder's \
              quotient (or time), divided by the first folder's. A point is faster or slower if the 95% \

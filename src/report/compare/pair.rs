@@ -32,8 +32,9 @@ pub enum Against {
     /// Ray casters on the host (baselines) that were timed in the same rounds as the point. Their program is
     /// the same in both folders.
     Baselines,
-    /// Points of the same rounds, on the same device, that changed by similar factors. If all points change by
-    /// the same factor, dividing by these points' times hides the change.
+    /// Kernels of the same rounds, on the point's device, that changed by similar factors. If all kernels of
+    /// the device change by the same factor, dividing by these kernels' times hides the change. A baseline is
+    /// never compared in this way.
     PointsInCommon,
     /// The two times are not divided by another measurement. The two times are compared directly, although
     /// they are from different runs or sessions.

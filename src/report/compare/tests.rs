@@ -179,7 +179,7 @@ fn a_baseline_whose_program_changed_is_none() {
     };
     let faster = Record { key: "another program".into(), ..timed("host", "serial", 50.0) };
     let comparison = of(&run("old", timed("host", "serial", 100.0)), &run("new", faster));
-    assert_eq!(comparison.summary(), "1 faster, 0 slower, 3 same, 0 unclear");
+    assert_eq!(comparison.summary(), "0 faster, 0 slower, 3 same, 0 unclear, 1 cannot tell");
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
     let notes = &comparison.notes;
     assert!(notes.iter().any(|note| note.starts_with("No baseline was measured")), "{notes:?}");
@@ -942,23 +942,43 @@ fn notes_tell_what_changes_are_relative_to() {
     assert_eq!(has_notes(&of(&anchor, &anchor)), [true, false, false]);
 }
 
+/// Returns a folder with an anchor, as [`anchored`] does, and a baseline with the key `key`.
+fn with_baseline(key: &str, slow: impl Fn(&str) -> f64) -> Folder {
+    let mut folder = anchored(key, 1.0, slow);
+    let Record { sample_launches, samples_at_ms, .. } = folder.records[0].clone();
+    let samples_ms = vec![100.0; sample_launches.len()];
+    let host = timed("host", "serial", 100.0);
+    let host = Record { key: key.into(), sample_launches, samples_at_ms, samples_ms, ..host };
+    folder.records = judged([folder.records, vec![host]].concat());
+    folder
+}
+
 /// The key of a record depends on settings such as the seed, so the only baseline has different keys in runs
-/// with different seeds.
+/// with different seeds. The kernels cannot show how the speed of the host changed: if the kernels became
+/// faster, the baseline would seem to be slower.
 #[test]
-fn only_points_without_a_baseline_and_an_anchor_are_said_to_be_relative_to_others() {
-    let run = |key: &str| {
-        let mut folder = anchored("a", 1.0, |_| 1.0);
-        let Record { sample_launches, samples_at_ms, samples_ms, .. } = folder.records[0].clone();
-        let host = timed("host", "serial", 100.0);
-        let host = Record { key: key.into(), sample_launches, samples_at_ms, samples_ms, ..host };
-        folder.records = judged([folder.records, vec![host]].concat());
-        folder
+fn a_baseline_is_not_relative_to_kernels() {
+    let comparison = of(&with_baseline("seed 1", |_| 1.0), &with_baseline("seed 2", |_| 0.5));
+    assert_eq!(comparison.summary(), "4 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+    assert_eq!(comparison.regressions(5.0), Vec::<String>::new());
+}
+
+/// The second device has no anchor, unlike the first.
+#[test]
+fn only_kernels_without_a_baseline_and_an_anchor_are_said_to_be_relative_to_others() {
+    let run = |label: &str| {
+        let one = anchored(label, 1.0, |_| 1.0);
+        let mut both = and(one.clone(), one, 0, "another");
+        both.anchors.retain(|anchor| anchor.device == "gpu");
+        both
     };
-    let comparison = of(&run("seed 1"), &run("seed 2"));
+    let comparison = of(&run("old"), &run("new"));
     let notes = comparison.notes;
     let note = notes.iter().find(|note| note.starts_with("No baseline was measured")).unwrap();
-    let part = "in the same rounds as these points: teapot 800 x 500, serial (host). Their changes are";
-    assert!(note.contains(part), "{note}");
+    let names = [("naive", 4), ("naive", 8), ("wide", 4), ("wide", 8)]
+        .map(|(name, side)| format!("room 800 x 500, {name} {side}x{side}, another"));
+    let part = format!("as these points: {}. Their changes are", names.join("; "));
+    assert!(note.contains(&part), "{note}");
 }
 
 #[test]
