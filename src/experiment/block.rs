@@ -133,10 +133,13 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
 }
 
 /// Returns the fastest point among the points that every device can measure. If there is no point that every
-/// device can measure, returns the fastest of all points.
+/// device can measure, returns the fastest of the points that take time: a point that no device can measure
+/// takes none.
 fn control(group: &[Cost]) -> Option<&Cost> {
-    let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
-    group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
+    let fastest = |suits: fn(&&Cost) -> bool| {
+        group.iter().filter(suits).min_by(|one, other| one.ms.total_cmp(&other.ms))
+    };
+    fastest(|cost| cost.may_control).or_else(|| fastest(|cost| cost.ms > 0.0)).or(group.first())
 }
 
 /// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard
@@ -266,6 +269,8 @@ mod tests {
             Some(0),
             "a control point that some devices cannot measure is better than none"
         );
+        groups[0][0].ms = 0.0;
+        assert_eq!(control(&groups), Some(2), "no device can measure a point that takes no time");
     }
 
     #[test]

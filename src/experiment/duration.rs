@@ -25,8 +25,8 @@ const COMPILE_MS: f64 = 300.0;
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured. A control point (which several blocks of points measure for
-    /// comparison) is counted at most once.
+    /// Number of points to be measured, without those that do not fit on their device. A control point (which
+    /// several blocks of points measure for comparison) is counted at most once.
     pub points: usize,
     /// How many of the points to be measured have a time in an earlier record.
     pub known: usize,
@@ -131,8 +131,9 @@ impl Run<'_> {
     /// comparable points. Unless the points are distributed over devices, every device measures a point, so
     /// the point's expected time is the sum of its times on all devices. The time on a device comes from an
     /// `earlier` record. If there is no earlier record, the time is estimated from the amount of computation.
-    /// A point without a record whose preset is meant for another kind of device is skipped, so it takes no
-    /// time. Each returned `Cost` contains the index of its point in the plan for one device.
+    /// A point that does not fit on its device takes no time. A point without a record whose preset is meant
+    /// for another kind of device is skipped, so it takes no time either. Each returned `Cost` contains the
+    /// index of its point in the plan for one device.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let mut sums: HashMap<usize, Cost> = HashMap::new();
         for cost in self.costs_on_devices(earlier)? {
@@ -157,12 +158,13 @@ impl Run<'_> {
         let start_ms = self.launches() as f64 * START_MS;
         let cost = |pending: &PendingPoint| {
             let before = earlier.of_same(&pending.record);
-            let known = self.known_before(pending, &earlier);
+            let fits = pending.fits;
+            let known = if fits { self.known_before(pending, &earlier) } else { Some(Known::default()) };
             let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
             let known = known.unwrap_or_else(|| guessed(&pending.record));
             let ms = self.points_ms(&[known], self.launches());
             let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
-            let may_control = !failed && self.is_for_every_kind(&plan.points[pending.point]);
+            let may_control = !failed && fits && self.is_for_every_kind(&plan.points[pending.point]);
             Some(Cost { point: *of_one_device.get(&pending.point)?, ms, start_ms, may_control })
         };
         let groups = self.pending_points(&plan, &plan.by_device())?;
@@ -300,15 +302,16 @@ impl Together {
 
 /// Returns two lists. The first returned list has the points of a group that have to be measured. The second
 /// returned list has the group's control point if this point is finished, but must be measured again for
-/// comparison with the first list. Points whose keys are in `done` are finished.
+/// comparison with the first list. Points whose keys are in `done` are finished. Neither list has points that
+/// do not fit on their device: their programs are not even built.
 fn left<'a>(
     group: &'a [PendingPoint],
     done: &HashSet<String>,
 ) -> (Vec<&'a PendingPoint>, Vec<&'a PendingPoint>) {
     let is_finished = |record: &Record| record.is_control || done.contains(&record.key);
     let is_control = |record: &Record| record.control.as_ref() == Some(&record.key);
-    let meant = group.iter().filter(|pending| pending.not_for.is_none());
-    let (finished, own): (Vec<_>, Vec<_>) = meant.partition(|pending| is_finished(&pending.record));
+    let possible = group.iter().filter(|pending| pending.not_for.is_none() && pending.fits);
+    let (finished, own): (Vec<_>, Vec<_>) = possible.partition(|pending| is_finished(&pending.record));
     let is_again = |pending: &&PendingPoint| !own.is_empty() && is_control(&pending.record);
     let again = finished.into_iter().filter(is_again).collect();
     (own, again)

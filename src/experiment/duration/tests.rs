@@ -163,6 +163,34 @@ fn a_point_for_another_kind_of_device_takes_no_time_and_is_no_control_point() {
     assert!(known[0].1 > 1e6 && guesses[0].1 < 1e6, "{known:?}");
 }
 
+/// The imitated device has too little `__local` memory for the preset `local-vectors`. In the second case, an
+/// earlier run measured both points, for example on another device of the same name.
+#[test]
+fn a_point_that_does_not_fit_takes_no_time_and_is_no_control_point() {
+    let lines = "local_sizes = [4]\n[[strategy]]\npreset = 'local-vectors'\n[emulate]\nlocal_bytes = 100";
+    let (both, naive) = (fixtures::experiment(lines), fixtures::experiment("local_sizes = [4]"));
+    let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let [both, alone] = [&both, &naive].map(|experiment| fixtures::run(experiment, &devices, &locks));
+    let plan = both.plan();
+    let groups = both.pending_points(&plan, &plan.by_device()).unwrap();
+    let measured = |pending: &PendingPoint| Record {
+        outcome: Outcome::Measured,
+        host_median_ms: Some(1000.0),
+        samples_ms: vec![1000.0; 20],
+        ..pending.record.clone()
+    };
+    let known: Vec<Record> = groups.iter().flatten().map(measured).collect();
+    for earlier in [Vec::new(), known] {
+        let expected = |run: &Run<'_>| run.expected(&earlier, &Past::default()).unwrap();
+        assert_eq!((expected(&both).points, expected(&both).most), (1, expected(&alone).most));
+        let costs = both.costs(&earlier).unwrap().concat();
+        let [naive, local] = &costs[..] else { panic!("{costs:?}") };
+        assert!(naive.may_control && naive.ms > 0.0, "{naive:?}");
+        assert!(!local.may_control && local.ms == 0.0, "{local:?}");
+    }
+}
+
 /// The points of a group have the same workers, so the start of workers is no part of a point's own time.
 #[test]
 fn the_cost_of_a_point_is_the_time_of_all_its_launches_without_the_starts_of_workers() {
