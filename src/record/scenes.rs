@@ -1,11 +1,11 @@
 //! Gives different names to scenes with different contents. If several scenes have the same name, each of
 //! these scenes gets a new name: the end of the scene's path, with as few folders as are needed to make the
-//! names differ. If even the scenes' whole paths do not make all names differ, the scenes get the names in
-//! [`Names::others`].
+//! names differ, also from those of all other scenes. If even the scenes' whole paths do not make all names
+//! differ, the scenes get the names in [`Names::others`].
 
 use super::types::Record;
 use crate::entry::entry;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
 /// The possible names of a scene.
@@ -30,11 +30,13 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns a map with new names for different scenes that have the same name in the records. The keys of the
-/// map are the hashes of the scenes' contents.
+/// Returns a map with new names for different scenes that have the same name in the records. No other scene of
+/// the records has one of the new names. The keys of the map are the hashes of the scenes' contents.
 pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<String, String> {
-    let mut contents: HashMap<&str, Vec<Content<'_>>> = HashMap::new();
+    let mut taken: HashSet<String> = HashSet::new();
+    let mut contents: BTreeMap<&str, Vec<Content<'_>>> = BTreeMap::new();
     for record in records {
+        taken.insert(record.scene.clone());
         let Some(hash) = record.scene_hash.as_deref() else { continue };
         let same_name = contents.entry(&record.scene).or_default();
         let new = || Content { hash, image_sizes: HashSet::new(), record };
@@ -42,11 +44,15 @@ pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<Strin
         content.image_sizes.insert(record.image_size);
     }
     let mut new_names = HashMap::new();
-    for scenes in contents.into_values().map(scenes_of).filter(|scenes| scenes.len() > 1) {
+    let named = contents.into_iter().map(|(old, contents)| (old, scenes_of(contents)));
+    for (old, scenes) in named.filter(|(_, scenes)| scenes.len() > 1) {
         let names: Vec<Names> = scenes.iter().map(|contents| Names::of(contents[0].record)).collect();
-        for (contents, name) in scenes.iter().zip(distinct(&names)) {
-            new_names.extend(contents.iter().map(|content| (content.hash.to_owned(), name.to_owned())));
+        let is_free = |new: &str| new == old || !taken.contains(new);
+        let new: Vec<String> = distinct(&names, is_free).into_iter().map(str::to_owned).collect();
+        for (contents, name) in scenes.iter().zip(&new) {
+            new_names.extend(contents.iter().map(|content| (content.hash.to_owned(), name.clone())));
         }
+        taken.extend(new);
     }
     new_names
 }
@@ -88,11 +94,14 @@ fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
 }
 
 /// Returns one name per scene. All names are made by the same rule (see [`Names::at`]): the first rule that
-/// makes all names differ. If no rule makes all names differ, returns the names with hashes.
-fn distinct(scenes: &[Names]) -> Vec<&str> {
+/// makes all names differ, and makes only names that are free (names of no other scene). If there is no such
+/// rule, returns the names with hashes.
+fn distinct(scenes: &[Names], is_free: impl Fn(&str) -> bool) -> Vec<&str> {
     let depth = scenes.iter().map(|names| names.paths.len()).max().unwrap_or(0);
     let mut kinds = (0..depth + 3).map(|kind| scenes.iter().map(|names| names.at(kind, depth)).collect());
-    let differ = |names: &Vec<&str>| names.iter().collect::<HashSet<_>>().len() == names.len();
+    let differ = |names: &Vec<&str>| {
+        names.iter().all(|name| is_free(name)) && names.iter().collect::<HashSet<_>>().len() == names.len()
+    };
     let last = depth + 2;
     kinds.find(differ).unwrap_or_else(|| scenes.iter().map(|names| names.at(last, depth)).collect())
 }
@@ -163,6 +172,25 @@ mod tests {
         assert_eq!(renamed(&above), ["scene", "b/scene"]);
         let endings = [("scene", "a/scene.obj", "", "1"), ("scene", "a/scene.toml", "", "2")];
         assert_eq!(renamed(&endings), ["a/scene.obj", "a/scene.toml"]);
+    }
+
+    /// If two scenes got the same name, their points would be in one table, and only one of two points with the
+    /// same strategy would be in it.
+    #[test]
+    fn a_new_name_is_that_of_no_other_scene() {
+        let stated = [
+            ("tri", "p/tri.toml", "", "1"),
+            ("tri", "q/tri.toml", "", "2"),
+            ("p/tri", "other.toml", "", "3"),
+        ];
+        assert_eq!(renamed(&stated), ["p/tri.toml", "q/tri.toml", "p/tri"]);
+        let both_new = [
+            ("d/a", "b.toml", "", "1"),
+            ("d/a", "c.toml", "", "2"),
+            ("a (b)", "d/a (b).toml", "", "3"),
+            ("a (b)", "e/a (b).toml", "", "4"),
+        ];
+        assert_eq!(renamed(&both_new), ["d/a (b.toml)", "d/a (c.toml)", "d/a (b)", "e/a (b)"]);
     }
 
     #[test]
