@@ -89,10 +89,9 @@ fn entry(record: &Record, mut entry: Map<String, Value>) -> Value {
             entry.insert("__error__".into(), error.into());
         }
     }
-    let benchmark_ms: f64 = record.samples_ms.iter().sum();
     let others = [
         ("compile_time", json!(record.build_ms.unwrap_or(0.0))),
-        ("benchmark_time", json!(benchmark_ms)),
+        ("benchmark_time", json!(record.samples_total_ms())),
         ("verification_time", json!(0.0)),
         ("strategy_time", json!(0.0)),
         ("framework_time", json!(0.0)),
@@ -202,6 +201,8 @@ mod tests {
             assert_eq!([&exported["time"], &exported["__error__"]], [error, error], "{outcome:?}");
             assert_eq!(exported.get("times"), None, "{outcome:?}");
         }
+        let exported = entry(&Record { samples_ms: Vec::new(), ..record }, Map::new());
+        assert_eq!(exported["benchmark_time"].to_string(), "0.0", "and not -0.0");
     }
 
     #[test]

@@ -33,7 +33,7 @@ fn result(record: &Record) -> Value {
         "times": {
             "compilation": build_ms,
             "compilation_time": build_ms,
-            "benchmark": record.samples_ms.iter().sum::<f64>(),
+            "benchmark": record.samples_total_ms(),
             "framework": 0.0,
             "search_algorithm": 0.0,
             "validation": 0.0,
@@ -115,6 +115,8 @@ mod tests {
             all.filter(|one| one["name"] == "skip_reason").map(|one| one["value"].clone()).collect()
         };
         assert_eq!(reasons(infeasible("gpu", "naive", 32, "too large")), ["too large"]);
+        let exported = result(&infeasible("gpu", "naive", 32, "too large"));
+        assert_eq!(exported["times"]["benchmark"].to_string(), "0.0", "and not -0.0");
         assert!(reasons(measured("gpu", "naive", 8, 2.0)).is_empty());
     }
 

@@ -412,6 +412,12 @@ impl Record {
         self.preset.as_deref() == Some("naive")
     }
 
+    /// Returns the time of all samples together, in milliseconds. The function does not use `sum`, which returns
+    /// -0.0 if there are no samples.
+    pub fn samples_total_ms(&self) -> f64 {
+        self.samples_ms.iter().fold(0.0, |total, ms| total + ms)
+    }
+
     /// Returns true if the record is the result of a baseline (a caster on the host that uses no OpenCL).
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
