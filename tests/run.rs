@@ -257,6 +257,14 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
 }
 
 #[test]
+fn a_dry_run_says_under_which_name_an_equal_strategy_is_measured() {
+    let folder = new_folder();
+    let twin = "strategy=[{ preset = \"naive\", name = \"twin\" }]";
+    let text = folder.output(&["run", "config.toml", "--asleep", "0.1", "--dry-run", "--set", twin]);
+    has(&text, &["note: Strategy twin equals naive on all axes; it is measured once, as naive.\n"]);
+}
+
+#[test]
 fn the_teapot_in_48_kib_is_refused_with_arithmetic() {
     let (folder, device, config) = (WorkFolder::new(), device(), repository("configs/figure-8.toml"));
     let config = config.to_str().expect("UTF-8");

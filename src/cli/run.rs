@@ -323,9 +323,10 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
 }
 
 /// Tells the user which scenes of the config are not measured, because their content equals that of another
-/// scene.
+/// scene, and which strategies are measured under the name of an equal strategy.
 fn say_copies(experiment: &Experiment, observer: &mut dyn Observer) {
-    let notes = experiment.scenes.iter().flat_map(|scene| &scene.notes);
+    let of_scenes = experiment.scenes.iter().flat_map(|scene| scene.notes.clone());
+    let notes = of_scenes.chain(experiment.notes_on_equal_strategies());
     notes.for_each(|note| observer.says(&format!("note: {note}")));
 }
 
@@ -476,7 +477,7 @@ fn foresee(args: &Args) -> Result<()> {
     if args.quiet && !args.json {
         return Ok(());
     }
-    forecast(&points, &expected, args.json)
+    forecast(&points, &experiment.notes_on_equal_strategies(), &expected, args.json)
 }
 
 /// Writes the report. With `--json`, then prints the records; otherwise, prints the results and their paths,

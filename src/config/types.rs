@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::device::{DeviceKind, DeviceLimits};
+use crate::entry::entry;
 use crate::error::Result;
 use crate::printer::line;
 use crate::scene::{Loaded, Sampling, Scene, Setting, Shot, load_scene_named_in};
@@ -56,6 +57,23 @@ impl Experiment {
             Some(named.strategy) == wanted && named.local_sizes.contains(&local_size)
         };
         self.strategies.iter().filter(is_wanted)
+    }
+
+    /// Returns a note for each strategy that is measured under another name, at some local sizes or at all of
+    /// them, because an earlier strategy has the same value on every axis (see [`Self::names_of`]).
+    pub fn notes_on_equal_strategies(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for (index, copy) in self.strategies.iter().enumerate() {
+            let mut measured_as: Vec<(&str, Vec<[u32; 2]>)> = Vec::new();
+            for &size in &copy.local_sizes {
+                let Some(first) = self.names_of(index, size).next() else { continue };
+                let first = first.name.as_str();
+                entry(&mut measured_as, |(name, _)| *name == first, || (first, Vec::new())).1.push(size);
+            }
+            measured_as.retain(|(first, _)| *first != copy.name);
+            notes.extend(measured_as.iter().map(|(first, sizes)| copy.note_on_equal(first, sizes)));
+        }
+        notes
     }
 
     /// Removes the scenes at these indices in the config's list of scenes. The function may be called only
@@ -213,6 +231,20 @@ pub struct NamedStrategy {
 }
 
 impl NamedStrategy {
+    /// Returns a note that says that the strategy `first` is measured in place of this strategy, which has the
+    /// same value on every axis. `sizes` are those of this strategy's local sizes for which this holds.
+    fn note_on_equal(&self, first: &str, sizes: &[[u32; 2]]) -> String {
+        let sizes = match sizes.len() == self.local_sizes.len() {
+            true => String::new(),
+            false => {
+                let all: Vec<String> =
+                    sizes.iter().map(|[across, down]| format!("{across}x{down}")).collect();
+                format!("at {}, ", all.join(", "))
+            }
+        };
+        format!("Strategy {} equals {first} on all axes; {sizes}it is measured once, as {first}.", self.name)
+    }
+
     /// Returns why the strategy is not measured on devices of this kind; `None` if it is measured on them.
     pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
         let meant = self.meant_for.filter(|meant| *meant != kind)?;

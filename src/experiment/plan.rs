@@ -229,6 +229,30 @@ mod tests {
         assert_eq!(Plan::new(&experiment, 1).points.len(), 4);
     }
 
+    /// The last strategy has a local size that the first lacks, so it is measured as the third.
+    #[test]
+    fn a_note_says_under_which_name_an_equal_strategy_is_measured() {
+        let mut experiment = experiment(1, 1, 2, 3, 0);
+        let like_first = |name: &str, local_sizes: &[[u32; 2]]| NamedStrategy {
+            name: name.into(),
+            local_sizes: local_sizes.to_vec(),
+            ..experiment.strategies[0].clone()
+        };
+        let copies = [
+            like_first("twin", &[[1, 2], [3, 6]]),
+            like_first("more", &[[1, 2], [2, 4], [64, 1]]),
+            like_first("last", &[[64, 1]]),
+        ];
+        assert_eq!(experiment.notes_on_equal_strategies(), Vec::<String>::new());
+        experiment.strategies.extend(copies);
+        let expected = [
+            "Strategy twin equals naive on all axes; it is measured once, as naive.",
+            "Strategy more equals naive on all axes; at 1x2, 2x4, it is measured once, as naive.",
+            "Strategy last equals more on all axes; it is measured once, as more.",
+        ];
+        assert_eq!(experiment.notes_on_equal_strategies(), expected);
+    }
+
     #[test]
     fn labels_say_scene_size_and_work() {
         let experiment = experiment(1, 1, 1, 1, 1);

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::existing;
 use crate::reader;
 use crate::words::{path_word, quote};
-use notes::{NO_ENVIRONMENT, TORN, certainty, dirty, of_merge};
+use notes::{NO_ENVIRONMENT, TORN, certainty, dirty, of_config, of_merge};
 use serde_json::Value;
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -77,6 +77,7 @@ impl Folder {
         let notes = certainty(&records, &controls, &rounds)
             .into_iter()
             .chain(of_merge(folder))
+            .chain(of_config(environment.as_ref()))
             .chain(of_shown)
             .chain(dirty(&records, environment.as_ref()))
             .chain(lines.torn.then(|| TORN.to_owned()))
@@ -527,6 +528,15 @@ mod tests {
         assert_eq!(read.label, name.file_name().unwrap().to_string_lossy());
         let values = ["question", "scenes", "answer"].map(|key| read.config(key));
         assert_eq!(values, [Some("Which?".to_owned()), None, None]);
+    }
+
+    #[test]
+    fn notes_on_the_config_are_notes_on_its_results() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let environment = serde_json::json!({"config_notes": ["Strategy a equals b."]}).to_string();
+        std::fs::write(folder.path().join("environment.json"), environment).unwrap();
+        let (_, notes) = shown(&folder);
+        assert!(notes.iter().any(|note| note == "Strategy a equals b."), "{notes:?}");
     }
 
     #[test]

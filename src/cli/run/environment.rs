@@ -23,6 +23,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
         config: experiment.source.clone(),
         config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
         overrides: experiment.overrides.clone(),
+        config_notes: experiment.notes_on_equal_strategies(),
         sources: files(experiment).chain(kernels.iter().map(of_kernels)).collect(),
     }
 }
@@ -74,7 +75,7 @@ mod tests {
         let config = folder.path().join("a.toml");
         let text = format!(
             "question = '?'\nexpectation = '!'\nscenes = [{scene:?}]\nlocal_sizes = [4]\nstrategies = ['naive']\n\
-             image_sizes = [[8, 5]]\n"
+             image_sizes = [[8, 5]]\n[[strategy]]\npreset = 'naive'\nname = 'twin'\n"
         );
         std::fs::write(&config, &text).unwrap();
         let experiment = crate::config::load(&config, &[("timing.seed".to_owned(), "3".to_owned())]).unwrap();
@@ -84,6 +85,8 @@ mod tests {
         assert_eq!((described.config_path, described.config), (config.display().to_string(), text));
         assert_eq!((described.overrides.len(), described.devices.len()), (1, 1));
         assert_eq!(described.devices[0], DeviceEnvironment::of(&device));
+        let note = "Strategy twin equals naive on all axes; it is measured once, as naive.";
+        assert_eq!(described.config_notes, [note]);
         let hash = |path: &Path| Some(blake3::hash(&std::fs::read(path).unwrap()).to_hex().to_string());
         let expected = [
             ("config", config.display().to_string(), hash(&config)),

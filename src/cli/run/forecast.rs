@@ -9,8 +9,8 @@ use crate::words::counted;
 use std::collections::HashSet;
 
 /// Prints for every point how many bytes of memory it needs, and whether it fits on its device. Without `json`, also
-/// prints the expected duration of the run.
-pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<()> {
+/// prints notes on the points' scenes, `more_notes` and the expected duration of the run.
+pub fn forecast(points: &[Forecast], more_notes: &[String], expected: &Expected, json: bool) -> Result<()> {
     if json {
         return points.iter().try_for_each(print_json);
     }
@@ -20,7 +20,8 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
         table.add_row(cells(point, &names[point.device.as_str()]));
     }
     print(table)?;
-    notes(points).into_iter().try_for_each(|note| print(format!("note: {note}")))?;
+    let mut notes = notes(points).into_iter().chain(more_notes.iter().map(String::as_str));
+    notes.try_for_each(|note| print(format!("note: {note}")))?;
     print(format!("{}\n{expected}.", counts(points)))
 }
 

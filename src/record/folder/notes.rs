@@ -44,8 +44,18 @@ pub(super) fn of_merge(folder: &Path) -> Vec<String> {
     let merge: Option<Value> = reader::bytes(&folder.join(MERGE), reader::Kind::Results)
         .ok()
         .and_then(|text| serde_json::from_slice(&text).ok());
-    let notes = merge.and_then(|merge| Some(merge["notes"].as_array()?.clone())).unwrap_or_default();
-    notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
+    merge.map(|merge| texts(&merge["notes"])).unwrap_or_default()
+}
+
+/// Returns the notes on the run's config in `environment` (the contents of `environment.json`).
+pub(super) fn of_config(environment: Option<&Value>) -> Vec<String> {
+    environment.map(|environment| texts(&environment["config_notes"])).unwrap_or_default()
+}
+
+/// Returns the texts in a list; empty if `list` is no list.
+fn texts(list: &Value) -> Vec<String> {
+    let elements = list.as_array().into_iter().flatten();
+    elements.filter_map(|element| element.as_str().map(str::to_owned)).collect()
 }
 
 /// Returns a note on the records that come from a raycl program built from uncommitted sources. Nobody can
