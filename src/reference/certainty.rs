@@ -31,9 +31,9 @@ const ROUNDING: f64 = 6e-8;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.
 const RIVAL: f64 = 1e-6;
-/// How far rounding may move a hit off its triangle's plane, as a fraction. The fraction is relative to the
-/// largest of three numbers: the hit's distance, the hit's coordinates and the triangle's size. For grazing
-/// light, a move off the plane decides whether a shadow ray starts above or below the triangle. Nudges (small
+/// How far rounding may move a hit off its triangle's plane, as a fraction of the largest of three distances of
+/// the hit: from the eye, from the scene's origin, and from the farthest corner of its triangle. For grazing
+/// light, a move off the plane may decide whether a shadow ray starts above or below the triangle. Nudges (small
 /// turns) of the pixel's ray do not reveal a move off the plane.
 const OFF_PLANE: f64 = 1e-6;
 
@@ -95,7 +95,7 @@ impl Asked<'_> {
     /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's position in a
     /// texture. Nudges of the ray do not reveal an error of this position if all corners of the triangle have
     /// the same texture coordinates, as in models whose texture is a palette. `reaches` tests whether a light
-    /// or the sky is visible. The function calls `reaches` only once for each light and for the sky, since
+    /// or the sky is visible. The function calls `reaches` at most once for each light and for the sky, since
     /// the hit point does not move.
     fn shift_texture(
         &self,
@@ -130,9 +130,10 @@ impl Asked<'_> {
     }
 
     /// Ends the shadow rays farther from a hit than usual, and includes the resulting radiance in `sample`. A
-    /// device that casts shadow rays from a distant light may end the rays at either of the two distances of
-    /// [`ends_before_hit`]. `radiance` returns the hit's radiance. The argument of `radiance` is a function
-    /// that returns the distance from the hit at which the shadow ray of a [`Sight`] ends.
+    /// device that casts shadow rays from a distant light may end the rays at any distance between the two
+    /// distances of [`ends_before_hit`]; the function casts with these two. `radiance` returns the hit's
+    /// radiance. The argument of `radiance` is a function that returns the distance from the hit at which the
+    /// shadow ray of a [`Sight`] ends.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -154,9 +155,9 @@ impl Asked<'_> {
     }
 
     /// Includes in `sample` the values that the radiance of this hit takes under small changes of the shadow
-    /// rays, of the direction to the sky, of the position in the texture and of highlights. The pixel's ray is
-    /// not nudged. `leaning` contains the casters of [`Caster::leaning`], in which rounding makes all triangles
-    /// larger or all smaller.
+    /// rays, of the plane of the hit, of the direction to the sky, of the position in the texture and of
+    /// highlights. The pixel's ray is not nudged. `leaning` contains the casters of [`Caster::leaning`], in
+    /// which rounding makes all triangles larger or all smaller.
     fn change_hit(
         &self,
         sample: &mut PixelSample,
@@ -268,7 +269,7 @@ fn mesh_of(mesh: &Mesh, triangle: &Triangle, material: Material) -> Mesh {
 /// - Shadow rays start a little above, and below, the plane of the hit.
 /// - The hit is where the ray meets a plane a little above, and below, the plane of the hit.
 /// - Shadow rays end as far from the hit as those that a device casts from a distant light.
-/// - Surfaces near lights are included as occluders, and left out.
+/// - Surfaces very close to a light are included as occluders, and left out.
 /// - Rounding makes triangles larger and holes smaller, or triangles smaller and holes larger.
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
@@ -315,10 +316,11 @@ fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3
 
 /// Returns a ray whose hit is where `ray` meets the plane of the triangle if rounding moves this plane by `off`. A ray
 /// that meets a large triangle at a small angle slides far along the triangle: so far that the light's distance and
-/// direction change noticeably. The returned ray starts elsewhere on the same line, so that its hit keeps `hit.t`.
+/// direction change noticeably. The returned ray starts elsewhere on the line of `ray`: at the distance `hit.t`
+/// before the moved hit.
 fn slid(ray: &Ray<f64>, hit: &Hit<f64>, off: DVec3) -> Ray<f64> {
     let along = off.length_squared() / off.dot(ray.direction);
-    // Seen edge-on, the plane may be moved past the eye or to infinity.
+    // If the ray sees the plane edge-on, its hit on the moved plane may lie behind the eye or at infinity.
     let along = if along.is_finite() { along.max(-hit.t).min(hit.t) } else { 0.0 };
     Ray { origin: ray.origin + ray.direction * along, ..*ray }
 }
@@ -638,8 +640,8 @@ mod tests {
         assert!((shift(&nearly_level, 1e-3).length() - hit.t).abs() < 1e-12, "no farther than to the eye");
     }
 
-    /// On a ground of 200,000 units, the distance of a hit may be wrong by a unit. The hit that is nearer to the eye
-    /// is also nearer to the light.
+    /// On a ground of 200,000 units, the distance of a hit may be wrong by a unit. In this test, a hit that
+    /// is nearer to the eye is also nearer to the light.
     #[test]
     fn a_hit_on_a_large_triangle_may_be_brighter_than_the_exact_one() {
         let brightest = |half: f32| {

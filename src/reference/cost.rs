@@ -1,4 +1,5 @@
-//! Counts the tests that each pixel's rays need: in exhaustive casting, and in a tree.
+//! Counts the ray-triangle tests of each pixel's rays, in exhaustive casting and with a tree. With a tree, also counts
+//! the nodes that the rays visit.
 
 use super::cast::Caster;
 use super::count;
@@ -90,8 +91,8 @@ pub fn in_built(scene: &Scene, tree: &WideBvh, grid: Grid, culling: Culling) -> 
 }
 
 /// The numbers of tests and nodes of one pixel's rays. A single thread counts these tests and nodes. The
-/// numbers are atomic nevertheless, because the trait [`Finder`] (a search for hits) requires that threads
-/// can share its implementations.
+/// numbers are atomic nevertheless, because the trait [`Finder`] (a search for hits) requires that several
+/// threads can share an implementation.
 #[derive(Debug, Default)]
 struct Tally {
     tests: AtomicU32,

@@ -1,5 +1,5 @@
-//! Layers of a picture: numbers that describe what each pixel's primary ray hits. The layers are computed on the host
-//! in double precision, whatever device casts the picture.
+//! Layers of a picture: numbers that describe what the ray through each pixel's centre hits, and what the pixel costs.
+//! The layers are computed on the host in double precision, whatever device casts the picture.
 
 use super::cast::Caster;
 use super::cost::{self, Cost};
@@ -23,9 +23,10 @@ pub struct Layers {
     pub size: [u32; 2],
     /// Depth along the viewing direction in the scene's units; infinite without a hit.
     pub depth: Vec<f32>,
-    /// The interpolated normal, of length 1; zero without a hit.
+    /// The interpolated normal, of length 1; zero without a hit, and where the corners' normals cancel out.
     pub normal: Vec<[f32; 3]>,
-    /// The diffuse reflectance: the material's k_L times the texture's colour, in linear light; zero without a hit.
+    /// The diffuse reflectance: the material's k_L times the colours of the corners and of the texture, in linear
+    /// light; zero without a hit.
     pub albedo: Vec<[f32; 3]>,
     /// The number of the triangle in the scene, from 0; [`NOTHING`] without a hit.
     pub triangle: Vec<u32>,
@@ -91,8 +92,7 @@ fn pixel_hits(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<Pix
     (0..count(size)).into_par_iter().map(look).collect()
 }
 
-/// Returns the interpolated normal of a hit, of unit length; zero where the corners' normals cancel
-/// out.
+/// Returns the interpolated normal of a hit, of length 1; zero where the corners' normals cancel out.
 pub fn normal_at(mesh: &Mesh, hit: &Hit<f64>) -> DVec3 {
     let corners = mesh.corner_normals(&mesh.triangles[hit.triangle as usize]).map(|normal| normal.as_dvec3());
     let normal: DVec3 = corners.iter().zip(hit.weights).map(|(normal, weight)| *normal * weight).sum();

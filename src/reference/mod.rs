@@ -72,7 +72,7 @@ pub struct Reference {
     pub doubts: Vec<Doubt>,
     /// Number of pixels that were cast: all, or a random selection.
     pub judged: usize,
-    /// Number of pixels whose rays hit a triangle.
+    /// Number of pixels with at least one ray that hits a triangle.
     pub hits: usize,
     /// The smallest and the largest possible number of hits. The two numbers differ if a nudge (a small turn
     /// of a ray) or another small change turns a pixel's hit into a miss, or a miss into a hit. Such a pixel
@@ -89,8 +89,8 @@ impl Reference {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
 
-    /// Returns the number of uncertain pixels whose rays hit a triangle. Nearly certain pixels, which only
-    /// wide nudges change, are not counted.
+    /// Returns the number of uncertain pixels with at least one ray that hits a triangle. Nearly certain pixels,
+    /// which only wide nudges change noticeably, are not counted.
     pub fn uncertain_hits(&self) -> usize {
         self.doubts.iter().filter(|doubt| doubt.hit && !doubt.nearly_certain).count()
     }
@@ -122,7 +122,8 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
 /// Casts only the pixels with the indices `pixels`. A pixel gets the first `count(pixel)` samples of
 /// `of_pixel`; the pixel's value is the mean of these samples. Small changes (see [`certainty`]) alter the
 /// radiance of each sample; the pixel is certain if the mean of the samples' largest alterations is small.
-/// Pixels that are not cast are black and uncertain, and are not used in verification.
+/// Pixels that are not cast are black and uncertain. Of an image's values for these pixels, verification only
+/// requires that they are finite.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],

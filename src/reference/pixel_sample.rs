@@ -1,4 +1,4 @@
-//! One pixel's radiance, and how it changes under nudges of the pixel's ray.
+//! One pixel's radiance, and how it changes under nudges of the pixel's ray and other small changes.
 
 use crate::image::RELATIVE_LIMIT;
 use glam::DVec3;
@@ -90,8 +90,8 @@ impl PixelSample {
 pub(super) enum Reach {
     /// A wide nudge: it turns a ray by ten times the angle of a nudge of the size [`Self::Near`].
     Wide,
-    /// A narrow nudge (a small turn of a ray), or another small change. Both are about as large as the effect
-    /// of rounding.
+    /// A narrow nudge (a small turn of a ray), or another small change. These changes are about as large as
+    /// those that rounding causes.
     Near,
 }
 

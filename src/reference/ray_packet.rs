@@ -26,7 +26,8 @@ pub struct RayPacket {
     end: DVec3,
 }
 
-/// How the rays of a packet hit a triangle, with the range of the hits' possible distances from the origin.
+/// How the rays of a packet hit a triangle, with the least and the greatest possible distance of a hit from the
+/// packet's origin. The distance is negative if the triangle is behind the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PacketHit {
     /// No ray of the packet hits the triangle.
@@ -175,8 +176,8 @@ impl RayPacket {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Tests whether triangles block the rays that run towards the packet's origin. If `own` is not `None`,
-    /// the triangle with this index is ignored. Returns `Some(true)` if all rays hit one triangle at
+    /// Tests whether triangles block the packet's rays if these run towards the packet's origin. If `own` is not
+    /// `None`, the triangle with this index is ignored. Returns `Some(true)` if all rays hit one triangle at
     /// distances in the range `sure`. Returns `Some(false)` if no ray can hit a triangle at a distance in the
     /// range `may`. If neither condition is met, the result is uncertain, and the function returns `None`.
     /// Distances are measured from the packet's origin.

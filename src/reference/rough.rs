@@ -1,5 +1,5 @@
-//! Determines which blocks of pixels get more samples: those in which neighbouring pixels differ visibly
-//! after the first samples. On devices, `cl/common/mark_rough.cl` finds the blocks that get more samples.
+//! Determines which blocks of pixels are rough, and therefore get more samples: those in which neighbouring
+//! pixels differ visibly after the first samples. On devices, `cl/common/mark_rough.cl` finds rough blocks.
 
 use super::{Reference, some_pixels};
 use crate::image::{RELATIVE_LIMIT, Radiance};
@@ -44,7 +44,7 @@ pub fn certain_blocks(means: &Reference, display: Display, first: u32) -> Vec<([
 }
 
 /// Returns the difference of neighbouring pixels above which a block is rough, in 8-bit steps. The pixels'
-/// difference is computed after the first `first` samples per pixel.
+/// difference is computed after `first` samples per pixel.
 pub fn rough_steps(first: u32) -> f64 {
     f64::from(ROUGH_STEPS) / f64::from(first).sqrt()
 }

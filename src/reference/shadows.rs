@@ -37,8 +37,8 @@ pub struct Points {
     pub spread: f64,
 }
 
-/// `Some(true)` if a light reaches all points near a hit, `Some(false)` if the light reaches none of these points, and
-/// `None` if both are uncertain.
+/// `Some(true)` if a light certainly reaches all points near a hit, `Some(false)` if the light certainly
+/// reaches none of these points, otherwise `None`.
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {

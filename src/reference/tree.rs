@@ -97,10 +97,10 @@ impl Tree {
     }
 
     /// Passes triangles to `visitor`, approximately in the order of distance. The visitor gets the triangles
-    /// of all leaves whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first,
-    /// `far` is `ray.far`. The visitor gets a triangle and `far`. The visitor returns the new value of `far`:
-    /// the distance up to which further triangles matter. The traversal ends if `far` is not above
-    /// `ray.near`.
+    /// of all leaves whose boxes, enlarged by `around` on each side, the ray hits before the distance `far`.
+    /// At first, `far` is `ray.far`. Each call of the visitor gets a triangle and `far`, and returns the new
+    /// value of `far`: the distance up to which further triangles matter. The traversal ends if `far` is not
+    /// above `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A zero component of a ray's direction would give NaN (0 * infinity) if the ray lies in a face of a
         // box.
@@ -144,8 +144,8 @@ impl Tree {
 
 /// An upper bound of the number of levels of a tree over any mesh.
 const DEPTH: usize = 72;
-/// Number of levels, from the root down, whose nodes are split where the cost is least. Nodes of deeper levels are
-/// split into two parts with nearly equal numbers of triangles.
+/// Number of levels, from the root down, whose nodes are split where the cost is least (see `cheapest`). Nodes of
+/// deeper levels are split into two parts with nearly equal numbers of triangles.
 const LEVELS_BY_COST: usize = 36;
 /// Number of bins along an axis. A node may be split at the borders between bins.
 const BINS: usize = 16;
@@ -194,9 +194,9 @@ fn centre(t: &Indexed) -> DVec3 {
 /// Splits a node's triangles into two non-empty parts, and returns the number of triangles in the first part.
 /// The triangles are split along the axis along which their centres are spread most. The split is where a ray
 /// is expected to test the fewest triangles (the surface area heuristic over bins of centres, from "On fast
-/// Construction of SAH-based Bounding Volume Hierarchies" by Ingo Wald, 2007). At the tree's level
-/// `LEVELS_BY_COST` and all deeper levels, or if the centres of all triangles are in one bin, the two parts
-/// get nearly equal numbers of triangles.
+/// Construction of SAH-based Bounding Volume Hierarchies" by Ingo Wald, 2007). If `level` is at least
+/// `LEVELS_BY_COST`, or if the centres of all triangles are in one bin, the two parts get nearly equal numbers
+/// of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);

@@ -1,19 +1,19 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! The [`Reference`] also casts each pixel with small changes. Some of the small changes are nudges: they
-//! change the direction of the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow
-//! nudges turn it by about as much as rounding. Small changes other than nudges concern, for example, the
+//! For the [`Reference`], each pixel is also cast with small changes. Some of the small changes are nudges,
+//! which turn the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges turn
+//! the ray by little more than rounding does. Small changes other than nudges concern, for example, the
 //! shadow bias. A pixel is certain if no small change alters its value noticeably. A certain pixel of the
 //! image must agree with the reference within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within
 //! one 8-bit step per channel as displayed. Pixels that are not certain are uncertain. An uncertain pixel has
-//! a range: its values under all small changes except wide nudges. The value of an uncertain pixel should lie
-//! within the pixel's range. If only wide nudges (large turns of the ray) alter a pixel noticeably, no value
-//! in the pixel's range differs from the reference by more than the relative limit. A pixel that only wide
-//! nudges alter is therefore judged almost like a certain pixel. Uncertain pixels whose value lies outside
-//! their range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of
-//! pixels that hit something must also lie in the range that the reference allows, since the result
-//! `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of certain
-//! pixels must agree with the reference too.
+//! a range: from the least to the greatest value of each channel under all small changes except wide nudges.
+//! The value of an uncertain pixel should lie within the pixel's range. If only wide nudges alter a pixel
+//! noticeably, no value in the pixel's range differs from the reference by more than the relative limit. A
+//! pixel that only wide nudges alter is therefore judged almost like a certain pixel. Uncertain pixels whose
+//! value lies outside their range are counted, and only few of them are allowed (see [`unexplained_limit`]).
+//! The number of pixels that hit something must lie in, or close to, the range that the reference allows (see
+//! `wrong_hits`), since the result `shadow_rays_per_s` is computed from this number. If the background is
+//! transparent, the alpha of certain pixels must agree with the reference too.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -36,8 +36,8 @@ pub struct Verdict {
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of uncertain pixels of the reference, without the nearly certain pixels.
     pub uncertain_pixels: usize,
-    /// Number of pixels that are not certain and lie outside their range (see the [module](self)). If the
-    /// image has another size than the reference, all uncertain pixels are counted.
+    /// Number of pixels that are not certain and whose value lies outside their range (see the [module](self)).
+    /// If the image has another size than the reference, this number equals `uncertain_pixels`.
     pub unexplained_pixels: usize,
     /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite. If the image has
     /// another size than the reference, all pixels are counted.
@@ -125,10 +125,9 @@ pub fn unexplained_limit(judged: usize) -> usize {
 /// reference has cast) that hit something, fewer than one in ten are certain or nearly certain. Returns
 /// `None` if at least one in ten of these pixels is certain or nearly certain. Pixels that hit nothing do not
 /// count in this share, because even an image with wrong surfaces shows the background where the reference
-/// shows it. If no pixel hits anything, the share is computed from all judged pixels. Each of the two
-/// arguments of this function consists of a number of uncertain pixels and the number of all pixels. The
-/// first argument is about all judged pixels (pixels that the reference has cast); the second argument is
-/// about those judged pixels that hit something.
+/// shows it. If no pixel hits anything, the share is computed from all judged pixels. The first argument has
+/// two numbers for all judged pixels: how many of them are uncertain, and how many there are. The second
+/// argument has the same two numbers for those judged pixels that hit something.
 pub fn hardly_verified(
     [uncertain_pixels, judged]: [usize; 2],
     [uncertain_hits, hits]: [usize; 2],
@@ -165,7 +164,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
 struct Finding {
     pixel: [u32; 2],
     difference: f64,
-    /// True if the difference is larger than is allowed.
+    /// True if the difference is larger than allowed.
     wrong: bool,
     actual: [f32; 3],
     expected: [f32; 3],

@@ -138,7 +138,8 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
 }
 
 /// A wide nudge turns a ray ten times as far as a narrow nudge, and much farther than rounding can turn a ray.
-/// Pixels that only wide nudges change do not depend on rounding, so they must agree with the reference.
+/// Pixels that only wide nudges change do not depend on rounding, so all but a few of them must agree with the
+/// reference.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     let scene = fixtures::random(300, 1);

@@ -1,5 +1,5 @@
-//! Determines whether a pixel is certain, with a few searches in the tree instead of searches for every
-//! nudge. If a few searches do not determine whether the pixel is certain, the result is `None`.
+//! Finds out how small changes alter a pixel, with a few searches in the tree instead of searches for every
+//! nudge. If a few searches do not suffice, the result is `None`.
 
 use super::super::cast::Caster;
 use super::super::intersect::{Hit, moller_trumbore};
@@ -56,7 +56,7 @@ impl Hits {
 
     /// Returns the points of all hits in `self`, as a centre and a largest distance from the centre. The
     /// centre is the hit of the pixel's own ray. The points also include two copies of the centre, moved off
-    /// the triangle's plane by the two offsets `offs`, and the two hits of [`slid`] rays.
+    /// the triangle's plane by the two offsets `offs`, and the two hits of the rays `slid` (see [`slid`]).
     fn points(&self, scene: &Scene, offs: [DVec3; 2], slid: &[RayHit; 2]) -> Points {
         let at = |(ray, hit): &RayHit| surface_at(scene, ray, hit);
         let point = |of: &RayHit| at(of)[0];
@@ -85,12 +85,12 @@ impl Hits {
     }
 }
 
-/// Computes the result of [`super::sample`] faster if the whole packet of nudged rays hits a single triangle
-/// first, or nothing. In this case, one search of the tree finds the hits of all nudged rays (rays that
-/// differ slightly from the pixel's ray). For each light, one more search finds out whether the packet from
-/// the light to the hits is occluded completely, or not at all. If the result for a light is uncertain,
-/// shadow rays to this light are cast. Returns `None` if it is uncertain what the rays hit, or if light
-/// grazes the triangle.
+/// Computes the result of [`super::sample`] faster if all nudged rays (rays that differ slightly from the
+/// pixel's ray) hit the same triangle first, or if all of them hit nothing. In this case, one search of the
+/// tree finds the hits of all nudged rays. For each light, one more search finds out whether all shadow rays
+/// between the light and the hits are blocked, or none of them. If this is uncertain for a light, shadow rays
+/// to this light are cast. Returns `None` if it is uncertain what the rays hit, or if light grazes the
+/// triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
