@@ -37,9 +37,9 @@ type Devices<'a> = [&'a str; 2];
 
 /// The references of all compared points. Which points are the references of a point depends only on the
 /// rounds in which the two runs measured this point and, if the references are kernels, on the point's
-/// device. The key of the map identifies these rounds (see [`rounds`]) and the device. The device is `None`
-/// if the references are those of all points of the rounds.
-pub(super) struct References<'a>(HashMap<([blake3::Hash; 2], Option<Devices<'a>>), Found<'a>>);
+/// device. The key of the map identifies these rounds (see [`rounds`]). The device beside references is
+/// `None` if they are the references of all points of the rounds.
+pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], Vec<(Option<Devices<'a>>, Found<'a>)>>);
 
 impl<'a> References<'a> {
     /// Finds the references (points by whose mean time other times are divided) among `all`. `all` contains
@@ -53,11 +53,8 @@ impl<'a> References<'a> {
                 groups.entry(rounds).or_default().push(pair);
             }
         }
-        let known = |(rounds, beside): ([blake3::Hash; 2], Vec<Both<'a>>)| {
-            let found = among_group(&beside, &other_devices).into_iter();
-            found.map(move |(devices, found)| ((rounds, devices), found))
-        };
-        Self(groups.into_iter().flat_map(known).collect())
+        let found = |beside: Vec<Both<'a>>| among_group(&beside, &other_devices);
+        Self(groups.into_iter().map(|(rounds, beside)| (rounds, found(beside))).collect())
     }
 
     /// Returns the references of `points` (points of the same rounds, by whose mean time other times are
@@ -74,9 +71,9 @@ impl<'a> References<'a> {
     /// kernels on the same device: the speeds of two devices, or of a device and the host, may change by
     /// different factors.
     fn found(&self, pair: Both<'_>) -> Option<&Found<'a>> {
-        let rounds = rounds(pair)?;
-        let device = (!pair.0.is_baseline()).then(|| devices(&pair));
-        [None, device].into_iter().find_map(|device| self.0.get(&(rounds, device)))
+        let is_own = |device: Devices<'_>| !pair.0.is_baseline() && device == devices(&pair);
+        let of_rounds = self.0.get(&rounds(pair)?)?;
+        of_rounds.iter().find(|(device, _)| device.is_none_or(is_own)).map(|(_, found)| found)
     }
 
     /// Returns true if the point's times are compared without a reference, because the devices of all kernels
