@@ -103,12 +103,23 @@ fn address_space(text: &str) -> Option<u64> {
 /// Returns the largest amount of memory that this process has used at any time (VmHWM); `None` if the system
 /// does not report this number.
 pub fn peak_bytes() -> Option<u64> {
-    kibibytes(&read_text(Path::new(STATUS))?, "VmHWM:")
+    peak_in(&read_text(Path::new(STATUS))?)
+}
+
+/// Returns the largest amount of memory that a process has used, according to the text of its file `status`
+/// in /proc.
+fn peak_in(status: &str) -> Option<u64> {
+    kibibytes(status, "VmHWM:")
 }
 
 /// Returns the memory that this process uses now (VmRSS); `None` if the system does not report this number.
 pub fn resident_bytes() -> Option<u64> {
-    kibibytes(&read_text(Path::new(STATUS))?, "VmRSS:")
+    resident_in(&read_text(Path::new(STATUS))?)
+}
+
+/// Returns the memory that a process uses, according to the text of its file `status` in /proc.
+fn resident_in(status: &str) -> Option<u64> {
+    kibibytes(status, "VmRSS:")
 }
 
 /// Formats bytes in decimal units: "512 B", "3.4 MB", "1.2 GB".
@@ -217,10 +228,18 @@ mod tests {
         assert_eq!(meminfo_available("MemTotal: 5 kB\n"), None);
     }
 
+    /// The lines of the file `status` of a process that state how much memory the process uses or used.
+    const LINES: &str =
+        "VmPeak:\t     900 kB\nVmSize:\t     300 kB\nVmHWM:\t     200 kB\nVmRSS:\t     100 kB\n";
+
+    #[test]
+    fn memory_in_use_is_not_taken_for_address_space() {
+        assert_eq!([peak_in(LINES), resident_in(LINES)], [Some(204_800), Some(102_400)]);
+    }
+
     #[test]
     fn a_limit_of_the_address_space_leaves_what_is_not_reserved() {
-        let status = "VmPeak:\t     900 kB\nVmSize:\t     300 kB\nVmHWM:\t     200 kB\nVmRSS:\t     100 kB\n";
-        let left = |soft: &str| left_below(&format!("Max address space {soft} unlimited bytes\n"), status);
+        let left = |soft: &str| left_below(&format!("Max address space {soft} unlimited bytes\n"), LINES);
         assert_eq!([left("409600"), left("1024"), left("unlimited")], [Some(102_400), Some(0), None]);
     }
 

@@ -141,14 +141,7 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let changed = changed(comparison);
     let several = comparison.has_several_devices();
     for pair in &changed {
-        let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::numbers::ms);
-        table.add_row([
-            pair.point(several),
-            time(pair.before.median_ms),
-            time(pair.after.median_ms),
-            pair.change(),
-            pair.verdict.name().to_owned(),
-        ]);
+        table.add_row(cells(pair, several));
     }
     if !changed.is_empty() {
         super::print(table)?;
@@ -160,6 +153,19 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
         super::print(format!("note: {note}"))?;
     }
     super::print(comparison.summary())
+}
+
+/// Returns a point's row of the table: its name, its times in both folders, the change, and the verdict. If
+/// `several_devices` is true, the name ends with the device's name.
+fn cells(pair: &report::Pair, several_devices: bool) -> [String; 5] {
+    let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::numbers::ms);
+    [
+        pair.point(several_devices),
+        time(pair.before.median_ms),
+        time(pair.after.median_ms),
+        pair.change(),
+        pair.verdict.name().to_owned(),
+    ]
 }
 
 /// Returns the points whose verdict is not "same". The point with the largest slowdown comes first; points for which
@@ -193,6 +199,15 @@ mod tests {
         let comparison = Comparison::of(&before, &after, 0.02, true);
         let names: Vec<&str> = changed(&comparison).iter().map(|pair| pair.before.name.as_str()).collect();
         assert_eq!(names, ["wide", "bvh", "naive", "private"]);
+    }
+
+    #[test]
+    fn a_row_has_the_time_in_the_first_folder_before_the_time_in_the_second() {
+        let folder =
+            |ms: f64| Folder { records: judged([measured("a", "naive", 8, ms)]), ..Folder::default() };
+        let comparison = Comparison::of(&folder(10.0), &folder(12.0), 0.02, true);
+        let cells = cells(&comparison.pairs[0], false);
+        assert_eq!(cells[1..3], ["10.00", "12.00"]);
     }
 
     #[test]

@@ -309,6 +309,7 @@ fn text_of(name: &str, made: &Compilation) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::compiled::Resources;
 
     #[test]
     fn programs_that_fail_are_named_and_only_mistakes_count_as_the_users() {
@@ -343,6 +344,28 @@ mod tests {
         assert!(table.starts_with(head), "{table}");
         let table = text_of("naive", &compilation("NVIDIA H200"));
         assert!(table.starts_with("naive at local size 8 x 8 on NVIDIA H200, built"), "{table}");
+    }
+
+    #[test]
+    fn the_row_of_a_kernel_has_its_resources_in_their_columns() {
+        let resources = Resources {
+            registers: Some(40),
+            spill_store_bytes: Some(12),
+            spill_load_bytes: Some(16),
+            ..Resources::default()
+        };
+        let kernel = CompiledKernel {
+            name: "k".into(),
+            work_group_size: Some(256),
+            local_bytes: Some(64),
+            resources,
+            occupancy: Some(0.5),
+            ..CompiledKernel::default()
+        };
+        let table = text_of("naive", &Compilation { kernels: vec![kernel], ..compilation("a device") });
+        let row = table.lines().find(|line| line.starts_with("│ k ")).unwrap_or_default();
+        let cells: Vec<&str> = row.split(['│', '┆']).map(str::trim).filter(|cell| !cell.is_empty()).collect();
+        assert_eq!(cells, ["k", "40", "12", "64", "256", "50%", "not PTX"]);
     }
 
     #[test]

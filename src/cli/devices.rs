@@ -187,6 +187,12 @@ mod tests {
     }
 
     #[test]
+    fn the_largest_work_group_and_the_width_of_vectors_have_columns_of_their_own() {
+        let cells = cells(&example("PoCL", "cpu", DeviceKind::Cpu, 2));
+        assert_eq!(cells[7..], ["1024", "1"]);
+    }
+
+    #[test]
     fn global_memory_is_in_gib() {
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
         assert_eq!(cpu.limits.global_bytes, 1 << 33);

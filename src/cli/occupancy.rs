@@ -217,6 +217,17 @@ mod tests {
     }
 
     #[test]
+    fn the_table_has_each_number_in_its_column_below_the_limits_of_the_multiprocessor() {
+        let sm = multiprocessor("2.0").unwrap();
+        let question = Question { sm, registers: 20, local_bytes: 0, local_bytes_per_item: 0 };
+        let text = question_text(&question, &[[16, 16]]);
+        assert!(text.contains("at most 8 work-groups, 48 warps,\n32768 registers and 48 KiB"), "{text}");
+        let row = text.lines().find(|line| line.contains("16x16")).unwrap_or_default();
+        let cells: Vec<&str> = row.split(['│', '┆']).map(str::trim).filter(|cell| !cell.is_empty()).collect();
+        assert_eq!(cells, ["16x16", "256", "0", "6", "48", "1536", "100%", "warps"]);
+    }
+
+    #[test]
     fn local_bytes_an_item_add_to_those_a_group() {
         let sm = multiprocessor("2.0").unwrap();
         let question = Question { sm, registers: 20, local_bytes: 1000, local_bytes_per_item: 108 };

@@ -214,7 +214,7 @@ mod tests {
             device: "a label".to_owned(),
             device_name: "a device".to_owned(),
             strategy: "naive".to_owned(),
-            local_size: [8, 8],
+            local_size: [8, 4],
             image_size: [48, 30],
             frames,
             seconds: 1.0,
@@ -232,6 +232,12 @@ mod tests {
         assert!(one.contains(" 1.50 ms\n") && one.ends_with("speed     4.00 Mrays/s"), "{one}");
         assert!(three.contains(" 1.50 ms, the median of 3 frames\n"), "{three}");
         assert!(three.ends_with("speed     2.0 frames/s, 4.00 Mrays/s"), "{three}");
+    }
+
+    #[test]
+    fn sizes_are_printed_across_before_down() {
+        let printed = text_of(1, 1, &[]);
+        assert!(printed.contains("\nsize      48 x 30 pixels, local size 8 x 4\n"), "{printed}");
     }
 
     #[test]

@@ -187,6 +187,8 @@ mod tests {
         let two = of("2.0", 63, 0, 4);
         assert_eq!((two.groups, two.warps, two.threads, two.limiter), (8, 8, 32, Limiter::GroupCap));
         assert_eq!(of("2.0", 20, 0, 256).threads, 1536);
+        // Groups of one warp: 48 warps would fit on both multiprocessors.
+        assert_eq!([of("8.6", 16, 0, 32).groups, of("8.9", 16, 0, 32).groups], [16, 24]);
     }
 
     #[test]
@@ -210,6 +212,7 @@ mod tests {
         assert_eq!(of("8.6", 16, 48 * 1024, 64).groups, 2); // 49 KiB per group, 100 KiB in all
         assert_eq!(of("7.0", 16, 48 * 1024, 64).groups, 2); // 48 KiB per group, 96 KiB in all
         assert_eq!(of("9.0", 16, 12 * 1024, 64).groups, 17); // 13 KiB per group, 228 KiB in all
+        assert_eq!(of("8.0", 16, 16 * 1024, 64).groups, 9); // 17 KiB per group, 164 KiB in all
     }
 
     #[test]

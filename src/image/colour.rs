@@ -142,8 +142,28 @@ mod tests {
 
     /// Returns the dots of two characters below a colour scale. `left` is the column of the first character.
     fn text(picture: &RgbImage, left: u32) -> [String; 5] {
+        dots(picture, left, 7)
+    }
+
+    /// Returns the dots of a text below a colour scale, from the column `left`.
+    fn dots(picture: &RgbImage, left: u32, width: u32) -> [String; 5] {
         let dot = |x: u32, y: u32| if picture[(x, y)].0 == [255; 3] { '#' } else { ' ' };
-        [0, 1, 2, 3, 4].map(|y| (left..left + 7).map(|x| dot(x, 11 + y)).collect())
+        [0, 1, 2, 3, 4].map(|y| (left..left + width).map(|x| dot(x, 11 + y)).collect())
+    }
+
+    /// The other tests of this file draw the other digits.
+    #[test]
+    fn each_digit_has_its_own_dots() {
+        let mut picture = RgbImage::new(23, SCALE_HEIGHT);
+        draw_text(&mut picture, 0, 11, "134578");
+        let expected = [
+            " #  ### # # ### ### ###",
+            "##    # # # #     # # #",
+            " #  ### ### ###   # ###",
+            " #    #   #   #   # # #",
+            "### ###   # ###   # ###",
+        ];
+        assert_eq!(dots(&picture, 0, 23), expected);
     }
 
     #[test]

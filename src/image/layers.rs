@@ -191,28 +191,36 @@ mod tests {
     }
 
     #[test]
-    fn an_exr_holds_each_component_of_the_normals() {
+    fn an_exr_holds_each_value_under_its_own_name() {
         let layers = Layers {
             size: [1, 1],
             depth: vec![1.0],
             normal: vec![[0.25, 0.5, 0.75]],
             albedo: vec![[0.5, 0.125, 1.5]],
-            triangle: vec![0],
-            object: vec![0],
-            tests: vec![0],
-            nodes: vec![0],
+            triangle: vec![1],
+            object: vec![2],
+            tests: vec![3],
+            nodes: vec![7],
         };
+        let picture = Radiance { pixels: vec![[0.1, 0.2, 0.3]], ..Radiance::new(1, 1) };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        save_layers(&Radiance::new(1, 1), &layers, &[Target::of_results(&path)]).unwrap();
+        save_layers(&picture, &layers, &[Target::of_results(&path)]).unwrap();
         let file = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
-        let value = |name: &str| {
+        let samples = |name: &str| {
             let mut channels = file.layer_data.channel_data.list.iter();
-            match channels.find(|channel| channel.name.eq(name)).map(|channel| &channel.sample_data) {
-                Some(FlatSamples::F32(values)) => values[0],
-                other => panic!("{name}: {other:?}"),
-            }
+            channels.find(|channel| channel.name.eq(name)).map(|channel| channel.sample_data.clone())
         };
+        let value = |name: &str| match samples(name) {
+            Some(FlatSamples::F32(values)) => values[0],
+            other => panic!("{name}: {other:?}"),
+        };
+        let number = |name: &str| match samples(name) {
+            Some(FlatSamples::U32(values)) => values[0],
+            other => panic!("{name}: {other:?}"),
+        };
+        assert_eq!(["R", "G", "B"].map(value), [0.1, 0.2, 0.3]);
+        assert_eq!(["triangle", "object", "tests", "nodes"].map(number), [1, 2, 3, 7]);
         assert_eq!(["N.X", "N.Y", "N.Z"].map(value), [0.25, 0.5, 0.75]);
         assert_eq!(["albedo.R", "albedo.G", "albedo.B"].map(value), [0.5, 0.125, 1.5]);
         // In an EXR file, a bit in the second byte of the version number says whether the file has tiles.

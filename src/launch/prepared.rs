@@ -174,10 +174,11 @@ fn group_items(kernel: &Kernel) -> Option<u32> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::accel::TreeUse;
     use crate::device::discover;
     use crate::image::Radiance;
-    use crate::launch::Session;
     use crate::launch::alone::reports_local_memory;
+    use crate::launch::{HostTree, Session};
     use crate::program::Sources;
     use crate::reference::reference;
     use crate::scene::{Sky, SkyPicture, load_scene};
@@ -377,6 +378,19 @@ mod tests {
         for caster in [rasterising, showing_sky] {
             assert!(caster.kernels().all(|kernel| group_items(kernel).is_some()));
         }
+    }
+
+    #[test]
+    fn the_tree_is_uploaded_with_the_scene_but_building_it_has_a_time_of_its_own() {
+        let local = preset("local-vectors").unwrap().strategy;
+        let (mut prepared, _) = prepare(&Arc::new(scene("triangle.toml")), &local);
+        let scene_ms = prepared.uploaded.upload_ms;
+        assert_eq!([prepared.tree_ms(), prepared.upload_ms()], [0.0, scene_ms]);
+        let (bvh, mesh) = (preset("bvh").unwrap().strategy, &prepared.scene.mesh);
+        let host = HostTree::build(mesh, &bvh, TreeUse::ManyFrames).unwrap().expect("a tree");
+        let tree = DeviceTree::upload(&prepared.queue, mesh, &bvh, host).unwrap();
+        prepared.tree = Some(Arc::new(DeviceTree { build_ms: 3.0, upload_ms: 5.0, ..tree }));
+        assert_eq!([prepared.tree_ms(), prepared.upload_ms()], [3.0, scene_ms + 5.0]);
     }
 
     #[test]

@@ -261,6 +261,7 @@ mod tests {
         assert!(pixels.caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", pixels.caption);
         assert!(triangles.svg.contains("naive: ^1.00"), "the legend has the exponent");
         assert!(!triangles.svg.contains("class=\"line\""), "only fitted lines join marks");
+        assert!(plots.iter().all(|plot| !plot.svg.contains(">0<")), "a logarithmic axis has no 0");
         assert!(
             growth(&groups[..1], &Looks::of(&groups)).is_empty(),
             "a single scene and size show no growth"

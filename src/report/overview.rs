@@ -353,5 +353,7 @@ mod tests {
         // The x axis shows the times of `a` (10 ms and 40 ms), and the y axis those of `b` (20 ms and 5 ms). In SVG, y
         // coordinates grow downwards, so the mark of 5 ms has the larger y coordinate.
         assert!(dots[0][0] < dots[1][0] && dots[0][1] < dots[1][1], "{dots:?}");
+        let labels = "<desc>b: median ms against a: median ms</desc>";
+        assert!(plots[0].svg.contains(labels), "{}", plots[0].svg);
     }
 }

@@ -420,6 +420,15 @@ mod tests {
     }
 
     #[test]
+    fn the_plot_reaches_beyond_all_marks_and_all_corners_of_roofs() {
+        // The roofs have their corners at 0.5 and 4 operations per byte.
+        assert_eq!(ends(&[], Some(&peak())), [0.25, 8.0]);
+        let mark = Mark { x: 16.0, y: 1.0, interval: None, tip: String::new() };
+        let one = Series { name: String::new(), look: Look::default(), joined: false, marks: vec![mark] };
+        assert_eq!(ends(&[one], Some(&peak())), [0.25, 32.0]);
+    }
+
+    #[test]
     fn a_roof_rises_with_the_operations_per_byte_up_to_the_rate_of_multiply_adds() {
         let roofs = roofs(&peak(), [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];

@@ -163,6 +163,12 @@ mod tests {
     }
 
     #[test]
+    fn json_has_the_median_time_and_the_number_of_samples() {
+        let point = object(&measured("gpu", "naive", 16, 10.0), &CompiledKernel::default());
+        assert_eq!((point["median_ms"].as_f64(), point["samples"].as_u64()), (Some(10.0), Some(10)));
+    }
+
+    #[test]
     fn points_of_unknown_registers_are_left_out() {
         assert!(predicted(&record(None), Some("9.0")).is_none());
         assert!(predicted(&Record::default(), None).is_none());

@@ -328,6 +328,8 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::DeviceKind;
+    use crate::device::tests::example;
 
     #[test]
     fn counts_and_rates_read_well() {
@@ -368,6 +370,17 @@ mod tests {
         // A first frame that takes more than 1 s counts as one of the timed frames.
         let long = Report { frames: 5, ..Report::default() };
         assert_eq!(long.remark("casting"), " (5 timed frames)");
+    }
+
+    #[test]
+    fn the_mean_number_of_samples_is_printed_if_it_is_below_the_largest() {
+        let text = |mean_samples| {
+            let report = Report { samples: 16, mean_samples, ..Report::default() };
+            report.text(&example("PoCL", "cpu", DeviceKind::Cpu, 2))
+        };
+        let line = "\nsamples   4.50 per pixel on average, 16 at most\n";
+        assert!(text(4.5).contains(line), "{}", text(4.5));
+        assert!(!text(16.0).contains("samples"), "{}", text(16.0));
     }
 
     #[test]

@@ -281,3 +281,38 @@ fn a_row_has_its_time_as_a_multiple_of_the_best_time() {
     let slower = |index: usize| row(&records[index], Some(&records[1]), false).slower;
     assert_eq!([0, 1].map(slower), ["2.00×", "1.00×"]);
 }
+
+/// Returns the page of a strategy at three local sizes, on a device with a known compute capability.
+fn page_of_three_sizes() -> Page {
+    let environment = serde_json::json!({ "devices": [{ "device": "gpu", "compute_capability": "9.0" }] });
+    let records = judged([4, 8, 16].map(|side| measured("gpu", "naive", side, f64::from(side))));
+    Page::of(&[Folder { environment, records, ..Folder::default() }])
+}
+
+#[test]
+fn occupancy_is_predicted_for_the_devices_compute_capability() {
+    let page = page_of_three_sizes();
+    let is_wanted = |plot: &&Plot| plot.name.starts_with("occupancy");
+    let caption = &page.views[0].others.iter().find(is_wanted).expect("a plot").caption;
+    assert!(caption.contains("compute capability, 9.0, and assumes the paper's 63 registers"), "{caption}");
+}
+
+#[test]
+fn times_over_local_sizes_have_a_logarithmic_plot_before_a_linear_one() {
+    let page = page_of_three_sizes();
+    let plots = page.views[0].lines.as_ref().expect("plots");
+    assert_eq!(plots.each_ref().map(|plot| plot.svg.contains(">0<")), [false, true]);
+}
+
+#[test]
+fn the_page_opens_with_the_scene_of_the_most_triangles() {
+    let of = |(scene, triangles): (&str, u64)| Record {
+        scene: scene.to_owned(),
+        triangles: Some(triangles),
+        ..measured("gpu", "naive", 8, 1.0)
+    };
+    let records = judged([("a", 5), ("b", 9), ("c", 2)].map(of));
+    let page = Page::of(&[Folder { records, ..Folder::default() }]);
+    let first: Vec<bool> = page.views.iter().map(|view| view.first).collect();
+    assert_eq!(first, [false, true, false]);
+}
