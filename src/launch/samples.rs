@@ -427,6 +427,24 @@ mod tests {
         }
     }
 
+    /// The blocks that get more samples are those in which the picture shows a difference, also with a tone curve
+    /// other than the usual one. The square of the brightest radiance is infinite in single precision.
+    #[test]
+    fn pixels_are_compared_as_their_tone_curve_shows_them() {
+        let mut marking = Marking::new();
+        marking.tone = Tone::Filmic;
+        let is_rough = |colours: [f32; 2]| {
+            !marking.rough(|x, _| [colours[usize::from(x == 6)] / Marking::EXPOSURE; 3]).is_empty()
+        };
+        let exposed = |shown: f64| Tone::Filmic.inverse((shown / 255.0).powi(2)) as f32;
+        let limit = f64::from(ROUGH_STEPS);
+        for shown in [0.0, 100.0, 254.0 - limit] {
+            let apart = |steps: f64| is_rough([shown, shown + steps].map(exposed));
+            assert!(!apart(limit - 0.1) && apart(limit + 0.1), "{shown}");
+        }
+        assert!(is_rough([0.0, 1e28]) && !is_rough([1e28, 1e28]));
+    }
+
     /// A dark surface differs from a transparent background only in its alpha.
     #[test]
     fn before_a_transparent_background_a_block_is_rough_where_only_alpha_differs() {
