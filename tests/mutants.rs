@@ -272,6 +272,33 @@ fn a_broken_edge_leaks() {
     }
 }
 
+/// Changes to kernels because of which an eye sees a surface in whose plane it lies. Rounding decides what such an eye
+/// sees, so verification accepts the picture. The surface fills a large part of it.
+#[test]
+fn a_broken_plane_is_seen_from_within() {
+    apart!();
+    let most = if is_long() { usize::MAX } else { 1 };
+    for mutant in of_command(Some("planes"), 5).iter().take(most) {
+        let work_folder = WorkFolder::new();
+        let folder = work_folder.path(&mutant.folder(&work_folder));
+        let scene = common::scene(mutant.scene.as_deref().expect("a scene"));
+        let hits = |sources: &Sources, strategy: &Strategy| {
+            let stand = Stand::of(sources, scene.clone(), SIZE, |builtins| builtins);
+            stand.cast_and_count(strategy, local_size(strategy)).expect("an image").1
+        };
+        let strategies = mutant.strategies();
+        assert!(!strategies.is_empty(), "{}: no strategy uses it", mutant.file);
+        let soon = strategies.iter().any(|(_, strategy)| compiles_soon(strategy));
+        let due = strategies.iter().filter(|(_, strategy)| compiles_soon(strategy) || !soon);
+        for (name, strategy) in due.take(most) {
+            let right = hits(&Sources::Embedded, strategy);
+            let wrong = hits(&Sources::Folder(folder.clone()), strategy);
+            println!("{}: {name}: {right} hits, {wrong} with the change", mutant.file);
+            assert!(wrong > 2 * right, "{}: {:?}: {name}: {wrong} hits", mutant.file, mutant.to);
+        }
+    }
+}
+
 /// Some rows of the table have `command = "probe"`. These rows change code that is compiled only for devices
 /// with lane operations other than barriers.
 #[test]

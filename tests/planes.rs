@@ -6,6 +6,7 @@ use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene, soon};
 use glam::{Vec3, vec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use raycl::reference::reference;
 use raycl::scene::{Scene, load_scene};
 use raycl::strategy::{Culling, Intersector, Passes, Shading, Strategy, Traversal, preset};
 use std::fmt::Write as _;
@@ -107,6 +108,25 @@ fn lights_and_cameras_in_planes_are_verified_right() {
     .flat_map(|(name, scene)| wrong(name, scene))
     .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// All pixels of this picture are uncertain, so verification would accept a picture in which the eye sees the ground.
+/// The watertight test finds out that rays start in the ground's plane, and sees only the ball.
+#[test]
+fn the_watertight_test_does_not_see_the_ground_in_whose_plane_the_eye_lies() {
+    const SIZE: [u32; 2] = [61, 43];
+    let scene = scene("../tests/data/in-the-ground.toml");
+    let expected = reference(&scene, SIZE, Culling::None).hits;
+    assert!((100..1000).contains(&expected), "{expected} pixels of the ball");
+    let stand = Stand::new(scene, SIZE);
+    let names = ["deferred", "bvh", "tile-watertight", "tile-group-watertight"];
+    let watertight =
+        |name| Strategy { intersector: Intersector::WATERTIGHT, ..preset(name).expect("a preset").strategy };
+    for strategy in names.map(watertight).into_iter().filter(compiles_soon) {
+        let local_size = if strategy.traversal == Traversal::Tile { [1, 1] } else { COMMON_LOCAL_SIZE };
+        let seen = stand.cast_and_count(&strategy, local_size).expect("it fits").1;
+        assert!(seen.abs_diff(expected) < 8, "{strategy}: {seen} pixels with a hit, not {expected}");
+    }
 }
 
 /// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner.
