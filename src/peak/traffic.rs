@@ -20,7 +20,7 @@ pub struct Traffic<'a> {
     pub triangle_bytes: f64,
     /// The memory that contains the triangle.
     pub triangle_in: &'a str,
-    /// Bytes that the test reads of the ray; 0 if the ray is in registers.
+    /// Bytes that the test reads of the ray; 0 with private vectors.
     pub ray_bytes: f64,
     /// The memory that contains the ray.
     pub ray_in: &'a str,

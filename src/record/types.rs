@@ -233,7 +233,7 @@ pub struct Record {
     /// The memory that contains the triangles that tests read: `global`, `__constant` or `__local`.
     #[serde(default)]
     pub triangle_memory: Option<String>,
-    /// Bytes of the ray that a ray-triangle test reads from a memory; 0 if the ray is in registers.
+    /// Bytes of the ray that a ray-triangle test reads from a memory; 0 with private vectors.
     #[serde(default)]
     pub ray_bytes_per_test: Option<f64>,
     /// The memory that contains the rays that tests read: `global` or `__local`, or `registers`.

@@ -1,4 +1,4 @@
-// meaning: private arrays, which compilers keep in registers
+// meaning: private arrays, which compilers can keep in registers
 // memory: private
 // bytes_per_ray: 108
 //
