@@ -21,7 +21,8 @@ use std::path::Path;
 For each device, the command prints the smallest difference that one launch can show, and the smallest difference that all launches together can show. A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
     /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in your settings, else all]
+    /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in RAYCL_DEVICE or your settings, else
+    /// all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository). Paths of
@@ -83,12 +84,14 @@ fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     Ok(experiment)
 }
 
-/// If the user interrupted the measurement, returns `error` with the advice to repeat the measurement,
-/// because the temporary folder with the results is removed. Returns `error` unchanged if it says nothing
-/// about an interruption.
+/// If the user interrupted the measurement, returns an error that says that nothing is kept, because the temporary
+/// folder with the results is removed; the message of `error` says which results are kept. Returns `error` unchanged if
+/// it has another cause.
 fn to_be_repeated(error: Error) -> Error {
     match error {
-        Error::Interrupted { .. } => error.with_help("run `raycl noise` again; no results were stored"),
+        Error::Interrupted { .. } => {
+            Error::interrupted("no results are kept").with_help("run `raycl noise` again")
+        }
         error => error,
     }
 }
@@ -253,10 +256,12 @@ mod tests {
     }
 
     #[test]
-    fn an_interrupted_measurement_is_repeated_and_a_failed_one_keeps_its_remedy() {
-        let remedy_of = |error: Error| to_be_repeated(error).remedy().to_owned();
-        assert_eq!(remedy_of(Error::interrupted("half")), "run `raycl noise` again; no results were stored");
-        assert_eq!(remedy_of(Error::run("full").with_help("make room")), "make room");
+    fn an_interrupted_measurement_is_repeated_and_a_failed_one_keeps_its_message_and_remedy() {
+        let interrupted = to_be_repeated(Error::interrupted("finished launches are kept"));
+        assert_eq!((interrupted.exit_code(), interrupted.remedy()), (130, "run `raycl noise` again"));
+        assert_eq!(interrupted.to_string(), "interrupted: no results are kept");
+        let failed = to_be_repeated(Error::run("full").with_help("make room"));
+        assert_eq!((failed.to_string().as_str(), failed.remedy()), ("full", "make room"));
     }
 
     /// Returns the built-in experiment, with the value `value` for `key`.
