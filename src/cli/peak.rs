@@ -32,7 +32,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 The numbers are medians of repeated measurements, with quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles are computed from the highest clock rate that the driver reports, not from the clock rate during the measurement.")]
 pub struct Args {
     /// The devices: part of a name, platform or vendor; a label in `raycl devices`; a kind (cpu, gpu, accelerator);
-    /// or all [default: the devices in your settings, else the most capable device]
+    /// or all [default: the devices in RAYCL_DEVICE or your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the

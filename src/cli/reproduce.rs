@@ -30,7 +30,8 @@ use std::path::{Path, PathBuf};
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
     /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in your settings, else all]
+    /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in RAYCL_DEVICE or your settings, else
+    /// all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// The folder to write to. In this folder, raycl makes a folder of results for each experiment, and writes the page

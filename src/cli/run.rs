@@ -76,8 +76,8 @@ pub struct Args {
     #[arg(long, requires = "out")]
     pub(super) force: bool,
     /// The devices to use instead of the config's devices: part of a name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu, accelerator); or all [default if the config names no devices: the devices in your
-    /// settings, else all]
+    /// devices`; a kind (cpu, gpu, accelerator); or all [default if the config names no devices: the devices in
+    /// RAYCL_DEVICE or your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
