@@ -114,7 +114,8 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     if let Some(placement) = placement_of_used(&mesh, placement, &chunks, &points, &starts, reading) {
         return Ok(ControlFlow::Continue(Reading { placement: Some(placement), ..*reading }));
     }
-    odd::check_vertices(&odd_vertices, &mesh, source, &mut notes).map_err(|mistake| source.error(mistake))?;
+    odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
+        .map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
     add_notes(source, &points, &faces, &mesh, &materials.asked, &mut notes);
     if mapped {

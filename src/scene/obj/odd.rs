@@ -56,15 +56,16 @@ pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
 }
 
 /// Returns an error if a triangle uses a vertex that is not valid. If there are vertices that are not valid,
-/// but no triangle uses them, adds a note on these vertices.
+/// but no triangle uses them, adds a note on these vertices. `scaled` is true if the mesh may be scaled.
 pub(super) fn check_vertices(
     odd: &[Odd],
     mesh: &Mesh,
     source: &Source,
+    scaled: bool,
     notes: &mut Vec<String>,
 ) -> Result<(), Mistake> {
     let Some(first) = odd.first() else { return Ok(()) };
-    let mistake = |odd: &Odd| mistake_in_vertex(odd.offset, rest_of_line(source, odd.offset));
+    let mistake = |odd: &Odd| mistake_in_vertex(odd.offset, rest_of_line(source, odd.offset), scaled);
     let used = mesh.positions_of_triangles();
     if let Some(odd) = odd.iter().find(|odd| used[odd.number]) {
         return Err(mistake(odd));

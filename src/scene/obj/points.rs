@@ -42,6 +42,16 @@ impl Reading {
     /// +-[`LARGEST`].
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
+    /// Returns the form that a vertex's line should have.
+    fn expected_vertex(&self) -> String {
+        format!("`v x y z`: three finite numbers within +-{}", self.limit())
+    }
+
+    /// Returns the largest valid coordinate, for messages.
+    fn limit(&self) -> String {
+        if self.is_large { format!("{LARGEST:e}") } else { format!("{MAX_COORDINATE:e}") }
+    }
+
     /// Returns true if positions are neither moved nor scaled, and if large coordinates are not valid.
     fn is_unchanged(&self) -> bool {
         !self.is_large && self.placement.is_none_or(|placement| placement == Placement::IDENTITY)
@@ -56,7 +66,7 @@ impl Reading {
     /// position is not valid.
     fn position<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<Vec3> {
         if self.is_unchanged() {
-            return position(0, tokens).ok();
+            return position(0, tokens, self).ok();
         }
         let exact = self.exact(tokens)?;
         Some(self.placement.map_or(exact.as_vec3(), |placement| placement.settled(exact)))
@@ -69,11 +79,22 @@ impl Reading {
         for value in &mut values {
             *value = decimal(tokens.next()?)?;
         }
-        let is_valid = |value: &f64| match self.is_large {
+        values.iter().all(|value| self.is_valid(*value)).then_some(DVec3::from_array(values))
+    }
+
+    fn is_valid(&self, value: f64) -> bool {
+        match self.is_large {
             true => value.abs() <= LARGEST,
-            false => (*value as f32).abs() <= MAX_COORDINATE,
-        };
-        values.iter().all(is_valid).then_some(DVec3::from_array(values))
+            false => (value as f32).abs() <= MAX_COORDINATE,
+        }
+    }
+
+    /// Reads a number in single precision. A large number becomes infinite if it is valid, and `None` otherwise.
+    fn number(&self, token: &[u8]) -> Option<f32> {
+        match self.is_large {
+            true => decimal(token).filter(|value| self.is_valid(*value)).map(|value| value as f32),
+            false => number(token),
+        }
     }
 }
 
@@ -159,7 +180,7 @@ impl PointChunk {
             self.normals.push(Vec3::from_array(normal));
             return;
         }
-        let normal = vector(offset, "normal", &mut tokens(rest)).unwrap_or_else(|_| {
+        let normal = vector(offset, "normal", &mut tokens(rest), &Reading::USUAL).unwrap_or_else(|_| {
             self.odd_normals.push(Odd { number: self.normals.len(), offset });
             Vec3::ZERO
         });
@@ -292,20 +313,28 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-/// Returns the error for a vertex that is not valid.
-pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8]) -> Mistake {
+/// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled: the limit of its
+/// coordinates is then [`LARGEST`]. But a mesh is not scaled for a vertex that no face uses. If such a vertex would be
+/// valid in a scaled mesh, it exceeds the usual limit, and the error names this limit.
+pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8], scaled: bool) -> Mistake {
+    let reading = if scaled && !is_large(rest) { Reading::LARGE } else { Reading::USUAL };
     let flat = |_| Mistake::new(offset, "a vertex with 2 numbers; expected three: x y z");
-    position(offset, &mut tokens(rest)).map_or_else(|mistake| mistake, flat)
+    let mistake = position(offset, &mut tokens(rest), &reading).map_or_else(|mistake| mistake, flat);
+    mistake.expecting(reading.expected_vertex())
 }
 
 /// Returns the error for a normal that is not valid.
 pub(super) fn mistake_in_normal(offset: usize, rest: &[u8]) -> Mistake {
     let none = |_| Mistake::new(offset, "a normal is not valid");
-    vector(offset, "normal", &mut tokens(rest)).map_or_else(|mistake| mistake, none)
+    vector(offset, "normal", &mut tokens(rest), &Reading::USUAL).map_or_else(|mistake| mistake, none)
 }
 
-fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<Vec3, Mistake> {
-    let position = vector(offset, "vertex", tokens)?;
+fn position<'a>(
+    offset: usize,
+    tokens: &mut impl Iterator<Item = &'a [u8]>,
+    reading: &Reading,
+) -> Result<Vec3, Mistake> {
+    let position = vector(offset, "vertex", tokens, reading)?;
     if position.abs().max_element() <= MAX_COORDINATE {
         return Ok(position);
     }
@@ -328,6 +357,7 @@ fn vector<'a>(
     offset: usize,
     what: &str,
     tokens: &mut impl Iterator<Item = &'a [u8]>,
+    reading: &Reading,
 ) -> Result<Vec3, Mistake> {
     let mut values = [0.0; 3];
     for (count, value) in values.iter_mut().enumerate() {
@@ -335,9 +365,9 @@ fn vector<'a>(
             let numbers = counted(count, "number");
             Mistake::new(offset, format!("a {what} with {numbers}; expected three: x y z"))
         })?;
-        *value = number(token).ok_or_else(|| {
+        *value = reading.number(token).ok_or_else(|| {
             let expected = match decimal(token) {
-                Some(_) => format!("expected a number within +-{MAX_COORDINATE:e}"),
+                Some(_) => format!("expected a number within +-{}", reading.limit()),
                 None => "expected a finite decimal number".to_owned(),
             };
             Mistake::new(offset, format!("{} in a {what}; {expected}", quoted(token)))

@@ -130,7 +130,6 @@ impl Source<'_> {
 fn expected(text: &[u8]) -> &'static str {
     let line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
     match keyword(line.trim_ascii_start()).0 {
-        b"v" => "`v x y z`: three finite numbers within +-1e12",
         b"vn" => "`vn x y z`: three finite numbers",
         b"vt" => "`vt u v`: two finite numbers",
         b"f" | b"fo" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
@@ -465,7 +464,6 @@ mod tests {
     #[test]
     fn a_mistake_is_reported_by_the_form_that_its_line_should_have_if_it_may_not_be_quoted() {
         for (line, expected) in [
-            ("v x", "`v x y z`: three finite numbers within +-1e12"),
             ("vn x", "`vn x y z`: three finite numbers"),
             ("vt x", "`vt u v`: two finite numbers"),
             ("f x", "`f 1 2 3`: the numbers of three or more vertices that the file has"),

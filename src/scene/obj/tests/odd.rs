@@ -139,8 +139,14 @@ fn a_mesh_that_may_be_scaled_can_have_coordinates_of_any_size() {
         let unscaled = parsed(&text, false).err().unwrap().to_string();
         assert!(unscaled.starts_with("m.obj:2: "), "{unscaled}");
     }
-    let too_large = parsed("v 0 0 0\nv 1e301 0 0\nv 0 1 0\nf 1 2 3\n", true).err().unwrap().to_string();
-    assert!(too_large.starts_with("m.obj:2: "), "{too_large}");
+    let too_large = |scaled| parsed("v 0 0 0\nv 1e50 1e301 0\nv 0 1 0\nf 1 2 3\n", scaled).err().unwrap();
+    for (scaled, number, limit) in [(true, "1e301", "1e300"), (false, "1e50", "1e12")] {
+        let error = too_large(scaled);
+        let message = format!("m.obj:2: `{number}` in a vertex; expected a number within +-{limit}");
+        assert_eq!(error.to_string(), message);
+        let form = format!("expected `v x y z`: three finite numbers within +-{limit}");
+        assert_eq!(error.remedy(), form);
+    }
     // A large vertex that no face uses does not cause the mesh to be scaled.
     let unused = parsed("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1e20 0 0\nf 1 2 3\n", true).unwrap();
     assert_eq!((unused.placement.scale, unused.mesh.positions[1]), (1.0, Vec3::X));
