@@ -5,7 +5,7 @@ use super::intersect::Hit;
 use super::leaning::relative_error;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
-use super::shade::{Reaches, Sight, base_colour, shade, sights, surface_at};
+use super::shade::{Reaches, Sight, base_colour, shade, shade_at, sights, surface_at};
 use super::soft::{Seen, radiance_of_sky};
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
@@ -187,10 +187,11 @@ impl<'a, R: Real> Caster<'a, R> {
         sights::<R>(seen, point, shading_normal).any(is_grazed).then_some(grazing)
     }
 
-    /// Returns the possible values of the radiance at a hit that light grazes. The values are computed with the hit in
-    /// the triangle's plane, above it and below it, and with shadow rays that start on the wrong side of the triangle.
-    /// If a light lies in the plane, its rays run along the surface; the values are then also computed with and without
-    /// this light.
+    /// Returns the possible values of the radiance at a hit that light grazes. The values are computed with the point
+    /// at which the hit is lit, with points above and below it, and with shadow rays that start on the wrong side of the
+    /// triangle. (The hit itself is not moved: smooth shadows would lift a hit below the plane back to the plane.) If a
+    /// light lies in the plane, its rays run along the surface; the values are then also computed with and without this
+    /// light.
     pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);
@@ -205,10 +206,13 @@ impl<'a, R: Real> Caster<'a, R> {
         let without = |sight: &Sight<R>| !in_plane(sight) && usual(sight);
         let answers: [Reaches<'_, R>; 4] = [&usual, &wrong_side, &with, &without];
         let places = [R::ZERO, rounding, R::ZERO - rounding];
-        let places = places.map(|off| Ray { origin: ray.origin + normal * off, ..*ray });
-        let all =
-            places.iter().flat_map(|ray| answers.map(|reaches| self.shaded(seen, ray, Some(hit), reaches)));
-        all.collect()
+        let [point, shading_normal] = surface_at(self.scene, ray, hit);
+        let width = self.frame.cone_width(ray, hit.t);
+        let lit = |off: R, reaches: Reaches<'_, R>| {
+            let surface = [point + normal * off, shading_normal];
+            shade_at(self.scene, seen, (ray, width), (hit, surface), reaches)
+        };
+        places.into_iter().flat_map(|off| answers.map(|reaches| lit(off, reaches))).collect()
     }
 
     fn row(&self, y: usize, row: &mut [[f32; 3]]) {

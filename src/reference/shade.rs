@@ -97,10 +97,20 @@ pub fn shade<R: Real>(
     hit: &Hit<R>,
     reaches: Reaches<'_, R>,
 ) -> R::Vector {
+    shade_at(scene, seen, (ray, width), (hit, surface_at(scene, ray, hit)), reaches)
+}
+
+/// Returns the radiance like [`shade`], with the point at which the hit is lit, and the unit normal there.
+pub fn shade_at<R: Real>(
+    scene: &Scene,
+    seen: &Seen<'_>,
+    (ray, width): (&Ray<R>, R),
+    (hit, [point, normal]): (&Hit<R>, [R::Vector; 2]),
+    reaches: Reaches<'_, R>,
+) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
     let lambertian = base_colour(scene, hit, ray.direction, width);
-    let [point, normal] = surface_at(scene, ray, hit);
     let w_o = -ray.direction;
     let unlit = emitted(scene, hit, ray.direction, width) + mirrored_sky::<R>(seen, material, w_o, normal);
     sights::<R>(seen, point, normal).fold(unlit, |sum, sight| {

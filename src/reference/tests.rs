@@ -158,6 +158,35 @@ fn smooth_shadows_move_a_hit_onto_the_planes_of_convex_corners_alone() {
     assert!(move_to(tilted(0.5).map(|normal| 3.0 * normal), middle).distance(DVec3::Z * lift) < 1e-12);
 }
 
+fn caster_of(scene: &Scene) -> Caster<'_, f64> {
+    Caster::new(scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None))
+}
+
+/// The light lies in the plane of the ground, 0.01 units from the hit. It lights the hit only if rounding moves the
+/// point at which the hit is lit off the plane.
+#[test]
+fn with_smooth_shadows_rounding_also_moves_a_hit_to_either_side_of_its_plane() {
+    let mut scene = fixtures::single_triangle();
+    let mesh = scene.mesh_mut();
+    mesh.positions = vec![vec3(-10.0, -1.0, -10.0), vec3(10.0, -1.0, -10.0), vec3(0.0, -1.0, 10.0)];
+    mesh.normals.fill(Vec3::Y);
+    mesh.materials[0].glossy = Vec3::ZERO;
+    let (ray, hit) = caster_of(&scene).look(40.5, 30.5);
+    let hit = hit.expect("the ground");
+    let point = (ray.origin + ray.direction * hit.t).as_vec3();
+    scene.lights[0].position = vec3(point.x + 0.01, -1.0, point.z);
+    let mut brightest = |smooth_shadows| {
+        scene.smooth_shadows = smooth_shadows;
+        let caster = caster_of(&scene);
+        let (seen, bias) = (Seen::of(&scene, Sample::CENTRE, [40, 30]), f64::from(scene.shadow_bias));
+        let grazing = caster.grazing(&seen, &ray, &hit, bias, 1e-6).expect("the light grazes the ground");
+        let values = caster.grazed(&seen, &ray, &hit, grazing);
+        values.iter().fold(0.0, |brightest: f64, value| brightest.max(value.x))
+    };
+    let [without, with] = [false, true].map(&mut brightest);
+    assert!(without > 1e-3 && (with - without).abs() < 1e-6 * without, "{without} {with}");
+}
+
 #[test]
 fn back_faces_are_seen_unless_culled() {
     let mut scene = fixtures::single_triangle();
