@@ -188,10 +188,10 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 
     /// Returns the possible values of the radiance at a hit that light grazes. The values are computed with the point
-    /// at which the hit is lit, with points above and below it, and with shadow rays that start on the wrong side of the
-    /// triangle. (The hit itself is not moved: smooth shadows would lift a hit below the plane back to the plane.) If a
-    /// light lies in the plane, its rays run along the surface; the values are then also computed with and without this
-    /// light.
+    /// at which the hit is lit, with points above and below it, and with shadow rays that start on the wrong side of
+    /// the triangle. (The hit itself is not moved: smooth shadows would lift a hit below the plane back to the plane.)
+    /// If a light lies in the plane, its rays run along the surface; the values are then also computed with and without
+    /// this light.
     pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);
