@@ -71,7 +71,7 @@ impl<'a> References<'a> {
     /// kernels on the same device: the speeds of two devices, or of a device and the host, may change by
     /// different factors.
     fn found(&self, pair: Both<'_>) -> Option<&Found<'a>> {
-        let is_own = |device: Devices<'_>| !pair.0.is_baseline() && device == devices(&pair);
+        let is_own = |device: Devices<'_>| device == devices(&pair);
         let of_rounds = self.0.get(&rounds(pair)?)?;
         of_rounds.iter().find(|(device, _)| device.is_none_or(is_own)).map(|(_, found)| found)
     }
