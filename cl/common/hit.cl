@@ -11,7 +11,7 @@
 // by the product of the vectors' sizes. There are nine roundings: one for each of the two edges (a subtraction), three
 // for a component of a cross product, three for a dot product, and one for the direction. Each rounding adds half a
 // unit in the last place (ROUNDING is one unit). The sum, 4.5 units, is rounded up to 5. A triangle whose determinant
-// is smaller than this error counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING, rays would miss
+// is not larger than this error counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING, rays would miss
 // long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
 // If a test uses one plane for the edge that two triangles share, the triangles overlap a little, so that no ray slips

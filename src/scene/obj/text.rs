@@ -184,7 +184,7 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let has = |byte: &u8| bytes.par_chunks(CHUNK_BYTES).any(|piece| piece.contains(byte));
-    if !has(&b'\r') && !(has(&b'\\') && has_continuation(bytes)) {
+    if !(has(&b'\r') || has(&b'\\') && has_continuation(bytes)) {
         return Cow::Borrowed(bytes);
     }
     let mut out = Vec::with_capacity(bytes.len());
