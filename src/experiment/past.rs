@@ -7,7 +7,7 @@ use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::existing;
 use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample, latest, read_records};
+use crate::record::{AnchorSample, LaunchEnd, Lines, Record, RoundLoad, Sample, latest, read_records};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -51,15 +51,13 @@ pub struct Past {
 }
 
 impl Past {
-    /// Reads the results that `--resume` continues. Returns no results if the folder has no journal of
-    /// records. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
+    /// Reads the results that `--resume` continues. A journal that the folder lacks counts as empty. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
     /// The caller need not hold the folder's lock: a run that writes to the folder at the same time only
     /// appends lines to the journals.
     pub fn in_folder(folder: &Path) -> Result<Self> {
-        if !existing::exists(&folder.join(RECORDS))? {
-            return Ok(Self::default());
-        }
-        let records = intact_lines(read_records(folder)?, folder.join(RECORDS).display());
+        let journal = folder.join(RECORDS);
+        let records = if existing::exists(&journal)? { read_records(folder)? } else { Lines::default() };
+        let records = intact_lines(records, journal.display());
         let controls = lines::<Record>(folder, CONTROLS)?;
         let (samples, rounds) = (lines::<Sample>(folder, SAMPLES)?, lines::<RoundLoad>(folder, ROUNDS)?);
         let anchors = lines::<AnchorSample>(folder, ANCHORS)?;
