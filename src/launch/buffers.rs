@@ -65,7 +65,8 @@ pub fn upload_joined<T: OclPrm>(queue: &Queue, parts: &[Cow<'_, [T]>]) -> ocl::R
     upload_rows(queue, [len, 1], |range, values| copy_joined(parts, range.start, values))
 }
 
-/// Replaces the values of a buffer by the values of all `parts`, one part after another.
+/// Replaces the first values of a buffer by the values of all `parts`, one part after another. The buffer's values
+/// after the last part stay the same.
 pub fn write_joined<T: OclPrm>(queue: &Queue, buffer: &Buffer<T>, parts: &[Cow<'_, [T]>]) -> ocl::Result<()> {
     let mut at = 0;
     for part in parts.iter().filter(|part| !part.is_empty()) {
@@ -75,7 +76,8 @@ pub fn write_joined<T: OclPrm>(queue: &Queue, buffer: &Buffer<T>, parts: &[Cow<'
     Ok(())
 }
 
-/// Fills `to` with the values of all `parts`, one part after another, without the first `start` values.
+/// Joins all `parts`, one part after another, and copies values to `to` until `to` is full. The first copied value is
+/// the value number `start` of the joined parts.
 fn copy_joined<T: OclPrm>(parts: &[Cow<'_, [T]>], mut start: usize, mut to: &mut [T]) {
     for part in parts {
         let from = &part[start.min(part.len())..];
@@ -86,10 +88,10 @@ fn copy_joined<T: OclPrm>(parts: &[Cow<'_, [T]>], mut start: usize, mut to: &mut
     }
 }
 
-/// Passes the rows `rows` of a buffer to `take`. Each row has `row` values. If the device shares the host's
-/// memory, `take` is called once and reads the rows in place. If the device has separate memory, the function
-/// `take` gets copies of the buffer's rows. A large transfer is divided into pieces: `take` processes one
-/// piece while the next piece is being transferred.
+/// Passes the rows `rows` of a buffer to `take`. Each row has `row` values. If there are no values, `take` is not
+/// called. If the device shares the host's memory, `take` is called once and reads the rows in place. If the device has
+/// separate memory, the function `take` gets copies of the buffer's rows. A large transfer is divided into pieces:
+/// `take` processes one piece while the next piece is being transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,

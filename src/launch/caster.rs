@@ -1,5 +1,5 @@
-//! A caster has everything that is needed to cast the frame of one measured point (a strategy, sizes, a scene
-//! and a device) repeatedly.
+//! A caster has everything that is needed to cast a frame repeatedly: with one strategy and fixed sizes, for one scene
+//! on one device.
 
 mod read;
 
@@ -57,10 +57,11 @@ pub struct Caster {
 }
 
 impl Caster {
-    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of the frame (the rows
-    /// of work-groups that one of several devices casts). Even for a band, buffers have the size of the whole
-    /// frame, and all triangles are prepared and rasterised. The caster owns `bytes`, so that its buffers'
-    /// bytes are counted until the caster is dropped.
+    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of the frame (the rows of
+    /// work-groups that one of several devices casts). Also prepares the records of triangles, if the strategy has
+    /// records, and makes the two half pictures, if the workload has soft light at half resolution. Even for a band,
+    /// buffers have the size of the whole frame, and all triangles are prepared and rasterised. The caster owns
+    /// `bytes`, so that its buffers' bytes are counted until the caster is dropped.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
         let half_light =
@@ -173,10 +174,11 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts a picture with all samples of each pixel. A frame casts several samples at once, if the strategy
-    /// supports several samples per frame. The image becomes the mean of the samples. If `sampling` asks for
-    /// soft light at half resolution, two pictures of half the width and height are cast, too. The image is
-    /// multiplied by the filtered ratio of these two pictures. Returns the total times of all frames.
+    /// Casts a picture with the samples that `sampling` asks for. If `sampling` is adaptive, only rough blocks of
+    /// pixels get all samples. A frame casts several samples at once, if the strategy supports several samples per
+    /// frame. The image becomes the mean of the samples. If `sampling` asks for soft light at half resolution, two
+    /// pictures of half the width and height are cast, too. The image is multiplied by the filtered ratio of these two
+    /// pictures. Returns the total times of all frames.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -220,9 +222,10 @@ impl Caster {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
-    /// Casts the samples in two rounds: the first samples of every pixel, then the later samples of rough
-    /// blocks (blocks whose pixels differ visibly after the first samples). Does not cast soft light at half
-    /// resolution.
+    /// Casts the samples in at most two rounds: the first samples of every pixel, then the later samples of rough
+    /// blocks (blocks whose pixels differ visibly after the first samples). There is no second round if `sampling` is
+    /// not adaptive, or if no block is rough. Does not cast soft light at half resolution. Returns the total times,
+    /// which include the time for finding rough blocks.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };
@@ -257,7 +260,7 @@ impl Caster {
         &self.image
     }
 
-    /// Returns how many samples each block of pixels got; `None` if each pixel gets one sample.
+    /// Returns how many samples the pixels of each block got at most; `None` if each pixel gets one sample.
     pub fn sample_counts(&self) -> Result<Option<SampleCounts>, LaunchError> {
         let read = self.samples.as_ref().map(|samples| samples.read(&self.queue));
         Ok(read.transpose()?)
@@ -269,9 +272,9 @@ impl Caster {
         self.cast_together(camera, slice::from_ref(sample), None)
     }
 
-    /// Casts one frame with consecutive samples, and adds the samples to the mean in the image. All samples
-    /// belong to one round (the first samples of every pixel, or the later samples of rough blocks). `rough`
-    /// is the number of rough blocks if only these blocks get the samples, and `None` otherwise.
+    /// Casts one frame with consecutive samples, and adds the samples to the mean in the image. All samples belong to
+    /// one round (the first samples of every pixel, or the later samples of rough blocks). `rough` is the number of
+    /// rough blocks if only these blocks get the samples, and `None` otherwise. Casts nothing if `samples` is empty.
     fn cast_together(
         &self,
         camera: &Camera,
@@ -304,8 +307,9 @@ impl Caster {
     }
 }
 
-/// Returns the commands of a frame. The commands cast the frame's rays. If the sky is a picture that rays can
-/// see, the last command shows this picture where rays hit nothing.
+/// Returns the commands of a frame. The commands prepare planes and clear buffers if the strategy needs this, cast the
+/// frame's rays, and shade the hits. If the sky is a picture that rays can see, the last command shows this picture
+/// where rays hit nothing.
 fn steps(parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Steps, LaunchError> {
     let Setup { queue, strategy, workload, .. } = parts.setup;
     let mut steps = match strategy.passes {

@@ -16,7 +16,8 @@ pub enum Pass {
     Shadow,
     /// Shading, if it has its own kernel.
     Shade,
-    /// Casting primary rays and shadow rays in one kernel, including shading if no separate kernel shades.
+    /// Casting primary rays and shadow rays in one kernel, including shading if no separate kernel shades. Also the
+    /// work of kernels that belong to no other pass, such as the filter of soft light at half resolution.
     Whole,
 }
 
@@ -50,10 +51,11 @@ pub struct FrameTimes {
 /// A frame's time on the device's clock is impossible if it exceeds this multiple of the time on the host's
 /// clock.
 const IMPOSSIBLY_LONG: f64 = 1.5;
-/// A sample's times on the device's clock and on the host's clock may differ by this many milliseconds.
+/// A sample's time on the device's clock is not impossible if it exceeds the time on the host's clock by at most this
+/// many milliseconds. A device time of 0 is not impossible if the sample took at most this time by the host's clock.
 const TOLERANCE_MS: f64 = 1.0;
-/// A device time of 0 is impossible if, by the host's clock, the sample took more than this many steps of the
-/// device's timer.
+/// A device time of 0 is impossible if, by the host's clock, the sample took more than this many steps of the device's
+/// timer (and more than [`TOLERANCE_MS`]).
 const MANY_STEPS: f64 = 1000.0;
 
 /// Returns the duration of a finished command in milliseconds, on the device's clock.

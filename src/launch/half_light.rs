@@ -60,8 +60,9 @@ pub(super) struct HalfLight {
 }
 
 impl HalfLight {
-    /// Allocates the two half pictures (for soft light) of a frame whose whole picture is `image`. The
-    /// frame's program casts the two half pictures (half the width and height).
+    /// Makes the casters of the two half pictures (half the width and height) of a frame whose whole picture is
+    /// `image`. Also makes the kernel that filters the ratio of the half pictures, and the kernel that multiplies
+    /// `image` by the filtered ratio. All these kernels belong to the frame's program.
     pub fn new(setup: &Setup<'_>, image: &Buffer<Float4>) -> Result<Self, LaunchError> {
         let workload = setup.workload.halved();
         let half = Setup { workload: &workload, ..*setup };
@@ -82,8 +83,8 @@ impl HalfLight {
         Ok(Self { lit, unoccluded, filter, apply, whole_size: setup.workload.image_size })
     }
 
-    /// Casts soft light in two half pictures (half the width and height): with shadows, and without shadows.
-    /// Returns the sums of the times of these two pictures of half the width and height.
+    /// Casts soft light in two half pictures (half the width and height): with shadows, and without shadows. Returns
+    /// the sums of the times of the two half pictures.
     pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let camera = camera.covering(self.whole_size);
         let cast = |caster: &Caster, light| caster.cast_round(&camera, &sampling.of_half_light(light), None);
@@ -104,8 +105,9 @@ impl HalfLight {
         Ok(FrameTimes::of(&events, ms_since(start), 1)?)
     }
 
-    /// Sets the background and the shadow bias of the two half pictures for soft light to those of `scene`. (The shadow
-    /// bias is the distance from a surface at which shadow rays start.)
+    /// Sets the background and the shadow bias of the two half pictures for soft light to those of `scene`. Also sets
+    /// the background for the kernel that multiplies the whole picture. (The shadow bias is the distance between a
+    /// surface and the nearer end of a shadow ray.)
     pub fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         let arguments = background_arguments(Arguments::default(), scene);
         self.apply.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;

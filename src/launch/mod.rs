@@ -1,8 +1,8 @@
 //! Runs programs: makes their buffers, binds their arguments, starts their kernels, and reads from OpenCL's events how
 //! long the kernels took.
 //!
-//! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on a device. The session turns a
-//! strategy into a [`Caster`], which can cast the frame of one measured point repeatedly.
+//! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on a device. The session turns a strategy into
+//! a [`Prepared`], which makes a [`Caster`] for each frame. A caster can cast its frame repeatedly.
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]

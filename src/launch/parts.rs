@@ -29,8 +29,9 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Returns a kernel with `items` work-items across and down. If `items` is `None`, the kernel gets as
-    /// many work-items as the frame's pixels need ([`Self::pixel_items`]).
+    /// Returns a kernel with `items` work-items across and down. If `items` is `None`, the kernel gets as many
+    /// work-items as the frame's pixels need ([`Self::pixel_items`]). Returns an error if the kernel does not support
+    /// the local size, or uses more `__local` memory than the user's files state.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -91,7 +92,8 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Returns the steps of a frame in which one kernel casts all rays and shades.
+    /// Returns the steps of a frame in which one kernel casts all rays and shades. Before this kernel, steps prepare
+    /// planes and empty the heap, if the strategy needs planes or a heap.
     pub fn cast_fused(&self, image: &'a Buffer<Float4>) -> Result<Steps, LaunchError> {
         let mut steps: Steps = self.prepare_origins(Pass::Whole)?.into_iter().collect();
         steps.extend(self.reset_heap(Pass::Whole));
@@ -101,8 +103,9 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// Returns the steps of a frame with separate passes: the first pass finds the nearest hits, the second
-    /// pass casts shadow rays and shades.
+    /// Returns the steps of a frame with separate passes: the first pass finds the nearest hits, the second pass casts
+    /// shadow rays and shades. If the strategy needs planes, the first step prepares the planes. If the strategy has a
+    /// heap, a step empties the heap before each kernel that casts rays.
     pub fn cast_separate(
         &self,
         image: &'a Buffer<Float4>,

@@ -29,7 +29,7 @@ pub struct Prepared {
     /// The time for building the program, if the program was built after the scene was loaded; 0 if the program was
     /// built earlier.
     pub build_wait_ms: f64,
-    /// The largest amount of host memory that the strategy needs at any time.
+    /// The largest amount of host memory that the strategy needs at any time, as raycl predicts it.
     pub host_bytes: u64,
     pub(super) queue: Queue,
     pub(super) scene: Arc<Scene>,
@@ -75,16 +75,17 @@ impl Prepared {
         }
     }
 
-    /// Moves the scene's lights, starting with the next frame. The number of the scene's lights stays the
-    /// same: all elements of `lights` beyond this number are ignored.
+    /// Moves the scene's lights, starting with the next frame. The number of the scene's lights stays the same: all
+    /// elements of `lights` beyond this number are ignored. If `lights` has fewer elements, the scene's remaining
+    /// lights do not move.
     pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
 
-    /// Replaces lights, sky, background, shadow bias and exposure by those of another scene, starting with
-    /// the caster's next frame. The camera does not change, since each cast gets its camera as an argument.
-    /// Returns `false` and changes nothing if the scene needs other buffers or kernels, for example because
-    /// it has another mesh or another number of lights.
+    /// Replaces lights, sky, background, shadow bias, exposure and tone curve by those of another scene, starting with
+    /// the caster's next frame. The camera does not change, since each cast gets its camera as an argument. Returns
+    /// `false` and changes nothing if the scene needs other buffers or kernels, for example because it has another mesh
+    /// or another number of lights.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
             return Ok(false);
@@ -148,7 +149,8 @@ impl Prepared {
         BuiltProgram::build(&self.queue.context, self.queue.device, spec, &ProgramCache::default())
     }
 
-    /// Returns the total size of the buffers on the device, in bytes.
+    /// Returns the total size in bytes of the buffers that a frame needs on the device, as raycl predicts it. The size
+    /// includes the scene and the tree.
     pub fn device_bytes(&self) -> u64 {
         Requirements::buffer_bytes(&self.strategy, &self.workload)
     }

@@ -50,8 +50,8 @@ impl Queue {
         })
     }
 
-    /// Returns a queue that treats its device as if the device had separate memory. The queue transfers data
-    /// in pieces of `piece_bytes` bytes. Tests use this queue to imitate a device with separate memory.
+    /// Returns a queue that treats its device as if the device had separate memory. The queue transfers large amounts
+    /// of data in pieces of `piece_bytes` bytes. Tests use this queue to imitate a device with separate memory.
     #[must_use]
     pub fn with_separate_memory(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }

@@ -1,4 +1,5 @@
-//! Records of triangles: data that is computed once per scene, for the ray-triangle test.
+//! Records of triangles: the numbers that the ray-triangle test reads of each triangle. The records are computed before
+//! the first frame.
 
 use super::LaunchError;
 use super::buffers::allocate;

@@ -32,7 +32,8 @@ pub enum Refused {
 /// host.
 const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
-/// The remedy if a work-group has a shape that the device or the strategy does not support.
+/// The remedy if a work-group has a shape or a number of work-items that the device, the strategy or the compiled
+/// kernel does not support.
 const ANOTHER_SIZE: &str = "choose another --local-size";
 /// The remedy if a work-group needs more memory than a limit allows, but a smaller work-group would need less
 /// than the limit.
@@ -43,7 +44,7 @@ const ANOTHER: &str =
 
 /// The remedy if a kernel file of the user lacks a kernel, or changes its parameters.
 const OWN_KERNEL: &str = "if a file replaces a built-in file, the file's kernels must keep their names and their parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
-/// The remedy if a kernel file of the user states too few bytes.
+/// The remedy if the header of a kernel file of the user states too little memory.
 const OWN_HEADER: &str =
     "docs/own-kernels.md describes the keys of a file's header, such as `memory` and `bytes_per_ray`";
 /// The remedy if a step fails for another reason than missing memory.

@@ -20,7 +20,7 @@ use std::time::Instant;
 /// The buffers on the device for several samples per pixel, and the kernel that marks rough blocks (which get
 /// more samples).
 pub(super) struct Samples {
-    /// The number of samples that each block of pixels gets.
+    /// For each block of pixels, the largest number of samples that each pixel of the block gets.
     wanted: Buffer<u32>,
     /// The positions of the rough blocks (blocks whose pixels differ visibly after the first samples). Only
     /// rough blocks get further samples after the first samples of every pixel.
@@ -113,7 +113,8 @@ impl Samples {
         Ok((count[0] as usize, times))
     }
 
-    /// Reads from the device how many samples each block of pixels gets.
+    /// Reads from the device how many samples the pixels of each block get at most. The number is `u32::MAX` if rough
+    /// blocks were not marked.
     pub fn read(&self, queue: &Queue) -> ocl::Result<SampleCounts> {
         let mut counts = vec![0; self.wanted.len()];
         self.wanted.cmd().queue(&queue.commands).read(&mut counts).enq()?;

@@ -68,7 +68,7 @@ impl Session {
         }
     }
 
-    /// Replaces the device's limits by lower limits, such as those of a smaller device.
+    /// Replaces the device's limits by others, usually by lower limits, such as those of a smaller device.
     #[must_use]
     pub fn limited(self, limits: DeviceLimits) -> Self {
         Self { limits, ..self }
@@ -214,7 +214,7 @@ impl Session {
         self.prepare_workload(strategy, &Workload { given_rays: true, ..workload })
     }
 
-    /// Does two steps of [`Self::prepare`]: the second step (`spec`) and the last step (`build`).
+    /// Does the last two steps of [`Self::prepare`]: `spec` and `build`.
     fn prepare_workload(
         &mut self,
         strategy: &Strategy,
@@ -224,9 +224,10 @@ impl Session {
         self.build(strategy, workload, spec)
     }
 
-    /// Does the first step of [`Self::prepare`]: determines the workload. The workload contains the stack
-    /// size, which depends on the strategy's tree. To determine the workload, this function therefore builds
-    /// the tree, unless the device already has the tree.
+    /// Does the first step of [`Self::prepare`]: checks the strategy and determines the workload. The workload contains
+    /// the stack size, which depends on the strategy's tree. If the device does not have the tree yet, this function
+    /// therefore checks that everything fits into the memory of device and host, and uploads the tree. The tree is that
+    /// of [`Self::with_tree`], if it was built for this strategy; otherwise, this function builds the tree.
     pub fn workload(
         &mut self,
         strategy: &Strategy,
@@ -304,9 +305,9 @@ impl Session {
         self.sampling
     }
 
-    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or builds the
-    /// program now. Also returns how long this call built the program, in milliseconds; 0 if the program was
-    /// built before.
+    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or gets the program
+    /// from the cache, or builds it now. Also returns how long this took, in milliseconds; 0 if the program was built
+    /// before the scene was loaded.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));

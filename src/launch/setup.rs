@@ -96,7 +96,7 @@ impl<'a> Setup<'a> {
         Ok(kernel)
     }
 
-    /// Returns the arguments that depend on the scene and the camera.
+    /// Returns the arguments that depend on the scene, the camera and the image size.
     pub fn arguments(&self) -> Arguments<'a> {
         let [width, height] = self.workload.image_size;
         let arguments = scene_arguments(self.uploaded, self.tree);

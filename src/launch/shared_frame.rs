@@ -1,6 +1,6 @@
-//! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a
-//! work-group: 32 work-items. The frame's lights are processed in rounds, a fixed number of lights in each
-//! round. In each round of lights, kernels cast the shadow rays to the lights of the round, and shade.
+//! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a work-group: 32
+//! work-items. The frame's lights are processed in rounds, at most a fixed number of lights in each round. In each
+//! round of lights, kernels cast the shadow rays to the lights of the round, and shade.
 
 use super::frame::Pass;
 use super::parts::Parts;
@@ -46,13 +46,14 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         Self { parts, shared, arguments, fused, shades_leftover }
     }
 
-    /// Returns the steps of a frame. If `fused` is false, the first steps prepare planes and cast the primary
-    /// rays. Further steps follow for each round of lights (a few lights that are processed together). Each
-    /// round of lights has a fixed number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). In each round of lights, these
-    /// steps cast shadow rays, then the leftover shadow rays that tiles have not decided (each by a whole
-    /// group of 32 work-items), and then shade. If `shades_leftover` is true, one kernel shades and also
-    /// casts the leftover shadow rays (which tiles have not decided).
+    /// Returns the steps of a frame. If `fused` is false, the first steps prepare planes and cast the primary rays.
+    /// Further steps follow for each round of lights (a few lights that are processed together). Each round, except
+    /// perhaps the last, has the same number of lights
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). The steps of a round prepare planes, cast
+    /// shadow rays, then cast the leftover shadow rays that tiles have not decided (each by a whole group of 32
+    /// work-items), and then shade. If `fused` is true, the steps of the first round also cast the primary rays. If
+    /// `shades_leftover` is true, one kernel shades and also casts the leftover shadow rays. A frame without lights and
+    /// without a sky has one round, which only shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -83,9 +84,11 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         Ok((Pass::Shade, Step::Run(kernel)))
     }
 
-    /// Returns the steps that cast the shadow rays to the lights of a round, which begins with the light `first_light`.
-    /// The first of these steps prepares the planes that the shadow rays need, or empties the queue of leftover shadow
-    /// rays. If `fused` is true, the steps of the first round also prepare the eye's planes and cast the primary rays.
+    /// Returns the steps before shading in a round of lights, which begins with the light source `first_light`. The
+    /// first step empties the queue of leftover shadow rays and, if the strategy uses planes, prepares the planes of
+    /// the round's lights. The next step casts the shadow rays. The last step casts the leftover shadow rays; this step
+    /// is missing if `shades_leftover` is true. If `fused` is true, the steps of the first round also prepare the eye's
+    /// planes and cast the primary rays.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
         let pass = if self.fused { Pass::Whole } else { Pass::Shadow };

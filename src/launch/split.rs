@@ -194,8 +194,9 @@ fn failed(error: impl std::fmt::Display) -> Error {
 }
 
 impl Split<'_> {
-    /// Casts the frame on several devices at the same time. Leaves out devices that cannot be prepared, devices
-    /// that would slow the frame down, and devices for which the frame has too few rows.
+    /// Casts the frame on several devices at the same time. Leaves out devices for which the frame has too few rows.
+    /// Unless `every_device` is true, also leaves out devices that cannot be prepared, and devices that would slow the
+    /// frame down.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
         let (ready, mut left_out) = self.all_ready(castings)?;
         let (team, slow) = self.team(&ready)?;
@@ -211,8 +212,8 @@ impl Split<'_> {
         Ok(joined(self.image_size, parts, left_out))
     }
 
-    /// Prepares the devices. A device that cannot be prepared is left out with the reason, unless `every_device`
-    /// is true. If no device can be prepared, returns the error of the first one.
+    /// Prepares the devices. A device that cannot be prepared is left out with the reason. Returns the first device's
+    /// error if no device can be prepared, or if `every_device` is true and a device cannot be prepared.
     fn all_ready(&self, castings: &[Casting]) -> Result<(Vec<Ready>, Vec<LeftOut>)> {
         let (mut ready, mut left_out, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         let results = at_once(castings, |casting| Ok(self.ready(casting)))?;
@@ -270,10 +271,10 @@ impl Split<'_> {
     }
 
     /// Returns the size of a trial frame. The trial frame grows until it takes the fastest device at least
-    /// [`TRIAL_MS`], or until it is the full frame. The function measures the time that each device takes for
-    /// each trial frame (the frame, usually at a smaller size). Moves devices that are much slower than the
-    /// fastest from `team` to `left_out`, unless `every_device` is true: for a larger frame, the difference
-    /// would be even larger.
+    /// [`TRIAL_MS`], until it is the full frame, or until the team has one device. The function measures the time that
+    /// each device takes for each trial frame (the frame, usually at a smaller size). Moves devices that are much
+    /// slower than the fastest from `team` to `left_out`, unless `every_device` is true: for a larger frame, the
+    /// difference would be even larger.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -355,8 +356,8 @@ fn joined([width, height]: [u32; 2], parts: Vec<(Radiance, usize, Share)>, left_
     Whole { image, hits, shares, left_out }
 }
 
-/// Returns the time in milliseconds of the slowest device when all devices cast their rows of a frame at the
-/// same time.
+/// Returns the time in milliseconds of the slowest device when all devices cast their rows of a frame at the same time.
+/// A device's time is the median of a few casts.
 fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let rows = team.rows(image_size[1]);
     let pairs: Vec<(&Ready, [u32; 2])> =

@@ -17,8 +17,8 @@ const fn room(bits: u32) -> usize {
     1 << (2 * bits)
 }
 
-/// Returns the binary logarithm of the number of sub-pixels across a pixel. A pixel is divided into the
-/// fewest sub-pixels that suffice for `samples` samples.
+/// Returns the binary logarithm of the number of sub-pixels across a pixel. A pixel is divided into the fewest
+/// sub-pixels that suffice for `samples` samples, but into at most 2^`MOST_BITS` sub-pixels across.
 fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }

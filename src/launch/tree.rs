@@ -149,7 +149,8 @@ pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
 }
 
 impl DeviceTree {
-    /// Uploads a mesh's tree for `strategy`.
+    /// Uploads a mesh's tree for `strategy`, with the triangles in leaf order. If the strategy casts tiles, also
+    /// uploads the normals and materials.
     pub fn upload(
         queue: &Queue,
         mesh: &Arc<Mesh>,

@@ -11,12 +11,14 @@ use ocl::prm::Float4;
 use rayon::prelude::*;
 
 impl Caster {
-    /// Reads the image of the last frame, and the number of pixels that hit something.
+    /// Reads the image of the last frame, and counts the pixels that hit something. Returns an error if the heap of the
+    /// working vectors was too small.
     pub fn read(&self) -> Result<(Radiance, usize), LaunchError> {
         self.read_rows([0, self.size[1]])
     }
 
-    /// Reads the image's rows from `first` up to but not including `end`; the range may be empty.
+    /// Reads the image's rows from `first` up to but not including `end`, and counts the pixels in these rows that hit
+    /// something. The range of rows may be empty. Returns an error if the heap of the working vectors was too small.
     pub fn read_rows(&self, [first, end]: [u32; 2]) -> Result<(Radiance, usize), LaunchError> {
         self.check_heap()?;
         let mut image = Radiance::new(self.size[0], end - first);
