@@ -28,8 +28,8 @@ pub struct BuildError {
     /// The compiler's messages about the program or, if the driver could not compile the program, the
     /// driver's error.
     pub log: String,
-    /// True if the program contains a kernel file that the user added or changed. If the program contains
-    /// such a file, the mistake is in this file, since raycl's own files compile.
+    /// True if the program contains a kernel file that the user added or changed. raycl then assumes that the mistake
+    /// is in such a file. False until [`Self::located`] has looked for such files.
     pub has_own_file: bool,
     /// True if the same build may succeed later: the build failed for a reason that has nothing to do with
     /// the program, such as a lack of memory.
@@ -133,9 +133,9 @@ impl BuiltProgram {
         !binary.is_empty() && self.programs.store(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
-    /// Returns true if the compiler can print the kernels' registers, but printed nothing. The compiler
-    /// prints registers only when it compiles. If the compiler printed nothing, the driver took the program
-    /// from the driver's own cache.
+    /// Returns true if the compiler can print the kernels' registers, but printed nothing. The compiler prints
+    /// registers only when it compiles. If the compiler printed nothing, the driver has probably taken the program from
+    /// the driver's own cache.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
     }

@@ -3,9 +3,9 @@
 use crate::manifest::Role;
 use crate::strategy::{Strategy, Workload};
 
-/// Returns the kernels that frames with one sample per pixel can need, in the order in which they first run.
-/// The list includes a kernel that prepares records (precomputed rows of triangles), although such a kernel
-/// runs only once per scene.
+/// Returns the kernels that frames with one sample per pixel can need, in the order in which they first run. The list
+/// includes a kernel that prepares records (precomputed rows of triangles), although such a kernel runs only once,
+/// before the first frame.
 pub fn frame_kernels(strategy: &Strategy, workload: &Workload) -> Vec<&'static str> {
     let has_light = workload.lights > 0 || workload.sky;
     let is_needed = |role: Role| match role {

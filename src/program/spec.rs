@@ -1,4 +1,4 @@
-//! The input of the OpenCL compiler for a measured point: source text and defines, with a hash of both.
+//! The input of the OpenCL compiler for a strategy and a workload: source text and options, with a hash of both.
 
 use super::defines::value_of;
 use super::source::Joiner;

@@ -12,8 +12,8 @@ const KIND: &str = "program";
 /// the program is stored.
 const NAME_KIND: &str = "name";
 
-/// The environment variable with which raycl starts a process again after a crash that a stored program may
-/// have caused. The new process compiles its programs again, and removes the stored programs.
+/// The environment variable with which raycl starts a process again after a crash that a stored program may have
+/// caused. The new process compiles the programs that it needs, and removes the stored versions of these programs.
 pub const AFRESH: &str = "RAYCL_COMPILE_AFRESH";
 
 /// The cache for the compiled programs of one device. `ProgramCache::default()` stores nothing.

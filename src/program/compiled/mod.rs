@@ -64,10 +64,10 @@ impl CompiledKernel {
         }
     }
 
-    /// Adds to this kernel's properties the predicted number of work-groups that a multiprocessor can hold at
-    /// once, the occupancy, and the limit that determines this occupancy. `items` is the number of work-items
-    /// of a work-group. The compute capability determines the limits of the device's multiprocessors. If the
-    /// number of registers or the compute capability is unknown, adds no properties.
+    /// Adds to this kernel's properties the predicted number of work-groups that a multiprocessor can hold at once, the
+    /// occupancy, and the limit that determines this occupancy. `items` is the number of work-items of a work-group.
+    /// The compute capability determines the limits of the device's multiprocessors. Adds no properties if the number
+    /// of registers is unknown, or if raycl does not know the compute capability.
     #[must_use]
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
         let sm = compute_capability.and_then(|name| multiprocessor(name).ok());

@@ -28,7 +28,7 @@ impl InstructionCounts {
 }
 
 impl std::fmt::Display for InstructionCounts {
-    /// Formats the counts as "ld.global 12, st.global 4, calls 1".
+    /// Formats the counts as "ld.global 12, st.global 4, private array 64 B, calls 1", without counts that are 0.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut parts: Vec<String> =
             self.instructions.iter().map(|(name, n)| format!("{name} {n}")).collect();

@@ -122,7 +122,8 @@ fn length(tokens: &[Token]) -> usize {
     tokens.iter().map(|token| token.text.chars().count()).sum()
 }
 
-/// Breaks a statement into as many lines as necessary, so that no line is too long.
+/// Breaks a statement into as many lines as necessary, so that no line is too long. A line stays too long if it has no
+/// position at which it may be broken.
 fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let is_long = indent.chars().count() + length(&statement) > WIDEST;
     let brace = statement.iter().position(|token| token.is("{"));
@@ -205,8 +206,9 @@ fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: us
     best
 }
 
-/// Returns true if a line may be broken at the token `at`. The token must be a blank that follows a comma,
-/// precedes an operator, or lies between a closing round bracket and a name, as before the body of a loop.
+/// Returns true if a line may be broken at the token `at`. The token must be a blank that follows a comma, precedes an
+/// operator such as `&&` or `+`, or lies between a closing round bracket and a name, as before the body of a loop. The
+/// last of these blanks must be outside all brackets (`depth` is 0).
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -85,7 +85,8 @@ impl Layout {
         self.0.push(Row { line, what });
     }
 
-    /// Returns the lines, without comments on removed directives, and without two empty lines in a row.
+    /// Returns the lines, without comments on removed directives, and without unneeded empty lines: two in a row, at
+    /// the beginning of a file's lines, or at the end of the text.
     pub fn lines(self) -> Vec<Line> {
         let rows = without_orphans(self.0);
         let mut lines: Vec<Line> = Vec::new();
@@ -102,8 +103,8 @@ impl Layout {
     }
 }
 
-/// Removes each comment that is followed only by directives up to the next empty line. Such a comment
-/// describes definitions that the preprocessor has removed.
+/// Removes each comment that is followed only by directives and comments, up to the next empty line or to the end of
+/// the file's lines. Such a comment describes definitions that the preprocessor has removed.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut remaining = Vec::new();
     // True if all rows between the loop's current row and the next empty line are directives, or comments

@@ -49,7 +49,7 @@ pub struct Preprocessed {
 }
 
 impl Preprocessed {
-    /// Returns the lines as one text, which compiles to the same program as the source.
+    /// Returns the lines as one text. If `asked` is empty, this text compiles to the same program as the source.
     pub fn text(&self) -> String {
         self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
     }
@@ -70,7 +70,8 @@ fn subject(asked: &str) -> &str {
 /// questions of conditions ([`Preprocessed::asked`]). The compiler's own macros are expanded only in conditions, such
 /// as `#if`.
 ///
-/// An `#error` that is reached, an unknown directive and a wrong use of a macro are user errors.
+/// Mistakes in the text are user errors: an `#error` that is reached, an unknown directive, an invalid condition, an
+/// `#if` without `#endif`, and a wrong definition or use of a macro.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, Value>) -> Result<Preprocessed> {
     let mut run = Preprocessor::new(given);
     for option in defines(options) {
