@@ -8,8 +8,9 @@ use std::collections::HashMap;
 /// beginning, such as `znver4` in `cpu-znver4-AMD EPYC`.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
-/// Returns the name under which people know a device. The name is derived from the driver's name alone,
-/// because stored records contain only the driver's name. A name of an unknown form is returned unchanged.
+/// Returns the name under which people know a device. The name is derived from the driver's name alone, because stored
+/// records contain only the driver's name. If the name has none of PoCL's beginnings, only trademark signs, the clock
+/// rate and words such as `Processor` are removed.
 pub fn common_name(name: &str) -> String {
     // In the results that `raycl merge` writes, a text in brackets at the end of a name distinguishes devices
     // of the same name. A device's common name ends with the same text in brackets as the device's name in
@@ -51,7 +52,8 @@ fn model(rest: &str) -> String {
     parts[first..].join("-")
 }
 
-/// Returns a model's name without trademark signs, clock rate and number of cores.
+/// Returns a model's name without trademark signs, clock rate, number of cores and the word `Processor`. In names of
+/// Intel, the word `CPU` is removed, too.
 fn plain(name: &str) -> String {
     let without_marks = ["(R)", "(r)", "(TM)", "(tm)", "®", "™"]
         .iter()

@@ -100,7 +100,8 @@ pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
     answer(ask).map(|bytes| one_line(&bytes)).map_err(|status| returned("clGetPlatformInfo", status))
 }
 
-/// Returns a text of a driver, such as a name, as one line: line breaks and tabs become blanks.
+/// Returns a text of a driver, such as a name, as one line: line breaks and tabs become blanks. Zero bytes and blanks
+/// at both ends are removed.
 pub fn one_line(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());

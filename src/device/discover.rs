@@ -42,8 +42,8 @@ impl Survey {
     }
 }
 
-/// Lists every device of every platform. An unusable device states why it is unusable. `sources` contains the kernel
-/// that tests how the work-items that share a tile exchange values on a device.
+/// Lists every device of every platform, and tests the lane operations of each device (how its work-items exchange
+/// values). An unusable device states why it is unusable. `sources` contains the kernel of the test.
 ///
 /// Returns an error if no platform is found, or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
@@ -105,7 +105,8 @@ fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
     ))
 }
 
-/// Lists every device, and every platform without devices. Returns an error if no platform is found.
+/// Lists every device, and every platform without devices. Tests the lane operations of each device. Returns an error
+/// if no platform is found.
 pub fn survey(sources: &Sources) -> Result<Survey> {
     let mut survey = survey_untested()?;
     survey.test_lanes(sources);
@@ -166,9 +167,9 @@ fn or_unnamed(name: String) -> String {
     if name.is_empty() { UNNAMED.to_owned() } else { name }
 }
 
-/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its
-/// properties have changed. Three properties are copied from `known`, so their changes are not noticed: the
-/// lane operations (how work-items exchange values), the label, and `twins_before` (the number of earlier
+/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, if its properties have
+/// changed, or if the platforms cannot be listed. Three properties are copied from `known`, so their changes are not
+/// noticed: the lane operations (how work-items exchange values), the label, and `twins_before` (the number of earlier
 /// devices with the same name). Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();

@@ -3,7 +3,8 @@
 use super::LaneOperations;
 use serde::{Deserialize, Serialize};
 
-/// The limits of a device and its main properties, as its driver reports them.
+/// The limits of a device and its main properties. The device's driver reports most of them. An experiment can replace
+/// some limits by those of a smaller device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
     /// Bytes of `__local` memory of a work-group. PoCL 3.1 aborts the process if a kernel needs more

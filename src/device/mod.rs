@@ -223,8 +223,8 @@ impl DeviceInfo {
         if self.limits.is_cpu { self.twins_before } else { 0 }
     }
 
-    /// Returns a text that names everything on which the compiled code of a source depends: the device, its
-    /// driver, and the driver's variables that affect compiled code.
+    /// Returns a text that names what, besides its source and options, may affect the compiled code of a program: the
+    /// device, its driver, and the driver's variables that affect compiled code.
     pub fn compiler(&self) -> String {
         let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")

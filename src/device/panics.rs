@@ -37,9 +37,9 @@ thread_local! {
     static CAUGHT: RefCell<Option<Option<String>>> = const { RefCell::new(None) };
 }
 
-/// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed.
-/// The process ends at once, without freeing OpenCL objects. Panics outside the crate `ocl` are handled as
-/// usual.
+/// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed. The process
+/// ends at once, without freeing OpenCL objects. Panics outside the crate `ocl` are handled as usual. A panic that
+/// [`caught`] catches does not end the process.
 pub fn report_panics() {
     let usual = take_hook();
     set_hook(Box::new(move |panic: &PanicHookInfo<'_>| match of_ocl(panic) {
@@ -99,8 +99,8 @@ pub(crate) fn note_device(info: &DeviceInfo) {
     }
 }
 
-/// Stores the latest error that OpenCL returned. If the crate `ocl` panics later, this error is the cause of
-/// the panic.
+/// Stores the latest error that OpenCL returned. If the crate `ocl` panics later, the message about the panic names
+/// this error as the failure that came first.
 pub(crate) fn note_failure(message: &str) {
     known().failure = Some(message.to_owned());
 }
@@ -174,8 +174,8 @@ fn meaning(text: &str) -> String {
     }
 }
 
-/// Returns the text of the error for the user: the devices in use, the error that broke the driver, and the
-/// panic that followed.
+/// Returns the text of the error for the user: the devices that this process has opened, the latest error that OpenCL
+/// returned, and the panic that followed.
 fn reason(message: &str, Known { devices, failure }: &Known) -> String {
     let first = failure.as_ref().map(|failure| format!("{failure}; after that, ")).unwrap_or_default();
     let used = if devices.is_empty() { String::new() } else { format!(", on {}", devices.join(" or ")) };

@@ -11,14 +11,14 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// Returns the usable devices that match the patterns of `--device`, each device once, in the order of the
 /// patterns. Without patterns, returns every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's
-/// name, or a device's name, common name or vendor. A pattern that consists of digits matches a text only if
-/// the digits are a whole number in the text: `1` does not select an `H100`. A pattern can also be whole
-/// words of the platform's version with a dotted number, such as `pocl 3.1`, or a device's whole name for
-/// files (`slug`). If several devices have the same name, each device's label is its name for files. The case
-/// of letters does not matter. A pattern that matches no usable device is a user error. A mistake in a kernel
-/// file of the user is a user error, too, if a selected device fails the test of its lane operations because
-/// of this mistake.
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's name, or a
+/// device's name, common name or vendor. A pattern that consists of digits matches a text only if the digits are a
+/// whole number in the text: `1` does not select an `H100`. The pattern `pocl` also matches every device of PoCL. A
+/// pattern can also be whole words of the platform's version with a dotted number, such as `pocl 3.1`, or a device's
+/// whole name for files (`slug`). If several devices have the same name, each device's label is its name for files. The
+/// case of letters does not matter. A pattern that matches no usable device is a user error. A mistake in a kernel file
+/// of the user is a user error, too, if a selected device fails the test of its lane operations because of this
+/// mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
