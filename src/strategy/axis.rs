@@ -165,7 +165,7 @@ file_axis! {
     }
 }
 axis! {
-    /// Whether one kernel does a whole frame, or each pass has its own kernel.
+    /// Whether one kernel casts primary rays and shadow rays, or primary rays have a kernel of their own.
     Passes "passes" "whether one kernel casts the whole frame, or primary rays have a kernel of their own" {
         Fused "fused" "one kernel casts primary rays, shades and casts shadow rays; if work-items share tiles, a second kernel shades",
         Separate "separate" "one kernel finds the nearest hits, another shades them; the kernels are timed separately",

@@ -30,9 +30,9 @@ impl Strategy {
         self.holds_of(fact, &Workload::CUBE)
     }
 
-    /// Returns true if the strategy with this workload has the property `fact`. In the manifest (the table of
-    /// kernels), such properties of strategies are conditions for kernels, parameters and defines. A scene's
-    /// textures, cut-outs and soft light count only if the strategy's family supports them.
+    /// Returns true if the strategy with this workload has the property `fact`. In the manifest (the table of kernels),
+    /// such properties of strategies are conditions for kernels, parameters and defines. A scene's textures, cut-outs,
+    /// soft light and picture of the sky count only if the strategy's family supports them.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         let supports = |property| self.family().takes(property);
         match fact {

@@ -83,22 +83,22 @@ pub enum Class {
     /// A CPU with narrower vectors. For such a CPU, the compiler splits the vectors of 16 rays that tiles
     /// use.
     TilesInNarrowVectors,
-    /// A GPU whose work-items can share tiles.
+    /// A GPU whose work-items exchange values by PTX's lane operations. Groups of 32 work-items share tiles.
     SharedTiles,
-    /// A GPU whose work-items cannot share tiles, or a CPU without vectors for kernels. Mesa's driver for
-    /// CPUs reports a CPU without vectors: like a GPU, the driver executes several work-items in the lanes of
-    /// a vector.
+    /// A GPU without PTX's lane operations, on which raycl chooses no tiles, or a CPU without vectors for kernels.
+    /// Mesa's driver for CPUs reports a CPU without vectors: like a GPU, the driver executes several work-items in the
+    /// lanes of a vector.
     SingleRays,
 }
 
-/// From this number of triangles on, devices that do not support tiles traverse a tree with single rays. With
-/// fewer triangles than `TREE_TRIANGLES`, testing all triangles is faster than a tree. `TREE_TRIANGLES` was
-/// measured on an H200 (`single` and `exhaustive` in docs/results/rule/h200.json).
+/// From this number of triangles on, devices of the class [`Class::SingleRays`] traverse a tree with single rays. With
+/// fewer triangles than `TREE_TRIANGLES`, testing all triangles is faster than a tree. `TREE_TRIANGLES` was measured on
+/// an H200 (`single` and `exhaustive` in docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
-/// The limits at which another candidate becomes the fastest one, for one class of devices that support
-/// tiles. Some limits are compared with the number of pixels multiplied or divided by a root of the number of
-/// triangles. For each of these limits, the root (square or fourth) was chosen by the times of 346 pictures
+/// The limits at which another candidate becomes the fastest one, for one class of devices on which raycl chooses among
+/// candidates with tiles. Some limits are compared with the number of pixels multiplied or divided by a root of the
+/// number of triangles. For each of these limits, the root (square or fourth) was chosen by the times of 346 pictures
 /// on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
@@ -195,8 +195,8 @@ impl Class {
         matches!(self, Self::TilesInVectors | Self::TilesInNarrowVectors)
     }
 
-    /// Returns the limits that decide between the candidates of the class; `None` if devices of the class do not
-    /// support tiles.
+    /// Returns the limits that decide between the candidates of the class; `None` if the class has no candidates with
+    /// tiles.
     pub fn constants(self, watertight: bool) -> Option<Constants> {
         match (self, watertight) {
             (Self::TilesInVectors, false) => Some(constants::CPU),

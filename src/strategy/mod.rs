@@ -76,7 +76,7 @@ strategy! {
     layout: Layout,
     /// When hits are shaded.
     shading: Shading,
-    /// Whether one kernel does a whole frame, or each pass has its own kernel.
+    /// Whether one kernel casts primary rays and shadow rays, or primary rays have a kernel of their own.
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,

@@ -52,13 +52,15 @@ impl Strategy {
     }
 
     /// Returns the local size with which the strategy is cast if no other is chosen. With the traversal `tile`, one
-    /// work-item may cast a whole tile of rays, so a work-group of one work-item has enough work.
+    /// work-item may cast a whole tile of rays, so a work-group of one work-item has enough work. In other traversals,
+    /// a work-group has 8 x 8 work-items if the device allows so many.
     pub fn usual_local_size(&self, limits: &DeviceLimits) -> [u32; 2] {
         let tiles = self.traversal.casts_tiles();
         self.local_size(limits, if tiles { [1, 1] } else { [8, 8] })
     }
 
-    /// Returns how the strategy's work-items exchange values on a device with these built-in functions.
+    /// Returns how the strategy's work-items exchange values on a device with these built-in functions. If no
+    /// work-items share tiles, no values are exchanged, and the function returns barriers.
     pub fn lane_operations(&self, builtins: Builtins) -> LaneOperations {
         if self.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers }
     }

@@ -122,7 +122,8 @@ impl Workload {
         }
     }
 
-    /// Returns this workload with the number of samples per pixel that `sampling` states.
+    /// Returns this workload with the properties that depend on `sampling`: whether pixels get several samples, whether
+    /// lights with a radius or an area are sampled, and whether soft light is cast at half resolution.
     #[must_use]
     pub fn sampled(self, scene: &Scene, sampling: &Sampling) -> Self {
         let many_samples = sampling.most > 1;

@@ -29,7 +29,8 @@ pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasibl
     Ok(())
 }
 
-/// Checks, for a strategy that shares tiles, that the work-items of each row of a work-group can share a tile.
+/// Checks the local size for a strategy whose work-items share tiles. Each row of a work-group must have 32 work-items,
+/// which share a tile. If work-items exchange values with barriers, a work-group can have only one row.
 pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
     let [x, y] = workload.local_size;
     if !strategy.shares_tiles() {
