@@ -23,7 +23,8 @@ pub const LIGHT_FLOATS: usize = 6;
 /// front, two edges, and the shape.
 pub const AREA_LIGHT_FLOATS: usize = 16;
 /// Number of floats that describe the sky: its radiance at zenith and horizon, the upward direction, and its reach
-/// (surfaces farther away do not block the sky). In the buffer, the lights' radii follow these floats of the
+/// (surfaces farther away do not block the sky). If the sky is a picture, the picture's position in the buffer, its
+/// size and its direction take the place of the radiance. In the buffer, the lights' radii follow these floats of the
 /// sky.
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.

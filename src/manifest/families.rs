@@ -9,7 +9,8 @@ use super::{Family, Rule};
 /// All kernel families. `Strategy::family` determines the family of a strategy.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
-/// The kernels that test each ray against every triangle.
+/// The kernels that test each primary ray against every triangle, and each shadow ray against one triangle after
+/// another until the shadow ray hits one.
 pub static EXHAUSTIVE: Family = Family {
     name: "exhaustive",
     label: "traversal = exhaustive",

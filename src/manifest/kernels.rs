@@ -247,7 +247,8 @@ const SHOW_SKY: Kernel = Kernel {
 const MARK_KERNEL: Kernel =
     Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
 
-/// The kernels that filter soft light, which was cast at half resolution, and apply it to the whole picture.
+/// The kernel that filters the ratio of the two half pictures of soft light. `APPLY_KERNEL` multiplies the whole
+/// picture by the filtered ratio.
 const FILTER_KERNEL: Kernel = Kernel {
     name: "filter_half_light",
     role: FilterLight,

@@ -39,7 +39,7 @@ pub enum Fact {
     Tree,
     /// Planes of each triangle are prepared for the eye and each light.
     Planes,
-    /// For each triangle, a record with data for the ray-triangle test is prepared once per scene.
+    /// For each triangle, a record with data for the ray-triangle test is prepared before the first frame.
     Records,
     /// Working vectors lie in a scratch buffer.
     Scratch,
@@ -103,14 +103,14 @@ pub enum Role {
     Background,
     /// Casts rays that the caller provides; not part of a frame.
     Rays,
-    /// Prepares records of triangles once per scene; not part of a frame.
+    /// Prepares records of triangles before the first frame; not part of a frame.
     Records,
     /// Decides which pixels get more samples; runs between a picture's frames.
     Mark,
-    /// Filters the soft light of a half picture (a picture of half the width and height); runs after a
-    /// picture's frames.
+    /// Filters the ratio of the two half pictures (half the width and height) of soft light; runs after a picture's
+    /// frames.
     FilterLight,
-    /// Applies the filtered light to the whole picture.
+    /// Multiplies the whole picture by the filtered ratio.
     ApplyLight,
 }
 

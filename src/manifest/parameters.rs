@@ -44,7 +44,7 @@ pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
 /// The triangles' planes, prepared for the eye and for each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
-/// The records of triangles: data for the ray-triangle test, prepared once per scene.
+/// The records of triangles: data for the ray-triangle test, prepared before the first frame.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
 pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
 /// The nodes of a tree, and the triangles in its leaves.
@@ -74,9 +74,8 @@ pub const COLOURS: &[Parameter] = &[p(CornerColours, WORDS, "corner_colours")];
 /// The texture coordinates and the textures, for the kernels that cast tiles and test whether rays pass
 /// through the holes of cut-outs. The names of these parameters differ from those for shading.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
-/// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this
-/// sample's set. The first samples of a pixel are one set of samples, and the pixel's later samples are
-/// another set.
+/// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this sample's round.
+/// The first samples of a pixel are one round, and the pixel's later samples are another round.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// For each block of pixels, the number of samples per pixel that the block should get. A further parameter
 /// is the number of samples per pixel that the image has from earlier frames.
