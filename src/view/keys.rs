@@ -22,8 +22,8 @@ pub enum Key {
 pub enum Action {
     /// Move the eye around the scene, by angles in radians to the right and upwards.
     Orbit([f64; 2]),
-    /// Move the eye to the right and upwards, in units of the eye's distance from the point around which it
-    /// orbits.
+    /// Move the eye to the right and upwards, in units of the eye's distance from the pivot (the point towards which
+    /// the eye zooms).
     Pan([f64; 2]),
     /// Move the eye nearer by this number of steps; negative steps move the eye away.
     Zoom(f64),
@@ -60,7 +60,7 @@ pub struct Row {
 /// The angle by which a key press moves the eye around the scene, in radians.
 const ORBIT: f64 = 0.1;
 /// The distance by which a key press moves the eye sideways, up or down. The unit is the distance from the eye to the
-/// point around which the eye orbits.
+/// pivot (the point towards which the eye zooms).
 const PAN: f64 = 0.05;
 
 /// All keys of `raycl view`, in the order of the list that the user sees.

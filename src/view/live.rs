@@ -21,7 +21,8 @@ use std::sync::Arc;
 /// A picture that was cast, with the number of its rays and its time.
 pub struct Frame {
     pub picture: RgbImage,
-    /// The number of primary and shadow rays.
+    /// The number of primary and shadow rays. Each pixel counts as a primary ray. Each pixel with a hit counts as one
+    /// shadow ray per light, and as one more if there is a sky.
     pub rays: f64,
     /// The device time in milliseconds.
     pub ms: f64,
@@ -282,7 +283,8 @@ impl Live {
         self.subject.strategy(self.device(), self.subject.task(&self.scene, 1))
     }
 
-    /// Changes to the first pair in `selections` (a strategy and a local size) that the device can use.
+    /// Changes to the first pair in `selections` (a strategy and a local size) that the device can use. Fails if the
+    /// device can use none of them.
     fn take(&mut self, selections: Vec<Selection>) -> Result<()> {
         let mut last = None;
         for selection in selections {
@@ -315,7 +317,8 @@ impl Live {
         self.move_to_first(others(self.device(), all))
     }
 
-    /// Changes to the first device in `devices` that can cast the scene.
+    /// Changes to the first device in `devices` that can cast the scene. Fails if none can: with the error of the last
+    /// device or, if `devices` is empty, with that of [`only`].
     fn move_to_first(&mut self, devices: Vec<Device>) -> Result<()> {
         let mut last = only(self.device());
         for device in devices {
@@ -414,10 +417,9 @@ fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
         .with_sampling(Sampling::all(wanted.samples))
 }
 
-/// Returns the program with which a device with its own memory applies the display transform (exposure, gamma
-/// and conversion to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses
-/// raycl's own program. If the device has no program for the display transform, the host applies the
-/// transform.
+/// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
+/// conversion to 8 bits). Returns `None` if the device uses the host's memory, or if raycl's own program cannot be
+/// built for it. If the device has no program for the display transform, the host applies the transform.
 ///
 /// # Errors
 ///

@@ -23,9 +23,9 @@ pub enum Graphics {
     Sixel,
 }
 
-/// Two questions to the terminal. The first question, in kitty's protocol, asks whether the terminal can show
-/// a picture of one pixel; the terminal does not store this picture. The second question asks which kind of
-/// device the terminal is. Every terminal answers the question about its kind.
+/// Two questions to the terminal. The first question, in kitty's protocol, asks whether the terminal can show a picture
+/// of one pixel; the terminal does not store this picture. The second question asks which kind of device the terminal
+/// is. Nearly every terminal answers the question about its kind.
 /// <https://sw.kovidgoyal.net/kitty/graphics-protocol/#querying-support-and-available-transmission-mediums>
 const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
 /// Longest wait for the terminal's answer, in milliseconds. A terminal behind a slow line may need a few

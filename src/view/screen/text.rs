@@ -9,9 +9,9 @@ pub fn last_line(text: &str, [across, down]: [u16; 2]) -> String {
     format!("\x1b[{down};1H\x1b[0m\x1b[K\x1b[?7l{shown}\x1b[?7h")
 }
 
-/// Returns the codes that write lines of text over a picture, from its upper left corner. The picture covers
-/// `[across, down]` characters. Lines below the picture are left out, and lines wider than the picture are
-/// cut.
+/// Returns the codes that write lines of text over a picture, from its upper left corner. The picture covers `[across,
+/// down]` characters. Lines below the picture are left out, and lines wider than the picture are cut. Shorter lines are
+/// filled with blanks to the width of the widest line.
 pub fn over(lines: &[String], [across, down]: [usize; 2]) -> String {
     let widest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0).min(across);
     let rows = (1..=down).zip(lines);
