@@ -62,10 +62,10 @@ impl OutFolder {
         self.results || !self.made.is_empty()
     }
 
-    /// Returns an error if [`write`](Self::write) would refuse files with the names in `names`. Commands call
-    /// this function before their work, when the contents of the new files are not known yet. `check`
-    /// therefore also refuses an existing file that raycl did not make, even if the file equals the content
-    /// that would be written.
+    /// Returns an error if [`write`](Self::write) would refuse files with the names in `names`. Commands call this
+    /// function before their work, when the contents of the new files are not known yet. `check` therefore also refuses
+    /// an existing file that raycl did not make, even if the file equals the content that would be written. In a folder
+    /// of results, raycl may replace every file, so `check` returns no error.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -76,8 +76,9 @@ impl OutFolder {
         })
     }
 
-    /// Writes files, given as names and contents. If one of the files exists and may not be replaced, no file
-    /// is written. The names are paths in the folder; a name that leads out of the folder is an error.
+    /// Writes files, given as names and contents. If one of the files exists and may not be replaced, no file is
+    /// written. The names are paths in the folder; a name that leads out of the folder is an error. In a folder of
+    /// results, every file may be replaced.
     pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<()> {
         if let Some((name, _)) = files.iter().find(|(name, _)| !is_inside(name)) {
             let folder = self.path.display();

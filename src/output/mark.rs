@@ -25,7 +25,8 @@ const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 pub enum Maker {
     /// raycl made the file, and nobody has changed the file since.
     Raycl,
-    /// raycl made the file, and somebody has changed the file since.
+    /// The file has a mark, or the list in its folder has its name, but the hash does not match the file: somebody has
+    /// probably changed the file since raycl made it.
     Changed,
     /// Neither a mark nor the list in the file's folder shows that raycl made the file.
     Other,

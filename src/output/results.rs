@@ -14,9 +14,9 @@ use std::path::Path;
 /// [`is_earlier_environment`]).
 const BEGUN: [&str; 7] = [".lock", ENVIRONMENT, SAMPLES, LAUNCHES, ROUNDS, ANCHORS, IMAGES];
 
-/// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its
-/// own files with the existing files, and could replace some of them. Returns no error with `--force`, or if
-/// `known` is true (raycl has written into the folder before).
+/// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
+/// with the existing files, and could replace some of them. Files that a run may leave before its first record do not
+/// count. Returns no error with `--force`, or if `known` is true (raycl has written into the folder before).
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
     if choice.force || known {
         return Ok(());
