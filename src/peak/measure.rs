@@ -66,8 +66,8 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     })
 }
 
-/// Returns the rate: the work per loop divided by the seconds per loop. Repeats that took no time by the
-/// device's clock are left out.
+/// Returns the rate: the work per loop divided by the seconds per loop. Repeats that took no time by the device's clock
+/// are left out. Returns an error if all repeats took no time.
 fn rates(work: f64, seconds: &[f64]) -> Result<Figure> {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
     match rates.is_empty() {

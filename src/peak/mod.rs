@@ -168,7 +168,7 @@ impl Peak {
         [&device.label, &device.name, &device.slug()].contains(&&self.device)
     }
 
-    /// Returns true if the rates were measured on one of `devices`, but with another driver or in another
+    /// Returns true if the rates may have been measured on one of `devices`, but with another driver or in another
     /// state. Peak rates for which the device's state was not stored count as rates of every state.
     pub fn are_outdated(&self, devices: &[&DeviceInfo]) -> bool {
         let fits = |device: &&DeviceInfo| {
@@ -197,7 +197,9 @@ impl Peak {
     }
 
     /// Computes the rate of operations of a record's ray-triangle tests as a share of the device's peak rate of
-    /// multiply-adds. Adds this share of the peak rate, and the peak rate itself, to the record.
+    /// multiply-adds. Adds this share of the peak rate, and the peak rate itself, to the record. Leaves the record
+    /// unchanged if `all` has no rates of the record's device; adds no share if the record lacks the rate of tests or
+    /// the operations per test.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

@@ -112,8 +112,9 @@ impl<'a> Rig<'a> {
     ///
     /// # Errors
     ///
-    /// The error is an input error (a mistake of the user) if a kernel file of the user lacks the kernel, or changes
-    /// its parameters.
+    /// Fails if the compiled kernel does not support work-groups of `group` work-items, or if OpenCL cannot make the
+    /// kernel. The error is an input error (a mistake of the user) if a kernel file of the user lacks the kernel, or
+    /// changes its parameters.
     pub fn kernel<'b>(
         &self,
         PeakProgram { program, own_files }: &'b PeakProgram,
