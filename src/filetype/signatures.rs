@@ -182,8 +182,8 @@ fn is_iges(head: &[u8]) -> bool {
     head.get(72) == Some(&b'S') && number.is_some_and(|number| number.trim() == "1")
 }
 
-/// Returns true for a 3DS file: the outermost chunk is as long as the file, or begins with a version chunk or
-/// an editor chunk.
+/// Returns true for a 3DS file: it begins with the main chunk (`MM`), which is as long as the file, or begins with a
+/// version chunk or an editor chunk.
 fn is_3ds(head: &[u8], length: u64) -> bool {
     let Some(&[b'M', b'M', a, b, c, d, low, high]) = head.get(..8) else { return false };
     let size = u64::from(u32::from_le_bytes([a, b, c, d]));
