@@ -24,8 +24,9 @@ const VIRIDIS: [[u8; 3]; 9] = [
 /// Number of decades (factors of ten) that the colour map covers, up to a relative difference of 1.
 const DECADES: u32 = 6;
 
-/// Returns the colour that shows a relative difference. Differences below 1e-6 are black. From 1e-6 to 1,
-/// each factor of ten takes a sixth of the colour map.
+/// Returns the colour that shows a relative difference. Differences below 1e-6 are black. From 1e-6 to 1, each factor
+/// of ten takes a sixth of the colour map. Differences above 1 have the colour of 1. A difference that is not finite is
+/// red ([`WRONG`]).
 pub fn of_difference(relative: f64) -> Rgb<u8> {
     let position = 1.0 + relative.log10() / f64::from(DECADES);
     match relative {

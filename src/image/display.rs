@@ -6,8 +6,8 @@ use image::{RgbImage, RgbaImage};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Converts an image to 8 bits: each channel with radiance L becomes `trunc(255 * tone(exposure *
-/// L)^(1/gamma))`, evaluated in double precision. NaN becomes 0.
+/// Converts an image to 8 bits: each channel with radiance L becomes `trunc(255 * tone(exposure * L)^(1/gamma))`,
+/// evaluated in double precision. NaN and negative radiance become 0.
 pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     let shown = Shown::of(display);
     let mut picture = RgbImage::new(image.width, image.height);
@@ -41,7 +41,7 @@ pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
 /// Number of pixels that a thread converts to displayed values in one task.
 pub const TOGETHER: usize = 1024;
 
-/// The display transform (exposure, gamma and conversion to 8 bits), as tables.
+/// The display transform (exposure, tone curve, gamma and conversion to 8 bits), as tables.
 pub struct Shown(Thresholds);
 
 impl Shown {

@@ -122,7 +122,8 @@ fn grey(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Returns a picture of the normals: each component from -1 to 1 becomes a colour channel from 0 to 255.
+/// Returns a picture of the normals: each component from -1 to 1 becomes a colour channel from 0 to 255. Pixels without
+/// a hit are black.
 fn directions(layers: &Layers) -> RgbImage {
     picture(layers, |pixel| match layers.normal[pixel] {
         [0.0, 0.0, 0.0] => [0; 3],

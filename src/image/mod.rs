@@ -57,8 +57,9 @@ impl Radiance {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize], coverage: Vec::new() }
     }
 
-    /// Adds the values of another image, pixel by pixel. Both images must have the same size; the function
-    /// does not check their sizes. If this image has no coverage, its coverage counts as 0.
+    /// Adds the values of another image, pixel by pixel. Both images must have the same size; the function does not
+    /// check their sizes. If this image has no coverage, its coverage counts as 0. If the other image has no coverage,
+    /// the sum has none.
     pub fn add(&mut self, other: &Self) {
         let (sums, values) = (self.pixels.as_flattened_mut(), other.pixels.as_flattened());
         sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);

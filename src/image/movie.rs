@@ -50,7 +50,8 @@ impl Movie {
         }
     }
 
-    /// Writes each frame as soon as it arrives, with the frame's own display transform (exposure and gamma).
+    /// Writes each frame as soon as it arrives, with the frame's own display settings. An animated PNG appears at its
+    /// path only when it is complete.
     pub fn write(&self, frames: impl Iterator<Item = Frame>) -> Result<()> {
         match self.format {
             Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),

@@ -1,5 +1,5 @@
-//! Applies the display transform (exposure, gamma and conversion to 8 bits) on devices with separate memory, so that
-//! three bytes per pixel are transferred instead of sixteen.
+//! Applies the display transform (exposure, tone curve, gamma and conversion to 8 bits) on devices with separate
+//! memory, so that three bytes per pixel are transferred instead of sixteen.
 
 use super::buffers::{allocate, upload};
 use super::{LaunchError, Queue, Refused};

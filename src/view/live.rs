@@ -417,9 +417,9 @@ fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
         .with_sampling(Sampling::all(wanted.samples))
 }
 
-/// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
-/// conversion to 8 bits). Returns `None` if the device uses the host's memory, or if raycl's own program cannot be
-/// built for it. If the device has no program for the display transform, the host applies the transform.
+/// Returns the program with which a device with its own memory applies the display transform (exposure, tone curve,
+/// gamma and conversion to 8 bits). Returns `None` if the device uses the host's memory, or if raycl's own program
+/// cannot be built for it. If the device has no program for the display transform, the host applies the transform.
 ///
 /// # Errors
 ///
