@@ -1,9 +1,9 @@
-//! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run
-//! with several launches times the anchor, this unchanging kernel, on each device. In each launch, raycl runs
-//! the anchor kernel after the device's first sample, and then after every six further samples. If a round
-//! (one sample of each point) has fewer than six samples on the device, raycl runs the anchor kernel once per
-//! round instead of after every six samples. Two runs can be compared by the ratios of their times to the
-//! anchor's time, even if the machine's speed changed between the runs.
+//! The usual anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. (Without
+//! the times of this kernel, baselines or other points serve as the anchor.) A run with several launches times this
+//! kernel on each device. In each launch, raycl runs the kernel after the device's first sample, and then after every
+//! six further samples. If a round (one sample of each point) has fewer than six samples on the device, raycl runs the
+//! kernel once per round instead of after every six samples. Two runs can be compared by the ratios of their times to
+//! the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::clock::ms_since;
 use crate::device::DeviceInfo;
@@ -56,8 +56,8 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// Builds the kernel, runs it once, and compares the distances that the kernel found with distances
-    /// computed on the host.
+    /// Builds the kernel, runs it once, and compares the distances that the kernel found with distances computed on the
+    /// host. Fails if too many distances differ.
     pub fn build(queue: &Queue, compute_units: u32) -> Result<Self> {
         Self::of_text(queue, compute_units, &text()?)
     }

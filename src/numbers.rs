@@ -1,7 +1,7 @@
 //! Formats numbers for people.
 
-/// Formats `value` with `digits` significant digits. If the integer part has more than `digits` digits, all
-/// its digits are shown.
+/// Formats `value` with `digits` significant digits, but with at most 12 digits after the point. If the integer part
+/// has more than `digits` digits, all its digits are shown.
 pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();

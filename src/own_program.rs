@@ -38,8 +38,9 @@ pub fn own_worker() -> Result<Command> {
     Ok(command)
 }
 
-/// Returns a command that starts this program, even if its file was replaced or removed after the program started, for
-/// example by a newer build. Lists of processes show the started program as `raycl`.
+/// Returns a command that starts this program. On systems with /proc, the command does so even if the program's file
+/// was replaced or removed after the program started, for example by a newer build. Lists of processes show the started
+/// program as `raycl`.
 pub fn own_program() -> Result<Command> {
     let mut command = Command::new(file()?);
     #[cfg(unix)]

@@ -112,7 +112,8 @@ impl Sources {
         Ok(())
     }
 
-    /// Returns the sorted names of the kernel files in the user's folder; none if the user gives no folder.
+    /// Returns the sorted names of the kernel files in the user's folder; none if the user gives no folder. Fails if
+    /// the folder contains no kernel file.
     pub fn own_files(&self) -> Result<Vec<String>> {
         let Self::Folder(folder) = self else { return Ok(Vec::new()) };
         let mut files = Vec::new();
@@ -150,7 +151,8 @@ impl Sources {
         files.iter().filter_map(changed).collect()
     }
 
-    /// Returns a file's path if it comes from the user's folder; `None` if it is built into the binary.
+    /// Returns a file's path if it comes from the user's folder, or if the system does not say whether the folder has
+    /// the file. Returns `None` if the file is built into the binary.
     pub fn own_path(&self, name: &str) -> Option<String> {
         let Self::Folder(folder) = self else { return None };
         let path = folder.join(name);
@@ -158,15 +160,14 @@ impl Sources {
         (!is_built_in).then(|| path.display().to_string())
     }
 
-    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
-    /// instead of their names. The second returned value is true if the mistake is the user's. Built-in files
-    /// compile by themselves, so the mistake is the user's if the program contains a file that the user added
-    /// or changed. The mistake is the user's even if the compiler finds the error in a built-in file, for
-    /// example where the built-in file calls a function of the user with other arguments. If the compiler
-    /// reports no error in a file of the user, the returned messages begin with the names of the user's
-    /// files. The program's text, `text`, consists of the files `files`. The compiler names a file by its
-    /// path relative to `cl/` or to the user's folder of kernels. The compiler may also state only a line
-    /// number in the program's whole text.
+    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files instead of
+    /// their names. The second returned value is true if the program contains a file that the user added or changed.
+    /// raycl then takes the mistake for the user's, since built-in files compile by themselves. The mistake may be the
+    /// user's even if the compiler finds the error in a built-in file, for example where the built-in file calls a
+    /// function of the user with other arguments. If the compiler reports no error in a file of the user, the returned
+    /// messages begin with the names of the user's files. The program's text, `text`, consists of the files `files`.
+    /// The compiler names a file by its path relative to `cl/` or to the user's folder of kernels. The compiler may
+    /// also state only a line number in the program's whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
