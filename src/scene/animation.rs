@@ -108,9 +108,10 @@ impl Animation {
         })
     }
 
-    /// Adds all pictures that later frames use to [`INPUTS`](super::INPUTS), the list of the files that were
-    /// read. For this purpose, the function builds the scenes of some keyframes after frame 1: those of
-    /// tracks whose values can name pictures, or meshes that use pictures.
+    /// Adds the pictures that later frames use to [`INPUTS`](super::INPUTS), the list of the files that were read. For
+    /// this purpose, the function builds the scenes of some keyframes after frame 1: those of tracks whose values can
+    /// name pictures, or meshes that use pictures. If such a scene has a mistake, only the files that were read before
+    /// the mistake was found are added.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
@@ -120,8 +121,8 @@ impl Animation {
         }
     }
 
-    /// Returns the scene of the frame `frame`. If the scene's mesh equals the mesh of `last`, the two scenes
-    /// share one mesh in memory.
+    /// Returns the validated scene of the frame `frame`. If the scene's mesh equals the mesh of the validated scene
+    /// `last`, the two scenes share one mesh in memory, and the mesh is not validated again.
     ///
     /// # Errors
     ///

@@ -83,8 +83,9 @@ impl Camera {
         Self::looking_along(position, direction, up, fov_degrees, fov_is_vertical)
     }
 
-    /// Returns a camera like [`Camera::looking_at`] that looks in the direction `direction`, which may have
-    /// any length. Returns `None` if `direction` is zero, or if `up` is zero or parallel to `direction`.
+    /// Returns a camera like [`Camera::looking_at`] that looks in the direction `direction`, which may have any length
+    /// above 0. Returns `None` if `direction` or `up` is zero, or if the two vectors are parallel or almost parallel:
+    /// if the sine of the angle between them is below 1e-5.
     pub(super) fn looking_along(
         position: Vec3,
         direction: DVec3,

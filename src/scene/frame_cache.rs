@@ -24,8 +24,8 @@ pub(super) struct FrameCache {
     /// True once an animation has begun a frame. Without an animation, no meshes, texels or bounds are kept
     /// for a next frame.
     keeps: bool,
-    /// For each object of this frame, the text that determines the object's mesh. The list is empty if the
-    /// animation changes no object.
+    /// For each object of this frame, the text that determines the object's mesh. The list is empty if there is no
+    /// animation, or if the animation changes neither an object nor the scene's `crease`.
     keys: Vec<String>,
     /// The meshes of this frame's objects, before transforms and materials are applied. The keys of this map
     /// are the texts in `keys`.
@@ -47,9 +47,9 @@ pub(super) struct FrameCache {
 }
 
 impl FrameCache {
-    /// Begins a frame with the scene file `document`. `objects_change` is true if the animation changes an
-    /// object or the scene's `crease`. The meshes in `meshes` become the meshes of the previous frame; older
-    /// meshes are dropped.
+    /// Begins a frame of an animation, and makes the texts that determine its objects. `document` is the scene file's
+    /// table with the values of this frame. `objects_change` is true if the animation changes an object or the scene's
+    /// `crease`. The meshes in `meshes` become the meshes of the previous frame; older meshes are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
             (document.get("object"), ["crease", "mip_levels", "textures"].map(|key| document.get(key)));
@@ -60,9 +60,9 @@ impl FrameCache {
         self.objects = format!("{objects:?} {of_all:?}");
     }
 
-    /// Returns the objects of this frame, joined into one mesh. If the text of all objects is the same as in
-    /// the previous frame, returns the previous frame's result. If the text of an object has changed, `make`
-    /// joins the objects.
+    /// Returns the objects of this frame, joined into one mesh. If the text of all objects is the same as in the
+    /// previous frame, returns the previous frame's result. If the text has changed, or if there is no earlier result,
+    /// `make` joins the objects.
     pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
         if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
             self.meshes = std::mem::take(&mut self.earlier);

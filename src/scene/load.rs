@@ -73,8 +73,9 @@ impl Shot {
 ///
 /// # Errors
 ///
-/// Returns a user error, with the file and the line of the mistake. Mistakes are files that cannot be read,
-/// unknown keys, values out of range, indices out of bounds, and scenes without triangles.
+/// Returns a user error. The error names the file, and the line if the mistake is in a line of a file. Mistakes are,
+/// for example, files that cannot be read, unknown keys, values out of range, indices out of bounds, and scenes without
+/// triangles. A scene that needs more memory than is available is also refused.
 pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }

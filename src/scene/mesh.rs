@@ -142,8 +142,9 @@ impl Mesh {
         self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
     }
 
-    /// Appends the mesh `other`. The indices in the triangles of `other` grow by the lengths of this mesh's
-    /// lists.
+    /// Appends the mesh `other`. All indices in `other`, including those of emission textures, grow by the lengths of
+    /// this mesh's lists. If only one of the two meshes has colours of corners, the corners of the other mesh become
+    /// white.
     pub fn append(&mut self, other: Mesh) {
         if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
             *self = other;

@@ -13,14 +13,13 @@ const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
-/// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after
-/// the last element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting
-/// of the camera's azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the
-/// elevation therefore removes the camera's position, direction and field of view from the scene's table.
-/// Settings before and after the angle may set the direction and the field of view again. The animation's
-/// tracks of the camera stay in the table, so that each track keeps its index in a setting's path and in a
-/// location for a message; `Animation::of` leaves them out. Returns an error if one setting sets an angle and
-/// another setting sets the position.
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after the last
+/// element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting of the camera's
+/// azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the elevation therefore removes
+/// the camera's position, direction and field of view from the scene's table. Settings before and after the angle may
+/// set the direction and the field of view again. The animation's tracks of the camera stay in the table, so that each
+/// track keeps its index in a setting's path and in a location for a message; `Animation::of` leaves them out. Returns
+/// an error if a path cannot be set, or if one setting sets an angle and another setting sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     if have_angle(settings) {

@@ -17,8 +17,8 @@ const HALVINGS: u32 = 54;
 const FIRST_OF: u32 = 16;
 /// The least width of a sample's ray cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
-/// Arbitrary seeds for Owen's scrambling of the two coordinates. The scrambling makes the samples' positions
-/// random.
+/// Arbitrary seeds for Owen's scrambling of the two coordinates. The scrambling makes the samples' positions look
+/// random. The positions are the same in every picture, since the seeds are fixed.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
 /// One sample; its offset is the same in every pixel.

@@ -46,7 +46,7 @@ pub(super) struct Studio {
     /// `ground` is also `None` if the eye is lower than the mesh's lowest point, or if the ground's
     /// coordinates would exceed `MAX_COORDINATE`.
     pub ground: Option<Mesh>,
-    /// The background: the colour of the ground far away.
+    /// The background's radiance: about that of the ground far away, which receives light almost only from the sky.
     pub background: Vec3,
 }
 

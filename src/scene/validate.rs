@@ -264,7 +264,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     })
 }
 
-/// Refuses a mesh with a coordinate beyond `MAX_COORDINATE`.
+/// Refuses a mesh with a coordinate that is not finite or is beyond `MAX_COORDINATE`.
 pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
     let far = mesh.positions.par_iter().with_min_len(PARALLEL_TRIANGLES).find_first(|p| !in_range(**p));
     require(far.is_none(), || {

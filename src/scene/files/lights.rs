@@ -71,9 +71,9 @@ impl FileLight {
     }
 }
 
-/// Returns `lights` as lights of a scene. Together, these lights illuminate the point `centre` as brightly as
-/// one light with the power `power` at the distance `distance`. `centre` and `radius` are those of the ball
-/// around the mesh.
+/// Returns `lights` as lights of a scene. Together, these lights illuminate the point `centre` as brightly as one light
+/// with the power `power` at the distance `distance`. `centre` and `radius` are those of the ball around the mesh. If
+/// all lights have the power 0, they keep it. A light whose power would not be finite also gets the power 0.
 pub(in crate::scene) fn of_file(
     lights: &[FileLight],
     (centre, radius): (DVec3, f64),

@@ -57,7 +57,8 @@ pub(in crate::scene) struct MeshFile {
 
 impl MeshFile {
     /// Undoes the scaling of the mesh, of the file's camera and of the file's lights, so that they have the size that
-    /// the file states. All objects of a scene have the same unit of length.
+    /// the file states. All objects of a scene have the same unit of length. Adds a note if no triangle of the rescaled
+    /// mesh has an area.
     pub fn unscaled(mut self) -> Self {
         let scale = std::mem::replace(&mut self.placement.scale, 1.0);
         if scale != 1.0 {
@@ -86,8 +87,9 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
     }
 }
 
-/// Reads a mesh and the files that it names. The named files must be in the mesh's folder, unless
-/// files elsewhere are permitted.
+/// Reads a mesh and the files that it names. The named files must be in the mesh's folder, unless files elsewhere are
+/// permitted. Equal positions may be joined ([`joined`]). Adds a note if no triangle has an area. Returns an error if
+/// the mesh has no triangles, or if reading it needs more memory than is available.
 pub(in crate::scene) fn read(
     path: &Path,
     opened: Opened,

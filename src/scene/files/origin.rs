@@ -132,9 +132,10 @@ fn length(vector: DVec3) -> f64 {
     if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }
 }
 
-/// Returns positions in single precision, and their placement (how they were moved and scaled). The placement
-/// depends only on positions that triangles use. Positions that no triangle uses need not be finite: scanners
-/// write NaN or zeros for points that they did not measure.
+/// Returns positions in single precision, and their placement (how they were moved and scaled). If there are triangles,
+/// the placement depends only on positions that triangles use. Positions that no triangle uses need not be finite:
+/// scanners write NaN or zeros for points that they did not measure. Returns an error if a triangle uses a position
+/// that is not valid.
 pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
     settle_if(positions, triangles, |_| true)
 }

@@ -69,9 +69,9 @@ fn hold(name: &str, triangles: u64, available: &Available) -> Result<()> {
     available.hold(JOINING_BYTES * triangles, &format!("reading {name}"), &sum)
 }
 
-/// Returns true if the file is binary: if its length matches the number of triangles in the header, or if its
-/// first bytes are not text. The word `solid` at the beginning is no proof of a text file, because a binary
-/// file may also begin with it.
+/// Returns true if the file is binary: if its length matches the number of triangles in the header, or if its first
+/// bytes are not text. A file that is shorter than a binary header counts as text. The word `solid` at the beginning is
+/// no proof of a text file, because a binary file may also begin with it.
 fn is_binary(bytes: &[u8]) -> bool {
     let Some(count) = count(bytes) else { return false };
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];

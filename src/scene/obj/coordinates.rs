@@ -78,7 +78,7 @@ fn coordinate(offset: usize, rest: &[u8]) -> Result<[f64; 2], Mistake> {
 }
 
 /// Parses a number in single precision, which is fast. If the number is far from 0, parses it again in double
-/// precision.
+/// precision. Returns `None` if `token` is not a finite decimal number.
 fn value(token: &[u8]) -> Option<f64> {
     let rounded = f64::from(number(token)?);
     if rounded.abs() > Mapped::NEAR { decimal(token) } else { Some(rounded) }

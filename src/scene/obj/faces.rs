@@ -1,4 +1,4 @@
-//! The second pass over an OBJ file: reads faces, cuts them into triangles, and checks every index.
+//! The last pass over an OBJ file: reads faces, cuts them into triangles, and checks every index.
 
 use super::coordinates::Coordinates;
 use super::odd::Odd;
@@ -223,8 +223,9 @@ fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corn
     rest.is_empty()
 }
 
-/// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a
-/// slash may be empty.
+/// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a slash may be
+/// empty. Returns an error if a part is not a whole number, or if the file has no such position. A texture coordinate
+/// or a normal that the file does not have is no error.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
     let mut parts = token.split(|&byte| byte == b'/');
     let first = parts.next().unwrap_or_default();
@@ -282,10 +283,11 @@ fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'
     Some((corner, rest))
 }
 
-/// Returns the index, from 0, of the element that the number in `part` means. `what` names the kind of
-/// elements, such as "vertex". The number of the first element is one. Negative numbers count backwards: -1
-/// means the last element before the face. `seen` is the number of elements before the face, and `total` the
-/// number of elements in the whole file. Returns an error if the file has no element with this number.
+/// Returns the index, from 0, of the element that the number in `part` means. `what` names the kind of elements, such
+/// as "vertex". The number of the first element is one. Negative numbers count backwards: -1 means the last element
+/// before the face. `seen` is the number of elements before the face, and `total` the number of elements in the whole
+/// file. Returns an error if `part` is not a whole number, or if the file has no element with this number. `token` is
+/// the whole corner, for the error's message.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };

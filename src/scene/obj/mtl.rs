@@ -157,7 +157,8 @@ fn unusable(reach: Reach<'_>, name: &str, reason: &str, is_coloured: bool) -> St
     format!("material file{name} {reason}{hint}: {instead}")
 }
 
-/// Reads the bytes of a material file. Returns an error if the file is known to have another format.
+/// Reads the bytes of a material file. Returns an error if the file cannot be read, or if it is known to have another
+/// format.
 fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let bytes = reader::bytes(path, Kind::Materials).map_err(|error| format!("cannot be read ({error})"))?;
     match FileType::of(&bytes, bytes.len() as u64) {
@@ -191,8 +192,9 @@ impl Reach<'_> {
         words.into_iter().map(|word| existing(word).unwrap_or_else(|| word.to_owned())).collect()
     }
 
-    /// Returns the path of the file with the name `name`, after following links. Returns an error if there is
-    /// no such file, or if the mesh may not read it.
+    /// Returns the path of the file with the name `name`, after following links. Returns an error if there is no such
+    /// file, if it is not an ordinary file, or if the mesh may not read it. Adds the file to [`INPUTS`], unless the
+    /// mesh may not read it.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
         let named = self.folder.join(name.replace('\\', "/"));
@@ -252,8 +254,8 @@ const OUTSIDE: &str = "lies outside the mesh's folder and is not read (to allow 
      [[object]] or, for a bare mesh, --set object.0.outside_materials=true)";
 
 impl Materials {
-    /// Adds the materials of a file, and returns their names. `name` is the file's name in the mesh. If the
-    /// file defines several materials of the same name, the last one counts.
+    /// Adds the materials of a file, and returns their names. Adds notes on lines whose values are ignored. `name` is
+    /// the file's name in the mesh. If the file defines several materials of the same name, the last one counts.
     fn add(
         &mut self,
         reach: Reach<'_>,

@@ -132,8 +132,9 @@ pub(super) struct PointChunk {
 }
 
 impl PointChunk {
-    /// Reads the words after a vertex's coordinates. Three numbers are a colour, and a fourth number is its alpha.
-    /// A single number is ignored: it is a weight, which concerns only curves and surfaces.
+    /// Reads the words after a vertex's coordinates. Three numbers are a colour, and a fourth number is its alpha. A
+    /// single number is ignored: it is a weight, which concerns only curves and surfaces. Other words are counted as a
+    /// colour that is not valid, and the vertex gets no colour.
     fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>, offset: usize) {
         let mut next = || tokens.next().map(number);
         let (red, green, blue) = match (next(), next(), next()) {

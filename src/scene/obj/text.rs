@@ -98,8 +98,9 @@ impl Source<'_> {
         }
     }
 
-    /// Returns the error for a mistake, with its file and line. The error also shows the line, if it may be
-    /// quoted and is not too long.
+    /// Returns the error for a mistake, with its file and line. The error also shows the line, if it may be quoted, if
+    /// neither the line nor the file is too long, and if the file is UTF-8. If the text may not be quoted, the error
+    /// has the form that the line should have, instead of the message.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
         let rest = &self.text[before.len()..];
@@ -178,9 +179,9 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     chunks
 }
 
-/// Returns the text without a byte order mark, and with line feeds as its only line ends. Lines that end in
-/// `\`, which blanks may follow, are joined with the next line. Empty lines are added after a joined line, so
-/// that line numbers stay the same.
+/// Returns the text without a byte order mark, and with line feeds as its only line ends. Lines that end in `\`, which
+/// blanks may follow, are joined with the next line, unless they contain a comment. Empty lines are added after a
+/// joined line, so that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let has = |byte: &u8| bytes.par_chunks(CHUNK_BYTES).any(|piece| piece.contains(byte));

@@ -277,7 +277,9 @@ pub(super) struct FaceCoordinates {
     pub corners: Vec<[u32; 3]>,
 }
 
-/// Assigns textures to the triangles of a mesh. Textures of materials that no triangle uses are not read.
+/// Assigns textures to the triangles of a mesh, and emission textures to its materials. Textures of materials that no
+/// triangle uses are not read. Adds notes on textures that cannot be used, and on triangles that have a texture but no
+/// texture coordinates.
 pub(super) fn apply(
     mesh: &mut Mesh,
     maps: &[Maps],

@@ -56,8 +56,8 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// Returns the unsupported feature that a keyword asks for, and how many numbers may follow the keyword.
-/// Returns `None` for keywords that are not followed by numbers.
+/// Returns the unsupported feature that a keyword asks for, and how many numbers may follow the keyword. Returns `None`
+/// if the keyword asks for no such feature, or if no numbers follow the keyword.
 pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
     match &keyword.to_ascii_lowercase()[..] {
         b"d" | b"tr" => Some((Wish::Transparency, 1)),

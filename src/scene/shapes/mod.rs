@@ -133,7 +133,8 @@ impl Shape {
     }
 }
 
-/// Generates a shape's mesh. The mesh is the same on every machine. The time for generating the mesh is
+/// Generates a shape's mesh. The mesh depends only on the shape. On machines whose sine, cosine or exponential function
+/// rounds differently, positions and normals may differ in their last digits. The time for generating the mesh is about
 /// proportional to the number of triangles.
 pub fn generate(shape: &Shape) -> Mesh {
     match *shape {

@@ -195,7 +195,9 @@ impl<'a> Walk<'a> {
         }));
     }
 
-    /// Adds the camera of a node. The camera looks along the node's -z axis.
+    /// Adds the camera of a node. The camera looks along the node's -z axis. A camera that is not a perspective camera,
+    /// or whose directions the node's transform makes zero or parallel, is counted but not added. A camera with an
+    /// impossible field of view is counted, and gets a field of view of 45 degrees.
     fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =

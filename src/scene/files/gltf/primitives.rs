@@ -89,8 +89,9 @@ pub(super) enum Shape {
 }
 
 impl Part {
-    /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the
-    /// primitive's material uses.
+    /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the primitive's
+    /// material uses. Returns an error if the primitive has normals, colours or texture coordinates, but not one for
+    /// each position.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let used = Used::of(primitive, set);
         // A primitive is left out if it has no positions, or if its mode is not triangles, strips or fans.

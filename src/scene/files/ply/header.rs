@@ -32,9 +32,10 @@ pub(super) struct Tidied<'a> {
     pub elements: HashMap<String, String>,
 }
 
-/// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as
-/// its only line ends, and without blanks before a line. In the converted header, each property has a
-/// different name, and the names of colour channels are in lower case. Fails if the header is longer than
+/// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as its only
+/// line ends, and without blanks before a line. Lines whose first word PLY does not define become comments. In the
+/// converted header, no two elements have the same name, and no two properties of an element have the same name. The
+/// names of colour channels are in lower case. Fails if the first line is `ply` but the header is longer than
 /// [`MAX_BYTES`].
 pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);

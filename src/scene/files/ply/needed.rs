@@ -13,7 +13,8 @@ use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 /// Largest number of properties that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners.
+/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners. Also returns an error if
+/// the header lacks vertices or faces, but has an element with a similar name.
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     check_names(header)?;
     let element = |name: &str| header.elements.get(name).filter(|element| element.count > 0);
