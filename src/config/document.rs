@@ -83,7 +83,7 @@ impl Document {
         from_table(table).map_err(|error| self.misfit(&error))
     }
 
-    /// Returns an error for a mistake at `span`, in the file or in an override.
+    /// Returns an error for a mistake at `span`, in the file or in an override. The error's help is [`KEYS`].
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: impl Into<String>) -> Error {
         let (name, text, start) = self.part(&span);
         Error::in_file(name, text, span.start - start..span.end.saturating_sub(start), message, label)
@@ -198,7 +198,8 @@ impl Document {
     }
 }
 
-/// Returns `key = value` as TOML. A `value` that is not valid TOML becomes a string.
+/// Returns `key = value` as TOML. A `value` that is not valid TOML, or contains a line break, becomes a string. Fails
+/// if `key` is neither a name nor several names joined by dots.
 fn toml_line(key: &str, value: &str) -> Result<String> {
     if toml::from_str::<toml::Table>(&format!("{key} = 0")).is_err() || key.contains(['=', '\n', '#']) {
         return Err(Error::input(format!("--set {key}={value}: '{key}' is not a key"))

@@ -17,8 +17,8 @@ use crate::scene::Setting;
 /// The allowed range of the number of samples per pixel.
 pub(super) const SAMPLES: RangeInclusive<i64> = 1..=64;
 
-/// Returns the scenes of the config without repetitions: first the unchanged scene files, then those with
-/// changed values.
+/// Returns the scenes of the config without repetitions: first the unchanged scene files, then those with changed
+/// values. Returns an error if there is no scene.
 pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<Vec<SceneChoice>> {
     let folder = config.parent().unwrap_or(Path::new(""));
     let mut all = Vec::new();

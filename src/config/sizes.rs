@@ -17,7 +17,8 @@ pub(super) const LOCAL_SIDE: RangeInclusive<i64> = 1..=4096;
 /// The largest number of work-items in a work-group that a config may ask for.
 const LOCAL_ITEMS: u64 = 4096;
 
-/// Returns the image sizes in the file's order, without repetitions.
+/// Returns the image sizes in the file's order, without repetitions. Returns an error if the list is empty, or if a
+/// size is out of range.
 pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
     not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
     let parse = |wire: &Spanned<wire::Size>| {
@@ -26,7 +27,8 @@ pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>
     Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
 }
 
-/// Returns the local sizes in the file's order, without repetitions.
+/// Returns the local sizes in the file's order, without repetitions; the list may be empty. Returns an error if a size
+/// is out of range.
 pub fn local_sizes(document: &Document, list: &[Spanned<wire::Size>]) -> Result<Vec<[u32; 2]>> {
     let parse = |wire: &Spanned<wire::Size>| {
         size(document, wire, "local size", &LOCAL_SIDE, LOCAL_ITEMS, "work-items")

@@ -63,9 +63,9 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the only kind of device on which the preset `name` is measured. Returns `None` if the preset is
-/// measured on every kind of device: if it is meant for every kind, if the config has `any_kind = true`, or
-/// if `--set` names the preset.
+/// Returns the only kind of device on which the preset `name` is measured. Returns `None` if the preset is measured on
+/// every kind of device: if it is meant for every kind, if the config has `any_kind = true`, or if `--set` names the
+/// preset. Also returns `None` if there is no such preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for
@@ -97,7 +97,8 @@ fn entry_instead(text: &str) -> Option<String> {
     Some(format!("in a config, write [[strategy]] with preset = {base:?} and {}", axes?.join(" and ")))
 }
 
-/// Returns a value of an axis in the form of `--strategy`, such as `width=4`, as a line of a config.
+/// Returns a value of an axis in the form of `--strategy`, such as `width=4`, as a line of a config; `None` if `part`
+/// has no `=`.
 fn key_of(part: &str) -> Option<String> {
     let (axis, value) = part.split_once('=')?;
     let (axis, value) = (axis.trim(), value.trim());
@@ -155,8 +156,8 @@ fn product(
     drafts.into_iter().map(finish).collect()
 }
 
-/// Returns one draft (a strategy that is being made) for every combination of a draft in `drafts` and a value
-/// of `axis`.
+/// Returns one draft (a strategy that is being made) for every combination of a draft in `drafts` and a value of
+/// `axis`. Returns an error if `choices` has no value, if it lists a value twice, or if the axis does not have a value.
 fn vary(
     document: &Document,
     axis: &str,

@@ -302,8 +302,8 @@ pub struct Emulate {
 }
 
 impl Emulate {
-    /// Returns the limits of `device`. If a limit of the imitated device is smaller, it replaces the limit of
-    /// `device`.
+    /// Returns the limits of `device`. If a limit of the imitated device is smaller, it replaces the limit of `device`,
+    /// and the result says that this limit is emulated.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
         let lower =
             |own: u64, cap: Option<u64>| cap.filter(|cap| *cap < own).map_or((own, false), |cap| (cap, true));

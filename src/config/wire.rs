@@ -13,8 +13,8 @@ use super::schema::{Anything, BaselineName, ImageSize, LocalSize, PresetName, Sa
 use super::validate::{MOST_LAUNCHES, MOST_SAMPLES};
 use crate::strategy::AXES;
 
-/// An experiment measures every combination of its scenes, image sizes, strategies, local sizes and devices.
-/// raycl verifies the picture of each combination, then times it.
+/// An experiment measures every combination of its scenes, image sizes, strategies, local sizes and devices. raycl
+/// verifies the picture of each combination, then measures the combination's time.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {

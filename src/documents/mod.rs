@@ -51,13 +51,13 @@ impl Documents {
         page.stale.into_iter().chain(page.wrong).collect()
     }
 
-    /// Returns a document's text as it was read.
+    /// Returns the text of the document `name` as it was read; `None` if `name` is not in [`DOCUMENTS`].
     pub fn text(&self, name: &str) -> Option<&str> {
         self.texts.iter().find(|(own, _)| *own == name).map(|(_, text)| text.as_str())
     }
 
-    /// Returns every difference between a document and the records, with the document's name. The result also
-    /// contains every entry of docs/figures.toml that no document uses.
+    /// Returns every difference between a document and the records, and every mistake in a document, with the
+    /// document's name. The result also contains every entry of docs/figures.toml that no document uses.
     pub fn differences(&self) -> Vec<(&'static str, Difference)> {
         let of = |(name, text): &(&'static str, String)| {
             let name = *name;
@@ -70,7 +70,8 @@ impl Documents {
         self.texts.iter().flat_map(of).chain(unused).collect()
     }
 
-    /// Returns the `[facts]` and `[blocks]` of docs/figures.toml that no document uses.
+    /// Returns each phrase under `[facts]` in docs/figures.toml that no document contains, and the beginning marker of
+    /// each block under `[blocks]` that no document uses.
     fn unused(&self) -> Vec<String> {
         let nowhere = |phrase: &&str| !self.texts.iter().any(|(_, text)| text.contains(*phrase));
         let facts = self.sheet.facts.iter().map(String::as_str).filter(nowhere).map(str::to_owned);

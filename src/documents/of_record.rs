@@ -23,8 +23,8 @@ pub enum Figure {
     Number(f64, Form),
     /// A text.
     Words(String),
-    /// The reason why the record lacks the figure, such as "infeasible". An empty text instead of a reason
-    /// means that no record matches the query.
+    /// The reason why there is no value, such as "infeasible". An empty text instead of a reason means that no record
+    /// matches the query.
     Nothing(String),
 }
 
@@ -79,8 +79,8 @@ const TEXTS: [(&str, Text); 4] = [
     ("outcome", |record| Some(record.outcome.name().to_owned())),
 ];
 
-/// Returns true if a word names a figure. The name of a PTX instruction, such as `ld.global`, also names a
-/// figure: the number of such instructions in the main kernel.
+/// Returns true if a word names a figure. A word that begins with `ld.`, `st.` or `atom.`, such as `ld.global`, counts
+/// as the name of a PTX instruction. It also names a figure: the number of such instructions in the main kernel.
 pub fn is_figure(word: &str) -> bool {
     let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
     is_instruction
@@ -88,8 +88,8 @@ pub fn is_figure(word: &str) -> bool {
         || TEXTS.iter().any(|(name, _)| *name == word)
 }
 
-/// Returns the figure with this name from a record, or [`Figure::Nothing`] if the record does not contain the
-/// figure.
+/// Returns the figure with this name from a record, or [`Figure::Nothing`] if the record does not contain the figure. A
+/// name that is neither in `NUMBERS` nor in `TEXTS` is taken for the name of a PTX instruction.
 pub fn figure(record: &Record, name: &str) -> Figure {
     if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
         return text(record).map_or_else(|| nothing(record), Figure::Words);

@@ -35,7 +35,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Compares a document's text with the records.
+    /// Compares a document's text with the records, and rewrites the text from the records.
     pub fn of(text: &str, sheet: &Sheet) -> Self {
         let mut page = Self::default();
         let mut lines = text.lines().enumerate().map(|(index, line)| (index + 1, line));
@@ -84,8 +84,8 @@ impl Page {
         self.push(END);
     }
 
-    /// Leaves a block without an end marker as it is, since nobody knows which of the following lines belong
-    /// to the block.
+    /// Keeps the line with which a block without an end marker begins, and reports the block in `wrong`. The following
+    /// lines are treated as lines outside of blocks, since nothing shows which of them belong to the block.
     fn open_block(&mut self, line: usize, name: &str, begin: &str) {
         let records_say = format!("nothing: no line `{END}` follows the beginning of this block");
         self.wrong.push(Difference { line, stands: format!("the block '{name}'"), records_say });
@@ -116,9 +116,9 @@ impl Page {
         self.push(&made);
     }
 
-    /// Returns the answer to the query in a comment. If the query has no answer, returns `stands`, the number
-    /// before the comment, and reports the reason in `wrong`. If the query's answer differs from the number
-    /// before the comment, reports the difference in `stale`.
+    /// Returns the answer to the query in a comment. If the query has no answer, or if no number precedes the comment,
+    /// returns `stands` (the number before the comment, or an empty text) and reports the reason in `wrong`. If the
+    /// query's answer differs from the number before the comment, reports the difference in `stale`.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
         let answer = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();

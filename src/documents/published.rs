@@ -4,7 +4,8 @@ use super::of_record::{Figure, Form};
 use crate::report::paper::curve;
 
 /// Returns the published time for "SCENE PRESET WxH", where WxH is the local size; `Nothing` if the paper's plot has no
-/// point for this combination.
+/// point for this combination. Returns an error if the query has another form, or if no plot of the paper shows the
+/// preset on the scene.
 pub fn published(words: &[&str]) -> Result<Figure, String> {
     let [scene, preset, size] = words[..] else {
         return Err(format!(

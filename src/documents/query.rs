@@ -163,8 +163,8 @@ fn quotient(one: &Side, other: &Side) -> Figure {
     }
 }
 
-/// Returns the value at the JSON pointer (RFC 6901) that the words in `words` form when they are joined.
-/// Returns an error if the JSON has no value at the pointer.
+/// Returns the value at the JSON pointer (RFC 6901) that the words in `words` form when they are joined. A null in the
+/// JSON means that the value was not measured. Returns an error if the JSON has no number, text or null at the pointer.
 fn at(value: &Value, words: &[&str]) -> Result<Figure, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
@@ -209,8 +209,8 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     }
 }
 
-/// Fits a power law to the median times of some records, as a function of the records' figure named `across`,
-/// and returns the exponent.
+/// Fits a power law to the median times of some records, as a function of the records' figure named `across`, and
+/// returns the exponent; [`Figure::Nothing`] if there are too few points for a fit.
 fn grown(records: &[&Record], across: &str) -> Figure {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Figure::Number(value, _) => Some(value),

@@ -72,10 +72,10 @@ fn counted(head: &str, claims: &[Value]) -> String {
     format!("- {head}, {} claims: {}.", claims.len(), counts.join(", "))
 }
 
-/// Returns a claim's verdict, and the first comparison with that verdict. If some comparisons hold and the
-/// remaining comparisons cannot be made, the claim is unclear although no single comparison is unclear. If a
-/// claim is unclear only because comparisons cannot be made, returns the first comparison that cannot be
-/// made.
+/// Returns a claim's verdict, the first comparison with that verdict, and the number of further comparisons with it. If
+/// some comparisons hold and the remaining comparisons cannot be made, the claim is unclear although no single
+/// comparison is unclear. If a claim is unclear only because comparisons cannot be made, returns the first comparison
+/// that cannot be made.
 fn decided(claim: &Value) -> String {
     let verdict = claim["verdict"].as_str().unwrap_or_default();
     let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);

@@ -206,7 +206,8 @@ pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     format!("| {} |", cells.collect::<Vec<_>>().join(" | ")).replace("|  |", "| |")
 }
 
-/// Makes the least or the greatest number of a column bold.
+/// Returns the cells of a column, with the least or the greatest number in bold. The cells stay as they are if `bold`
+/// is `None` or no cell is a number.
 fn emboldened(mut cells: Vec<String>, bold: Option<Bold>) -> Vec<String> {
     let Some(bold) = bold else { return cells };
     let numbers =

@@ -30,8 +30,9 @@ impl Fences {
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// Returns a line's words that contain digits, except code, targets of links, names and words of facts. If one fact
-/// contains another, the longer fact must come first in `facts`.
+/// Returns a line's words that contain digits, except code (spans and fenced blocks), targets of links, names and words
+/// of facts. Updates `fences` for the next line. If one fact contains another, the longer fact must come first in
+/// `facts`.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;
@@ -83,8 +84,8 @@ fn without_links(line: &str) -> String {
     parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
-/// Returns `text` without the phrase `phrase` (a fact listed in docs/figures.toml). The phrase stays in the
-/// text wherever the phrase adjoins a letter, a digit or a part of a number.
+/// Returns `text` with the word "fact" in place of the phrase `phrase` (a fact listed in docs/figures.toml). The phrase
+/// stays in the text wherever the phrase adjoins a letter, a digit or a part of a number.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
     let mut result = String::new();

@@ -17,9 +17,9 @@ pub enum Verdict {
     /// The two times cannot be compared, since neither an anchor nor other points of the same rounds show how the
     /// machine's speed changed.
     CannotTell,
-    /// One of the two compared points has too few samples.
+    /// At least one of the two compared points has too few samples.
     NotEnough,
-    /// One of the two compared points has enough samples, but some of these samples are 0.
+    /// At least one of the two compared points has enough samples, but some of its samples are 0.
     BelowResolution,
 }
 

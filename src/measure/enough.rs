@@ -10,7 +10,7 @@ pub const MIN_SAMPLES: usize = 5;
 /// Says why a point has no interval although it has enough samples: some of its times are 0.
 pub const BELOW_RESOLUTION: &str = "times below the timer's resolution";
 
-/// Returns "not enough samples (n = 3)"; `n` is the number of samples in the launch with the fewest.
+/// Returns a text such as "not enough samples (n = 3)". `n` is the number of samples in the launch with the fewest.
 pub fn not_enough(n: usize) -> String {
     format!("not enough samples (n = {n})")
 }

@@ -27,7 +27,8 @@ pub use stopping::{StopReason, StoppingRule};
 pub use summary::Summary;
 pub(crate) use summary::{median_of, quantile};
 
-/// Returns the mean and the sample standard deviation (n - 1); the deviation of fewer than two samples is 0.
+/// Returns the mean and the sample standard deviation (n - 1); the deviation of fewer than two samples is 0. Without
+/// samples, the mean is not a number (NaN).
 fn mean_and_sigma(samples: &[f64]) -> (f64, f64) {
     let n = samples.len() as f64;
     let mean = samples.iter().sum::<f64>() / n;

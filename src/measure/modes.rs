@@ -4,14 +4,13 @@ use super::MIN_SAMPLES;
 use super::summary::quantile;
 use std::collections::BTreeMap;
 
-/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
-/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution
-/// has the largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13,
-/// 1985). In a simulation, sets of 10 to 200 times were drawn from the uniform distribution. The dips of
-/// 99.9% of these sets stayed below the threshold. Therefore, if the times of a point have one mode (they
-/// cluster around one value), their dip exceeds the threshold with a probability of at most 1 in 1000. In
-/// practice the probability of such a dip is lower, since distributions of times have tails, unlike the
-/// uniform distribution.
+/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds [`DIP_LIMIT`]
+/// - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips
+/// (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, sets of 10
+/// to 200 times were drawn from the uniform distribution. The dips of 99.9% of these sets stayed below the threshold.
+/// Therefore, if the times of a point have one mode (they cluster around one value), their dip exceeds the threshold
+/// with a probability of at most about 1 in 1000. In practice the probability of such a dip is lower, since
+/// distributions of times have tails, unlike the uniform distribution.
 const DIP_LIMIT: f64 = 0.8;
 const DIP_DECREASE: f64 = 0.75;
 /// [`Modes::of`] returns `None` for fewer than `FEWEST` times.
@@ -33,8 +32,8 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// Returns the two modes of some times; `None` if the times may have a single mode. `launches` has the number of
-    /// each time's launch, or is empty if these numbers are unknown.
+    /// Returns the two modes of some times; `None` if there are fewer than [`FEWEST`] times, or if the times may have a
+    /// single mode. `launches` has the number of each time's launch, or is empty if these numbers are unknown.
     pub fn of(times_ms: &[f64], launches: &[u32]) -> Option<Self> {
         let mut sorted = times_ms.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -205,8 +204,9 @@ fn on_hull(sorted: &[f64], hull: &[usize], index: usize) -> f64 {
     }
 }
 
-/// Returns the difference in height between a straight line and point `one`, at the value with the index
-/// `at`. The straight line connects point `one` with point `other`.
+/// Returns the difference in height between a straight line and point `one`, at the value with the index `at`. The
+/// straight line connects point `one` with point `other`. If the values of the two points are equal, returns `at` -
+/// `one`.
 fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
     let across = sorted[other] - sorted[one];
     if across > 0.0 { (other - one) as f64 * (sorted[at] - sorted[one]) / across } else { (at - one) as f64 }

@@ -1,4 +1,4 @@
-//! Finds samples during which other programs used the processors.
+//! Finds samples during which other programs probably used the processors.
 //!
 //! A frame that is cast on processors needs about the same processor time in every sample. If the system
 //! preempts one of the frame's threads to run another program, the frame takes longer, but needs no more
@@ -9,7 +9,7 @@ use super::{MIN_SAMPLES, quantile};
 use std::collections::HashMap;
 
 /// A sample counts as preempted if its utilization is less than the fraction `LEAST_UTILIZATION` of the usual
-/// utilization of its point or anchor. Other programs delayed a preempted sample by over a tenth.
+/// utilization of its point or anchor. Probably, other programs delayed such a sample by over a tenth.
 const LEAST_UTILIZATION: f64 = 0.9;
 
 /// Returns the ratio of a sample's processor time to its elapsed time. The ratio of processor time to elapsed

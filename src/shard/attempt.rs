@@ -120,8 +120,8 @@ impl About {
 }
 
 impl Attempt {
-    /// Makes the folder of a new attempt. If a folder for the attempt's restart number exists, the attempt
-    /// gets the next free restart number.
+    /// Makes the folder of a new attempt, and writes the attempt's description into the folder. If a folder for the
+    /// attempt's restart number exists, the attempt gets the next free restart number.
     pub fn begin(out: &Path, about: &About) -> Result<Self> {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
@@ -198,7 +198,8 @@ impl Attempt {
     }
 }
 
-/// Returns a name such as "shard-00003.node7.4711.r00". Sorting the names sorts the shards.
+/// Returns the name of an attempt, such as "shard-00003.node7.4711.r00". Each character of the machine and of the job
+/// that is neither an ASCII letter nor a digit becomes `-`. Sorting the names sorts the shards.
 fn name(about: &About) -> String {
     let plain = |text: &str| {
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()

@@ -89,11 +89,13 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the numbers
-/// of one launcher decide which shard is returned. The order of precedence is: the innermost launcher that
-/// started several processes, a Slurm array, a launcher of whole jobs (`OUTER`), a launcher that started a
-/// single process. The number of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error
-/// if a Slurm array of several elements and an inner launcher of several processes both set numbers.
+/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the numbers of one
+/// launcher decide which shard is returned. The order of precedence is: the innermost launcher that started several
+/// processes, a Slurm array, a launcher of whole jobs (`OUTER`), a launcher that started a single process. The number
+/// of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error in several cases: if no launcher
+/// sets a number, if a number or the number of shards cannot be found, if the two numbers contradict each other, or if
+/// both a Slurm array of several elements and an inner launcher of several processes set numbers. A batch script of
+/// several tasks that starts raycl without `srun` is an error too, unless an inner launcher sets a number.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()
@@ -137,8 +139,10 @@ impl Ranks {
     }
 }
 
-/// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the
-/// number of the array's element is the shard's number, so that a part of the array can be started again.
+/// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the number of
+/// the array's element is the shard's number, so that a part of the array can be started again. Returns `None` if the
+/// process belongs to no Slurm array. If the user does not give the number of shards, an array with gaps, or of unknown
+/// length, is an error.
 fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Assignment>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";

@@ -151,7 +151,7 @@ pub fn path(out: &Path) -> PathBuf {
     out.join(SHARDS)
 }
 
-/// Returns a text with the beginning of the hash of the kernels' source.
+/// Returns a text with the beginning of the hash of the kernels' source, or a text that says why there is no hash.
 fn source(header: &Header) -> String {
     let begin = |hash: &String| format!("hash {}", hash.get(..8).unwrap_or(hash));
     header.kernels.as_ref().map_or("no hash (a kernel file could not be read)".to_owned(), begin)

@@ -56,7 +56,8 @@ impl Beat {
     }
 }
 
-/// An observer that counts steps and passes every call on to another observer.
+/// An observer that counts steps, notes when the attempt waits for another process, and passes every call on to another
+/// observer.
 pub struct Steps<'a> {
     steps: Arc<AtomicU64>,
     waits: Arc<AtomicBool>,

@@ -7,9 +7,9 @@ use std::collections::HashSet;
 /// Number of iterations of the median polish. In practice, the third and later iterations change the values
 /// only by rounding.
 const ITERATIONS: usize = 5;
-/// The machine's speed at a sample is estimated from at most `MOST_NEIGHBOURS` samples before the sample, and
-/// from as many samples after the sample. A machine stays at one speed for tens of samples, so most of these
-/// neighbouring samples were measured at the same speed.
+/// The machine's speed at a sample is estimated from at most `MOST_NEIGHBOURS` samples before the sample, and from as
+/// many samples after the sample. A machine usually stays at one speed for tens of samples, so most of these
+/// neighbouring samples were probably measured at the same speed.
 const MOST_NEIGHBOURS: usize = 6;
 
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the

@@ -211,7 +211,8 @@ impl Point {
 
 impl Paired {
     /// Compares `points` points by their samples. Within each launch, samples must be in the order in which they were
-    /// measured. A sample is skipped if its time is not a positive, finite number.
+    /// measured. A sample is skipped if its time is not a positive, finite number, or if its index of a point is not
+    /// below `points`.
     ///
     /// A launch is ignored if no point has [`MIN_SAMPLES`] samples in the launch, for example because the
     /// launch was interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] samples in a
@@ -308,7 +309,7 @@ fn resolution(pooled: &Pooled, between: BetweenRuns) -> Option<f64> {
     Some(Error::of_sum([pooled.usual()?, between]).reach(interval::RISK).exp_m1())
 }
 
-/// Returns the samples of each launch that is not ignored.
+/// Returns the samples of each launch that is not ignored ([`Paired::of`] says which launches are ignored).
 fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
     let mut launches: BTreeMap<u32, Vec<PairedSample>> = BTreeMap::new();
     for sample in samples {
@@ -353,9 +354,10 @@ fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> O
     Some(Point { median, plain: repeats(&plain), relative: repeats(&relative) })
 }
 
-/// Returns the logarithm of the median time of samples; `logs` has the logarithms of their times. Of an even
-/// number of samples, the median time is halfway between the middle two times, as in all outputs of raycl. The
-/// median of the logarithms is less: it is the logarithm of the geometric mean of the middle two times.
+/// Returns the logarithm of the median time of samples; `logs` has the logarithms of their times. Of an even number of
+/// samples, the median time is halfway between the middle two times, as in all outputs of raycl. The median of the
+/// logarithms is less: it is the logarithm of the geometric mean of the middle two times. Returns `None` if `logs` is
+/// empty.
 fn log_of_median(logs: &[f64]) -> Option<f64> {
     let middle = median_of(logs)?;
     let relative: Vec<f64> = logs.iter().map(|log| (log - middle).exp()).collect();

@@ -40,9 +40,9 @@ pub(super) struct Prior {
 }
 
 impl Prior {
-    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of
-    /// freedom. Fewer than three points cannot show whether the variances of points differ, so the true
-    /// variances of one or two points are taken to be equal.
+    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of freedom. All
+    /// true variances are taken to be equal in three cases: if there are fewer than three points (which cannot show
+    /// whether variances differ), if `degrees` is 0, or if all observed variances are 0.
     pub fn of(variances: &[f64], degrees: usize) -> Self {
         let mean = mean_of(variances.iter().copied());
         if variances.len() < 3 || degrees == 0 || mean == 0.0 {
@@ -93,9 +93,9 @@ fn trigamma(x: f64) -> f64 {
     sum + inverse * (1.0 + 0.5 * inverse + square * (1.0 / 6.0 - square * (1.0 / 30.0 - square / 42.0)))
 }
 
-/// Returns the argument at which trigamma is `value`. The argument is searched from half of the lower limit
-/// in [`DEGREES`] to half of the upper limit. Returns infinity if the argument lies above the range of the
-/// search.
+/// Returns the argument at which trigamma is `value`. The argument is searched from half of the lower limit in
+/// [`DEGREES`] to half of the upper limit. Returns infinity if the argument lies above the range of the search, and the
+/// lower end of this range if the argument lies below the range.
 fn inverse_trigamma(value: f64) -> f64 {
     let [mut low, mut high] = DEGREES.map(|degrees| 0.5 * degrees);
     if value <= trigamma(high) {

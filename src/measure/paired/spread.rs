@@ -86,8 +86,8 @@ impl Pooled {
         self.error(variance, degrees)
     }
 
-    /// Sets `elsewhere` to the spread in `others`, which are other tables of the same run, machine and
-    /// devices.
+    /// Sets `elsewhere` to the spread in `others`, which are other tables of the same run, machine and devices. Changes
+    /// nothing if no table in `others` has at least two columns.
     pub(super) fn borrow(&mut self, others: &[Self]) {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();
@@ -98,8 +98,8 @@ impl Pooled {
         }
     }
 
-    /// Returns the error of the difference between two rows with the typical variance of this table; `None`
-    /// for a table with a single row.
+    /// Returns the error of the difference between two rows with the typical variance of this table; `None` for a table
+    /// with fewer than two rows.
     pub(super) fn usual(&self) -> Option<Error> {
         (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
@@ -155,12 +155,12 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// Subtracts the effects of rows and columns from a two-way table, and returns the distribution of the
-/// variances of what remains in each row (its residuals). For a table with a single row or column, these
-/// variances are 0. For each row, the effect of a column is the median of the column over all steady rows
-/// (rows that change alike) except the row itself. Rows that vary more than others therefore do not disturb
-/// the residuals of steady rows, even if more than half of the rows vary so much. In a table with two or
-/// three rows, each row is compared with a single other row ([`to_the_nearest`]).
+/// Subtracts the effects of rows and columns from a two-way table, and returns the distribution of the variances of
+/// what remains in each row (its residuals). For a table with fewer than two rows or columns, these variances are 0.
+/// For each row, the effect of a column is the median of the column over all steady rows (rows that change alike)
+/// except the row itself. Rows that vary more than others therefore do not disturb the residuals of steady rows, even
+/// if more than half of the rows vary so much. In a table with two or three rows, each row is compared with a single
+/// other row ([`to_the_nearest`]).
 fn interaction(table: &[&[f64]]) -> Prior {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {

@@ -115,7 +115,8 @@ impl Chosen {
         self.best.get(key).map(|(_, record)| record.outcome)
     }
 
-    /// Returns the chosen records of the points with these keys, in the order of the keys.
+    /// Returns the chosen records of the points with these keys, in the order of the keys. Keys of points without a
+    /// record are skipped.
     pub fn of_keys<'a>(mut self, keys: impl Iterator<Item = &'a str>) -> Vec<Measured> {
         keys.filter_map(|key| self.best.remove(key)).collect()
     }

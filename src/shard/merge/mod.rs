@@ -262,11 +262,11 @@ fn write_renumbered<T: Serialize + OfLaunch>(
     })
 }
 
-/// Writes the devices' peak rates that attempts stored. `name` is called with an attempt's index and a
-/// device's name in this attempt. `name` returns the device's name in the merged folder; `None` if the merged
-/// folder has no record that the attempt measured on this device. Rates for which `name` returns `None` are
-/// left out: a reader might mistake such rates for the rates of a selected kind of device that has the same
-/// name. If several attempts have rates of the same device, the rates of the first attempt are used.
+/// Writes the devices' peak rates that attempts stored. `name` is called with an attempt's index and a device's name in
+/// this attempt. `name` returns the device's name in the merged folder; `None` if the merged folder has no record that
+/// the attempt measured on this device. Rates for which `name` returns `None` are left out: a reader might mistake such
+/// rates for the rates of a selected kind of device that has the same name. If several attempts have rates of the same
+/// device, the rates of the first attempt are used. If no attempt stored rates, no file is written.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     let mut has_rates = false;
