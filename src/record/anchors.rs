@@ -49,8 +49,8 @@ pub(super) struct AnchorTimes<'a> {
     pub name: &'a str,
     /// The name of the anchor's device.
     pub device: &'a str,
-    /// The anchor's samples, except preempted samples (those during which other programs used the
-    /// processors).
+    /// The anchor's samples, except preempted samples (those during which other programs probably used the processors).
+    /// If a sample's utilization is unknown, the list contains all samples.
     pub remaining: Vec<&'a AnchorSample>,
     /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample lacks one of these
     /// times.
@@ -96,12 +96,12 @@ impl AnchorUtilization {
     }
 }
 
-/// Replaces the names of devices in the anchors' samples by the names in the plan (the list of a run's
-/// points). `records` are records of the same folder, with the device names under which they were stored. A
-/// device's name depends on the machine's other devices, so an earlier session may have used another name
-/// than the plan. For each sample, the record with the same launch and device shows the device's name in the
-/// plan. If no record has the launch and the device of a sample, for example after an interrupted session,
-/// the sample gets the device name of other samples of the same anchor.
+/// Replaces the names of devices in the anchors' samples by the names in the plan (the list of a run's points).
+/// `records` are records of the same folder, with the device names under which they were stored. A device's name
+/// depends on the machine's other devices, so an earlier session may have used another name than the plan. For each
+/// sample, the record with the same launch and device shows the device's name in the plan. If no record has the launch
+/// and the device of a sample, for example after an interrupted session, the sample gets the device name of other
+/// samples of the same anchor or, if no sample of the anchor has such a record, keeps its name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,

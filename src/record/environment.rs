@@ -86,10 +86,10 @@ pub struct Host {
     pub name: Option<String>,
     /// The operating system's name and version.
     pub os: String,
-    /// The processor's model. If Linux knows no model, as on ARM: the architecture, and implementer, part and variant of
-    /// each kind of processor; or else the board's name.
+    /// The processor's model. If Linux knows no model, as on ARM: the architecture, and implementer, part and variant
+    /// of each kind of processor; or else the board's name; or else the architecture alone.
     pub cpu: String,
-    /// Number of cores that this process may use.
+    /// Number of cores that this process may use; 1 if this number is unknown.
     pub cores: usize,
     /// The cores' clock frequencies.
     #[serde(default)]
@@ -241,7 +241,7 @@ fn cpu_in(cpuinfo: &str) -> Option<String> {
 }
 
 /// Returns the kinds of ARM processors in the text of /proc/cpuinfo, such as "aarch64 0x41/0xd0c/0x3": implementer,
-/// part and variant of each kind. Linux knows no model of ARM processors.
+/// part and variant of each kind. Linux knows no model of ARM processors. Returns `None` if the text has no such kinds.
 fn arm_processors_in(cpuinfo: &str) -> Option<String> {
     let kind = |processor: &str| {
         let numbers = ["CPU implementer", "CPU part", "CPU variant"].map(|name| value_in(processor, name));
@@ -258,7 +258,7 @@ fn board_in(model: &str) -> Option<String> {
     Some(model.trim_end_matches('\0').trim().to_owned()).filter(|model| !model.is_empty())
 }
 
-/// Returns the value of the first line with this name in the text of /proc/cpuinfo.
+/// Returns the value of the first line with this name in the text of /proc/cpuinfo; `None` if there is no such line.
 fn value_in<'a>(cpuinfo: &'a str, name: &str) -> Option<&'a str> {
     let mut lines = cpuinfo.lines().filter_map(|line| line.split_once(':'));
     lines.find(|(own, _)| own.trim() == name).map(|(_, value)| value.trim())

@@ -97,9 +97,9 @@ impl Folder {
         })
     }
 
-    /// Returns the value of a top-level key in the run's config, if the value is a text. If the option
-    /// `--set` changed the key, returns the value from the last such `--set`. Returns `None` if neither the
-    /// config nor `--set` gives the key a text.
+    /// Returns the value of a top-level key in the run's config, if the value is a text. If options `--set` give the
+    /// key a text, returns the text from the last of them. Returns `None` if neither the config nor `--set` gives the
+    /// key a text.
     pub fn config(&self, key: &str) -> Option<String> {
         let overrides = self.environment["overrides"].as_array().into_iter().flatten().rev();
         overrides.chain([&self.environment["config"]]).find_map(|text| {
@@ -126,7 +126,8 @@ impl Folder {
     }
 }
 
-/// Returns the error for a path without a journal of records.
+/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, the error
+/// says so.
 pub fn no_results(path: &Path) -> Error {
     if path.join(SHARDS).is_file() {
         return Error::input(format!("{} holds shards that are not merged yet", path.display()))

@@ -25,9 +25,9 @@ const REDIRECTIONS: [&str; 6] = [
 ];
 
 /// Returns the commit and the state of a file: "0123456789ab, unchanged", "0123456789ab, changed since" or "in no
-/// commit". Returns `None` outside a repository, or if git is not installed. A file that git converts when it checks
-/// the file out (its line ends, or a file in Git LFS) always counts as changed: to convert the file back, git may run
-/// a program.
+/// commit". Returns `None` if there is no such file, if no repository with a commit contains the file, or if git is not
+/// installed. A file that git converts when it checks the file out (its line ends, or a file in Git LFS) always counts
+/// as changed: to convert the file back, git may run a program.
 pub fn git_state(file: &Path) -> Option<String> {
     let file = file.canonicalize().ok()?;
     let (folder, name) = (file.parent()?, file.file_name()?);

@@ -25,10 +25,10 @@ pub struct AtHost {
     pub blocks: usize,
     /// The smallest median of the control point, over the blocks that this machine measured.
     pub median_ms: f64,
-    /// The 95% interval of `median_ms`; `None` if the machine measured too few samples.
+    /// The 95% interval of `median_ms`; `None` if the machine measured too few samples, or times of 0.
     pub interval_ms: Option<[f64; 2]>,
-    /// Ratio of the machine's time to the time of the fastest machine: the estimate, then the lower and the
-    /// upper end of its 95% interval. `None` if one of the two machines measured too few samples.
+    /// Ratio of the machine's time to the time of the fastest machine: the estimate, then the lower and the upper end
+    /// of its 95% interval. `None` if one of the two machines measured too few samples, or times of 0.
     pub slower: Option<[f64; 3]>,
 }
 

@@ -30,12 +30,12 @@ pub struct JsonLines<T> {
 }
 
 impl<T: Serialize + DeserializeOwned> JsonLines<T> {
-    /// Opens the file for appending, and creates it if it is missing. Removes the beginning of a line from
-    /// the file's end, but nothing else. Returns an input error (a mistake of the user) if the file is a link.
-    /// The file is opened in append mode: if two runs write to the file, they do not overwrite each other's
-    /// lines. Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems have
-    /// no locks, and a user may have removed the lock's file. On NFS, runs on two machines can still
-    /// overwrite each other's lines, since each machine stores its own position of the file's end.
+    /// Opens the file for appending, and creates it if it is missing. Removes the beginning of a line from the file's
+    /// end. If any other last line lacks its line break, adds the line break. Returns an input error (a mistake of the
+    /// user) if the path is a link, a pipe or a device. The file is opened in append mode: if two runs write to the
+    /// file, they do not overwrite each other's lines. Usually, a lock keeps a second run out of the folder. The lock
+    /// can fail: some file systems have no locks, and a user may have removed the lock's file. On NFS, runs on two
+    /// machines can still overwrite each other's lines, since each machine stores its own position of the file's end.
     pub fn append_to(path: &Path) -> Result<Self> {
         refuse_link(path)?;
         let fail = |error| Error::unwritable(path, &error);
@@ -189,8 +189,8 @@ pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if existing::exists(path)? { read_lines(path) } else { Ok(Lines::default()) }
 }
 
-/// Reads a file of JSON lines. Leaves out an incomplete last line and damaged lines; the returned `Lines`
-/// says which lines are left out.
+/// Reads a file of JSON lines. Leaves out an incomplete last line and damaged lines; the returned `Lines` says which
+/// lines are left out. Skips blank lines without saying so.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     let unreadable = |error| unreadable(path, &error);
     let mut file = BufReader::new(reader::open(path).map_err(unreadable)?);

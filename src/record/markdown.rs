@@ -76,8 +76,9 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text
 }
 
-/// Names the fastest point or the points that tie, and says how much faster the fastest point is than the
-/// baselines and the best point of the preset `naive`.
+/// Names the fastest point or the points that tie, and says how much faster the fastest point is than the baselines and
+/// the best point of the preset `naive`. Also names points without a rank, and states the smallest difference that the
+/// samples can show. If no point has a rank, says that there is no winner, or that nothing could be measured.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
     let Some(best) = ranking.winners.first() else {
@@ -97,8 +98,9 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     text + "\n"
 }
 
-/// Returns sentences with the speed-up of the best point over each of the host's baselines, and over the best
-/// point of the preset `naive`.
+/// Returns sentences with the speed-up of the best point over each of the host's baselines, and over the best point of
+/// the preset `naive` (unless this point is the best point itself). If a speed-up is unknown, the sentence states the
+/// reason.
 fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let naive = group.naive().filter(|naive| naive.key != best.key);
     let others = group.baselines(groups).into_iter().chain(naive);

@@ -6,8 +6,8 @@ use crate::measure::Modes;
 use crate::numbers::ms;
 use crate::words::counted;
 
-/// The largest fraction of a launch's samples that may lie in the second mode of a record if the launch
-/// counts as having a single mode.
+/// A launch counts as having only one of a record's two modes if at most this fraction of the launch's samples lies in
+/// the other mode.
 const STRAYS: f64 = 0.1;
 
 /// Returns a record's warning and, if the record's samples lie around two values, a note on these values;

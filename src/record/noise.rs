@@ -57,7 +57,7 @@ pub struct Causes {
     pub clocks_mhz: Option<[f64; 2]>,
     /// The mean clock frequency of the device while points were timed, MHz.
     pub device_clock_mhz: Option<f64>,
-    /// Number of samples that were left out because other programs used the processors at the same time.
+    /// Number of samples that were left out because other programs probably used the processors at the same time.
     pub preempted_samples: Option<u32>,
     /// Number of samples that were measured while the device throttled its clock.
     pub throttled_samples: Option<u32>,
@@ -98,9 +98,9 @@ fn compared(records: &[Record]) -> impl Iterator<Item = &Record> {
     records.iter().filter(move |one| records.iter().any(|other| is_beside(one, other)))
 }
 
-/// Returns a text that says how many points were not compared with other points, and the reason for the first
-/// of these points. If no two points of `records` were measured in the same rounds, the text says that a
-/// difference needs two points. Returns `None` if all points of the device were compared with each other.
+/// Returns a text that says how many points were not compared with other points, and the reason for the first of these
+/// points. If all points have enough samples, but no two points of `records` were measured in the same rounds, the text
+/// says that a difference needs two points. Returns `None` if all points of the device were compared with each other.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),

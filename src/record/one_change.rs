@@ -105,7 +105,8 @@ impl Effect {
 }
 
 impl Changes<'_> {
-    /// Returns the image size of all columns; `None` if the columns have several image sizes.
+    /// Returns the image size of all columns; `None` if the columns have several image sizes, or if there are no
+    /// columns.
     pub fn image_size(&self) -> Option<[u32; 2]> {
         let (_, first) = *self.columns.first()?;
         self.columns.iter().all(|(_, size)| *size == first).then_some(first)
@@ -153,8 +154,8 @@ impl Change<'_> {
     }
 }
 
-/// Formats the local sizes of two points: "8 x 8" if both points have this size, and "8 x 8 → 4 x 4" if the
-/// sizes differ. Returns an empty text if the points have no local size.
+/// Formats the local sizes of two points: "8 x 8" if both points (or the only point with a local size) have this size,
+/// and "8 x 8 → 4 x 4" if the sizes differ. Returns an empty text if the points have no local size.
 pub(crate) fn both_sizes([first, second]: [Option<[u32; 2]>; 2]) -> String {
     match (first, second) {
         (Some(first), Some(second)) if first != second => format!("{} → {}", by(first), by(second)),
@@ -168,8 +169,8 @@ pub(crate) fn with_interval(ratio: Interval) -> String {
     format!("{middle} ({low} to {high})")
 }
 
-/// Returns, for each device, the changes from one strategy to another that differs in a single axis. Both
-/// strategies must have times on the device. `groups` are the groups of `records`. The order of `records`
+/// Returns, for each device, the changes from one strategy to another that differs in a single axis. In at least one
+/// group of the device, both strategies must have times. `groups` are the groups of `records`. The order of `records`
 /// decides which of the two strategies of a change comes first.
 pub(crate) fn changes<'a>(records: &'a [Record], groups: &[Group<'a>]) -> Vec<Changes<'a>> {
     let pairs = pairs(records);

@@ -18,7 +18,8 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Returns the number of launches in which a record was measured.
+/// Returns the number of launches in which a record was measured: 0 without samples, and 1 if the record has samples
+/// but does not state their launches.
 pub(crate) fn launches(record: &Record) -> usize {
     let mut numbers = record.sample_launches.clone();
     numbers.dedup();
@@ -31,8 +32,8 @@ pub(crate) fn fewest(record: &Record) -> usize {
     fewest_where(record, |ms| ms > 0.0)
 }
 
-/// Counts, in each launch, the samples for which `counts` returns true. Returns the smallest of these numbers
-/// of samples over all launches.
+/// Counts, in each launch, the samples for which `counts` returns true. Returns the smallest of these numbers of
+/// samples over all launches. If the record does not state the launches of its samples, counts all samples together.
 fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
     // The map first gets an entry for every launch, so that a launch in which no sample counts has the
     // number 0.

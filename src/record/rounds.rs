@@ -119,8 +119,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     ))
 }
 
-/// Returns a note on the samples that raycl left out because other programs used the processors; `None` if no
-/// samples were left out for this reason.
+/// Returns a note on the samples that raycl left out because threads had to wait for a processor; `None` if no samples
+/// were left out for this reason.
 pub(crate) fn preempted(records: &[Record]) -> Option<String> {
     let samples: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
     (samples > 0).then(|| {
@@ -138,9 +138,10 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns the number of launches that raycl left out. In these launches, the virtual machine's processors
-/// ran on cores further apart than in other samples, or several of the processors shared a core. All records
-/// of a group have the same launches, so records with equal launches are counted once.
+/// Returns the number of launches that raycl left out. In these launches, the core-to-core latency was unusual.
+/// Probably, the processors of a virtual machine ran on cores further apart than in other samples, or several of the
+/// processors shared a core. All records of a group have the same launches, so records with equal launches are counted
+/// once.
 fn moved_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
         let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();

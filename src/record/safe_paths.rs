@@ -30,8 +30,8 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Returns an input error (a mistake of the user) if `path` is a link, a pipe or a device, to which raycl must
-/// not append.
+/// Returns an input error (a mistake of the user) if `path` is a link, a pipe or a device, to which raycl must not
+/// append. Returns another error if the system does not say what is at `path`.
 pub fn refuse_link(path: &Path) -> Result<()> {
     own_file(path).map_err(|error| match error.kind() {
         ErrorKind::InvalidInput => {

@@ -122,7 +122,8 @@ impl<'a> Group<'a> {
         groups.iter().find(is_host).map(|host| host.ranking().all()).unwrap_or_default()
     }
 
-    /// Returns the group's records without a time, each with the reason.
+    /// Returns the group's records without a time, each with the reason or, if a record states none, a text that says
+    /// so.
     pub fn failures(&self) -> Vec<(&'a Record, &'a str)> {
         let failed = self.records.iter().filter(|record| median(record).is_none());
         failed.map(|record| (*record, record.reason.as_deref().unwrap_or("no reason was recorded"))).collect()
@@ -136,7 +137,7 @@ pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     Some([record.q1_ms?, record.q3_ms?])
 }
 
-/// Returns "not enough samples (n = 3)" for a measured record with too few samples in a launch, or
+/// Returns a text such as "not enough samples (n = 3)" for a measured record with too few samples in a launch, or
 /// [`BELOW_RESOLUTION`] for a record with times of 0; `None` for all other records.
 pub(crate) fn not_enough(record: &Record) -> Option<String> {
     median(record)?;
@@ -146,7 +147,7 @@ pub(crate) fn not_enough(record: &Record) -> Option<String> {
     })
 }
 
-/// Returns the first line of the reason why a record has no time.
+/// Returns the first line of the reason why a record has no time, or a text that says that the record states no reason.
 pub(crate) fn first_line(record: &Record) -> &str {
     let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
     reason.lines().next().unwrap_or_default()

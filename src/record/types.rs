@@ -250,7 +250,7 @@ pub struct Record {
     /// measured.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
-    /// Number of samples that were left out because other programs used the processors at the same time; null
+    /// Number of samples that were left out because other programs probably used the processors at the same time; null
     /// if the processor time of the samples is unknown.
     #[serde(default)]
     pub preempted_samples: Option<u32>,
@@ -259,9 +259,9 @@ pub struct Record {
     /// to elapsed time becomes smaller.
     #[serde(default)]
     pub utilization: Option<f64>,
-    /// Number of samples that were left out because the virtual machine's processors were further apart than in other
-    /// samples of the run, or shared a core. Samples of the launches that `moved_launches` counts are not included.
-    /// Null if it is unknown how far apart the processors were.
+    /// Number of samples that were left out because the core-to-core latency was unusual. Probably, the processors of a
+    /// virtual machine were further apart than in other samples of the run, or shared a core. Samples of the launches
+    /// that `moved_launches` counts are not included. Null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_samples: Option<u32>,
     /// Number of launches of the record's group that were left out. raycl leaves out a whole launch if fewer than five

@@ -82,9 +82,9 @@ fn replace(
     write().map_err(|error| Error::unwritable(path, &error))
 }
 
-/// Removes temporary files that killed processes left behind in a folder of results. Removes only files that
-/// nobody has changed for `age`. A temporary file that cannot be removed stays in the folder, which does no
-/// harm.
+/// Removes temporary files that killed processes left behind in a folder of results, and in its subfolders for
+/// pictures, plots, exports and kinds of device. Removes only files that nobody has changed for `age`. A temporary file
+/// that cannot be removed stays in the folder, which does no harm.
 pub fn remove_leftovers(folder: &Path, age: Duration) {
     let is_old = |entry: &DirEntry| {
         let changed = entry.metadata().and_then(|file| file.modified());
