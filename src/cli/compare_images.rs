@@ -71,7 +71,8 @@ struct Report {
     notes: Vec<String>,
 }
 
-/// Compares two pictures. Pictures of different sizes, and files that are not pictures, are user errors.
+/// Compares two pictures. Pictures of different sizes, and files that are not pictures, are user errors. With
+/// `--fail-below`, also returns an error if the pictures differ too much.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--output FILE.png");
     let target = args.output.as_ref().map(|path| Target::new(path, choice));

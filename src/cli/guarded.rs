@@ -1,6 +1,6 @@
-//! Protects commands from OpenCL drivers that crash or hang while they list their devices. A command that starts
-//! drivers does its work in a child process. If a driver ends the child process, raycl tries the drivers one by one,
-//! and starts the work again without the drivers that fail.
+//! Protects commands from OpenCL drivers that crash, or that hang while they list their devices. A command that starts
+//! drivers does its work in a child process. If a driver seems to have ended the child process, raycl tries the drivers
+//! one by one, and starts the work again without the drivers that fail.
 
 mod allocator;
 mod ending;
@@ -105,15 +105,16 @@ impl Guarded<'_> {
     }
 }
 
-/// Runs this process's command line in a child process; `command` describes it. If the child's exit code is
-/// 0, returns. If it is not 0, ends this process with the child's exit code. If a driver ends the child
-/// process, raycl runs the command line again without the drivers that fail.
+/// Runs this process's command line in a child process; `command` describes it. If the child's exit code is 0, returns.
+/// If it is not 0, ends this process with the child's exit code. If a driver seems to have ended the child process,
+/// raycl runs the command line again without the drivers that fail. If no driver fails alone, raycl may run the command
+/// line again without the compiled programs in its cache ([`with_all_drivers`]).
 ///
 /// # Errors
 ///
-/// Fails if a driver ended the child process, and the command cannot run again without the failing drivers,
-/// for example because every driver fails. Also fails if the command runs again in a second child process,
-/// and a driver ends this process too.
+/// Fails if a driver seems to have ended the child process, and the command cannot run again, for example because every
+/// driver fails. Also fails if the command runs again in a second child process, and a driver seems to have ended this
+/// process too.
 pub fn run(command: &Guarded<'_>) -> Result<()> {
     let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
     let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
@@ -247,9 +248,10 @@ impl Parent {
     }
 }
 
-/// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If SIGINT (Ctrl-C) ended
-/// the other process, SIGINT ends this process too, so that a shell that runs a script ends the script. (SIGINT cannot
-/// end a container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
+/// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If a signal other than
+/// SIGINT ended the other process, first prints an error that names the signal. If SIGINT (Ctrl-C) ended the other
+/// process, SIGINT ends this process too, so that a shell that runs a script ends the script. (SIGINT cannot end a
+/// container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
 /// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     // The child process has ended, and the shell sees only that its parent process, this one, exits.

@@ -17,8 +17,8 @@ pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, 
     (values, end)
 }
 
-/// Writes `measured` to `target`. If the measurement ended with an error (`end`) and the file exists already,
-/// keeps the existing file, because the earlier measurement in this file may be complete.
+/// Writes `measured` to `target`. If the measurement ended with an error (`end`) and the file exists already, keeps the
+/// existing file, because the earlier measurement in this file may be complete, and tells the user so.
 pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Result<()> {
     if end.is_ok() || target.is_standard_output() || !target.path().exists() {
         return target.write_json(measured);

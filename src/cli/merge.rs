@@ -61,7 +61,8 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
-/// Merges the results that the shards have written so far. Returns an error if points are missing or failed.
+/// Merges the results that the shards have written so far, and writes the summary and the report of the merged folder.
+/// Returns an error if points are missing or failed. With `--status`, only prints the state of each attempt.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);

@@ -91,7 +91,7 @@ impl Question {
     }
 }
 
-/// Prints a table of predicted occupancy. An unknown compute capability is a user error.
+/// Prints a table of predicted occupancy. An unknown compute capability is a user error, and so is `--registers 0`.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);

@@ -13,8 +13,8 @@ const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidArg, "--limits", "--peak"),
 ];
 
-/// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the
-/// error suggests the new name.
+/// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the error suggests
+/// the new name, unless the new name is an option that the subcommand does not have.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),

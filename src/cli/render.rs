@@ -395,10 +395,11 @@ fn may_replace(args: &Args, frames: u32) -> bool {
     targets(args).iter().any(|target| target.path().exists())
 }
 
-/// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame. For a still
-/// picture, fails if a file of the picture is a file of the scene. If the command may replace a file, also finds the
-/// image files (such as textures) that only later frames of the scene use, so that none of them is replaced. If the
-/// command replaces nothing, raycl does not look for the image files of later frames, since these files may be large.
+/// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame; if there are further
+/// frames, a note says so. For a still picture, fails if a file of the picture is a file of the scene. If the command
+/// may replace a file, also finds the image files (such as textures) that only later frames of the scene use, so that
+/// none of them is replaced. If the command replaces nothing, raycl does not look for the image files of later frames,
+/// since these files may be large.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation

@@ -68,8 +68,9 @@ pub struct Args {
     verbose: bool,
 }
 
-/// Measures the experiments of the student paper (the built-in configs), and writes the page that judges the
-/// paper's claims. Points that could not be measured are listed on the page and do not stop the command.
+/// Measures the experiments of the student paper (the built-in configs), and writes the page that judges the paper's
+/// claims. Points that could not be measured are listed on the page and do not stop the command; if points failed, the
+/// command returns an error at its end. With `--page-only`, measures nothing.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = OutFolder::open(&args.out, choice)?;
@@ -91,8 +92,8 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Measures the configs one after another and writes their reports. Returns one line for each config with
-/// failed points.
+/// Writes copies of the configs and scenes into the output folder, measures the configs one after another, and writes
+/// their reports. Returns one line for each config with failed points.
 fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     run::named_in_text([&args.out])?;
     unpack(out)?;

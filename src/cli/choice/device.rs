@@ -6,9 +6,9 @@ use crate::error::{Error, Result};
 use crate::settings;
 use crate::sources::Sources;
 
-/// Returns the device that a command uses: the first device that matches `pattern`. Without `pattern`,
-/// returns the first device that matches the user's settings. If the settings name no device either, returns
-/// the most capable device.
+/// Returns the device that a command uses: the first device that matches `pattern`. Without `pattern`, returns the
+/// first device that matches the user's settings. If the settings name no device either, returns the most capable
+/// device. Returns an error if no device matches, or if no device is usable.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }

@@ -108,7 +108,7 @@ fn parted(options: &str) -> (String, String) {
 /// The length of the longest line of a comment, in characters.
 const WIDEST: usize = 110;
 
-/// Returns `text` as a comment whose lines have at most [`WIDEST`] characters.
+/// Returns `text` as a comment whose lines have at most [`WIDEST`] characters, unless a single word is too long.
 fn comment(text: &str) -> String {
     let mut lines = String::new();
     let mut line = "//".to_owned();

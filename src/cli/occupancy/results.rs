@@ -133,7 +133,7 @@ fn text(points: &[(&Record, CompiledKernel)]) -> String {
     table.to_string()
 }
 
-/// Formats a time: "12.30", or "12.30, not enough samples (n = 3)".
+/// Formats a time: "12.30", "12.30, not enough samples (n = 3)", or "-" for a point without a time.
 fn time(record: &Record) -> String {
     let few = not_enough(record).map_or(String::new(), |why| format!(", {why}"));
     median(record).map_or("-".to_owned(), |time| ms(time) + &few)

@@ -89,7 +89,8 @@ fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }
 
-/// Casts the frame as often as `--repeat` says, and reads the image from the device.
+/// Casts the frame as often as `--repeat` says (once more if the first frame does not count), and reads the image from
+/// the device.
 pub fn cast(
     args: &Args,
     device: &Device,

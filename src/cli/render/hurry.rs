@@ -62,11 +62,11 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
     scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
-/// Returns the strategy and the local size with which to cast a picture. As the second value, returns the
-/// program to compile for later pictures, if there is one. If [`may_cast`] returns true and the fastest
-/// strategy's program is not compiled yet, returns [`QUICK`]'s strategy and local size, and the fastest
-/// strategy's program as the second value. If [`may_cast`] returns false, or if the fastest strategy's
-/// program is compiled already, returns `fastest` and `None`.
+/// Returns the strategy and the local size with which to cast a picture. As the second value, returns the program to
+/// compile for later pictures, if there is one. Three conditions decide: [`may_cast`] returns true, [`QUICK`] is not
+/// itself the fastest strategy, and the fastest strategy's program must still be compiled ([`not_built`]). If all three
+/// hold, returns [`QUICK`]'s strategy and local size, and the fastest strategy's program as the second value.
+/// Otherwise, returns `fastest` and `None`.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,

@@ -24,9 +24,10 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 /// frame with packets takes at most 1.3 s less.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
-/// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those
-/// that raycl expects to be fastest on the device. For a single picture of a large mesh on a CPU, raycl
-/// chooses tiles and indexed normals, unless the user has chosen a strategy or a layout.
+/// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those that raycl
+/// expects to be fastest on the device. For a single picture of a large mesh on a CPU, raycl chooses tiles if the user
+/// has chosen no strategy, no axis and no local size. For such a picture, raycl also chooses indexed normals if the
+/// strategy casts tiles ([`is_tiled`]) and the user has chosen neither a strategy nor a layout.
 pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
     let in_vectors = Class::of(&device.limits).is_in_vectors();
     if !in_vectors || task.triangles < LARGE_TRIANGLES || !may_be_indexed(args) {

@@ -157,7 +157,7 @@ struct Report {
     notes: Vec<String>,
 }
 
-/// Renders the requested frames that do not exist yet.
+/// Renders the requested frames; of numbered pictures, only those that do not exist yet.
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     Sink::check(args)?;

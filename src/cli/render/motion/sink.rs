@@ -26,7 +26,8 @@ pub enum Sink {
 pub type Cast = (u32, String, Frame);
 
 impl Sink {
-    /// Returns an error, before the scene is loaded, if moving pictures cannot be written to the output's file name.
+    /// Returns an error, before the scene is loaded, if moving pictures cannot be written to the output's file name, or
+    /// if `--shard` or `--rate` does not suit the kind of output.
     pub fn check(args: &Args) -> Result<()> {
         let target = target(args);
         let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
