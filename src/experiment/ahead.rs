@@ -1,6 +1,7 @@
-//! Builds OpenCL programs in advance, before the points of an experiment that use these programs are checked.
-//! Several processes build programs, since a driver compiles only one program at a time in each process. Each
-//! program is built once, even if many points of the experiment use the program.
+//! Builds OpenCL programs in advance, before the points of an experiment that use these programs are checked. In this
+//! module, a *builder* is a thread of the run, together with the child processes in which it compiles programs. There
+//! are several builders, since a driver compiles only one program at a time in each process. Each program is built
+//! once, even if many points of the experiment use the program.
 
 mod builder;
 mod room;
@@ -25,11 +26,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// If the scene is small, builders (threads that compile programs in child processes) keep their processes
-/// while they have no program to build, since new processes would have to start their drivers again. A scene
-/// is small if `PLENTY` copies of the scene for each builder fit into the memory that all builders together
-/// may use. The memory that programs and drivers need is not counted, since this need is the same for every
-/// scene.
+/// If the scene is small, builders keep their processes while they have no program to build, since new processes would
+/// have to start their drivers again. A scene is small if `PLENTY` copies of the scene for each builder fit into the
+/// memory that all builders together may use. The memory that programs and drivers need is not counted, since this need
+/// is the same for every scene.
 const PLENTY: usize = 4;
 
 /// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
@@ -61,8 +61,8 @@ pub struct Order {
     pub program: Program,
     /// The index in the plan of a point that uses the program.
     pub point: usize,
-    /// How many builders (groups of processes that compile programs) fit into memory. The processes of a
-    /// builder hold the point's scene while they compile programs.
+    /// How many builders fit into memory. The processes of a builder hold the point's scene while they compile
+    /// programs.
     pub room: Room,
 }
 
@@ -197,7 +197,8 @@ impl Ahead {
         locked(&self.state).free.retain(|device| !devices.contains(device));
     }
 
-    /// Requests the programs that these points of the experiment need, in the order of the points.
+    /// Requests the programs that these points of the experiment need, in the order of the points. A program that was
+    /// requested before is not requested again, and a stored program is not built.
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
         let mut state = locked(&self.state);
         for order in points.into_iter().filter_map(N::order) {
@@ -216,9 +217,9 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Requests the program of a point of the experiment, and waits until the program is built or cannot be
-    /// built. The first point that waits for a program receives the result of the build; later points with
-    /// the same program receive `None`.
+    /// Requests the program of a point of the experiment, and waits until the program is built or cannot be built. The
+    /// first point that waits for a program receives the result of the build; later points with the same program
+    /// receive `None`. Returns an error if the user interrupts the run.
     pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order([&*point]);

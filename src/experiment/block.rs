@@ -132,9 +132,9 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// Returns the fastest point among the points that every device can measure. If there is no point that every
-/// device can measure, returns the fastest of the points that take time: a point that no device can measure
-/// takes none.
+/// Returns the fastest point among the points that every device can measure. If there is no point that every device can
+/// measure, returns the fastest of the points that take time: a point that no device can measure takes none. If no
+/// point takes time, returns the first point; `None` if there is no point.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let fastest = |suits: fn(&&Cost) -> bool| {
         group.iter().filter(suits).min_by(|one, other| one.ms.total_cmp(&other.ms))

@@ -69,7 +69,8 @@ impl<'a> Checker<'a> {
         self.device.as_ref().map(|(device, _)| &device.info)
     }
 
-    /// Builds the device's anchor (a fixed kernel that a run times in turn with its points).
+    /// Builds the device's anchor (a fixed kernel that a run times in turn with its points). Returns an error if there
+    /// is no device.
     pub fn anchor(&self) -> Result<Anchor> {
         let (device, queue) = self.device.as_ref().ok_or_else(|| Error::run("the host has no anchor"))?;
         Anchor::build(queue, device.info.limits.compute_units)
@@ -200,8 +201,8 @@ fn build_kernel(
     Ok(Built { build_ms: build_ms + launch_ms, from_cache, key, lacks_log })
 }
 
-/// Casts the first frame of a point's kernel; drivers may still compile during this frame. Adds the memory
-/// needs, the program, the build times and the number of shadow rays to the record.
+/// Casts the first frame of a point's kernel; drivers may still compile during this frame. Adds the memory needs, the
+/// program, the build times, the properties of the compiled kernels and the number of shadow rays to the record.
 fn cast_kernel(
     session: &mut Session,
     scene: &Scene,

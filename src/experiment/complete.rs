@@ -7,9 +7,9 @@ use crate::numbers::significant;
 use crate::record::{Outcome, Record};
 use crate::sensor::SensorReading;
 
-/// Adds the results of a point's samples to the point's record. The 95% interval is computed later, since it
-/// depends on all points of a group. Samples during which other programs used the processors (preempted
-/// samples) are counted, but do not affect the results.
+/// Adds the results of a point's samples to the point's record. The 95% interval is computed later, since it depends on
+/// all points of a group. Preempted samples, during which other programs probably used the processors, are counted, but
+/// do not affect the results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let all = taken.len();
     let remaining = without_preempted(taken, |one| Some((one.launch, one.utilization()?)));

@@ -51,7 +51,8 @@ pub struct Expected {
     /// Number of points that have the same program with both folders of kernels, if the run compares two
     /// folders. These points are measured once, and `points` counts them once.
     pub of_both_folders: usize,
-    /// Number of records of points that are not in the plan, for example because the config has changed.
+    /// Number of records of points that are not in the plan, for example because the config has changed; 0 if the run
+    /// measures only a shard.
     pub others: usize,
 }
 

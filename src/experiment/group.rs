@@ -116,8 +116,11 @@ impl OpenGroup {
         if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
 
-    /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole
-    /// launch. While points are timed, no other raycl process measures on the points' devices.
+    /// Measures one launch of the group: checks the points, and times those that pass. Before this launch, the first
+    /// visit takes over the complete launches of earlier sessions. If the group then has enough launches, no launch is
+    /// measured. If it has enough launches at the end of the visit, the records of its points are stored. If a worker
+    /// process is lost, new worker processes repeat the whole launch. While points are timed, no other raycl process
+    /// measures on the points' devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -244,7 +247,8 @@ impl OpenGroup {
         Ok(())
     }
 
-    /// Times the group's points in the rounds of one launch.
+    /// Times the group's points in the rounds of one launch. Points that fail leave the group. If a worker process is
+    /// lost, the samples of the other points are not used.
     fn time(
         &mut self,
         run: &Run<'_>,
@@ -311,8 +315,8 @@ impl OpenGroup {
         Ok(())
     }
 
-    /// Completes the records of the group's points. All points of a group stop together, so all their records
-    /// get the same reason for stopping.
+    /// Completes the records of the group's points, and stores them. All points of a group stop together, so all their
+    /// records get the same reason for stopping.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let (launches, near_ns) = (std::mem::take(&mut self.whole), self.near_ns(run, sink));
@@ -346,11 +350,10 @@ pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual
-/// latency. A latency far from the usual one shows that the host has moved a virtual machine's processors to
-/// other cores. Samples are left out only if this machine's processors cast every point of the group (by a
-/// caster on the host, or by an OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps all
-/// samples.
+/// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual latency. A
+/// latency far from the usual one probably means that the host has moved a virtual machine's processors to other cores.
+/// Samples are left out only if this machine's processors cast every point of the group (by a caster on the host, or by
+/// an OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps all samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);

@@ -28,8 +28,9 @@ impl Drop for Lock {
 }
 
 impl Lock {
-    /// Takes the lock of a folder. If another process holds the lock, returns an error that names this
-    /// process.
+    /// Takes the lock of a folder, and writes the number of this process into the lock's file. If another process holds
+    /// the lock, returns an error that names the other process. If the file system has no locks, tells the user so, and
+    /// returns a lock that stops no other process.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(LOCK);
         let mut attempts = 0;

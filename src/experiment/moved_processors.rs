@@ -1,4 +1,5 @@
-//! Finds samples during which the processors of a virtual machine ran on cores that were not at their usual distance.
+//! Finds samples during which the processors of a virtual machine probably ran on cores that were not at their usual
+//! distance.
 //!
 //! A host moves the processors of a virtual machine from one core to another, often for some seconds. While a
 //! virtual machine's processors run on cores far from each other, kernels whose work-groups share data take
@@ -22,14 +23,14 @@ use std::time::{Duration, Instant};
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
-/// If the core-to-core latency around a sample is more than `FAR` times the usual latency, the processors ran
-/// on cores further apart than usual. Readings of the latency between the same two cores differ by a factor
-/// of up to 1.7.
+/// If the core-to-core latency around a sample is more than `FAR` times the usual latency, raycl assumes that the
+/// processors ran on cores further apart than usual. Readings of the latency between the same two cores differ by a
+/// factor of up to 1.7.
 const FAR: f64 = 2.0;
-/// If the core-to-core latency around a sample is less than `SHARED` times the usual latency, two processors
-/// shared a core. Processors that share a core have 0.45 to 0.5 times the usual latency (docs/log.md, section
-/// "2026-11-26, morning: two processors on one core, ..."). The limit is below 1 / 1.7, since readings between the
-/// same two cores differ by this factor.
+/// If the core-to-core latency around a sample is less than `SHARED` times the usual latency, raycl assumes that two
+/// processors shared a core. Processors that share a core have 0.45 to 0.5 times the usual latency (docs/log.md,
+/// section "2026-11-26, morning: two processors on one core, ..."). The limit is below 1 / 1.7, since readings between
+/// the same two cores differ by this factor.
 const SHARED: f64 = 0.55;
 /// The pause between two readings of the latency while a launch waits until its processors are at their usual
 /// distance. The processors are idle during the pause, since a host moves idle processors back sooner than

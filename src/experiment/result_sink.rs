@@ -112,8 +112,9 @@ impl ResultSink for FolderSink<'_> {
         self.results.near_ns()
     }
 
-    /// Writes the record to disk, and then informs the observer. The observer is not told about a control
-    /// point that is measured only for comparison.
+    /// Adds the date, the machine and the share of the device's peak rates to the record, writes the record to disk,
+    /// and then informs the observer. The observer is not told about a control point that is measured only for
+    /// comparison.
     fn keep(&mut self, mut record: Record) -> Result<()> {
         Peak::apply(self.results.peak(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());

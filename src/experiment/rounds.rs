@@ -12,8 +12,9 @@ pub trait Rounds {
     /// Takes one sample of a point: casts a frame or a batch of frames. Returns `None` if the worker process was lost
     /// or the point failed. A failed point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample. Returns true if the sample counts. A sample does not count if, during the
-    /// sample, the processors of a virtual machine shared a core or ran on cores further apart than usual.
+    /// Is called after each sample. Returns true if the sample counts. A sample does not count if the core-to-core
+    /// latency around it was unusual: during the sample, the processors of a virtual machine probably shared a core, or
+    /// ran on cores further apart than usual.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
@@ -101,12 +102,11 @@ pub fn measure(
     Ok(End::AllFailed)
 }
 
-/// Takes a sample of each point, in the order `order`, and adds the samples to `samples`. A sample does not
-/// count if the host of a virtual machine had moved the machine's processors to other cores (see
-/// [`Rounds::sampled`]). Samples that do not count are taken again, once, at the end of the round. If more
-/// than half of the round's samples do not count, no sample is taken again. The processors probably still run
-/// on the other cores, so new samples would not count either. Returns the time that each cast took, in
-/// milliseconds; `None` if the worker process was lost.
+/// Takes a sample of each point, in the order `order`, and adds the samples to `samples`. A sample does not count if
+/// the host of a virtual machine had probably moved the machine's processors to other cores (see [`Rounds::sampled`]).
+/// Samples that do not count are taken again, once, at the end of the round. If more than half of the round's samples
+/// do not count, no sample is taken again. The processors probably still run on the other cores, so new samples would
+/// not count either. Returns the time that each cast took, in milliseconds; `None` if the worker process was lost.
 fn sample_round(
     round: u32,
     order: Vec<usize>,

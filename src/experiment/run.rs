@@ -44,9 +44,9 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked. If `None`, the check of a point builds the point's
     /// program.
     pub ahead: Option<&'a Ahead>,
-    /// True if the run leaves out no samples. If false, groups that are measured on CPUs leave out samples
-    /// whose core-to-core latency was far from the run's usual latency. A latency far from the usual one
-    /// shows that the host of a virtual machine has moved the machine's processors to other cores.
+    /// True if the run leaves out no samples. If false, groups that are measured on CPUs leave out samples whose
+    /// core-to-core latency was far from the run's usual latency. A latency far from the usual one probably means that
+    /// the host of a virtual machine has moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
@@ -67,7 +67,8 @@ fn says_keep(value: Option<&OsStr>) -> bool {
 }
 
 impl Run<'_> {
-    /// Makes the plan: the list of all points of the experiment on the run's devices.
+    /// Makes the plan: the list of all points of the experiment on the run's devices. If the points are distributed
+    /// over devices, the plan lists each point once, for the first device.
     pub fn plan(&self) -> Plan {
         Plan::new(self.experiment, self.planned_devices())
     }

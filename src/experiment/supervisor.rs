@@ -139,8 +139,8 @@ impl<'a> Supervisor<'a> {
         dismiss(free.into_iter().map(|(_, post)| post.worker).collect());
     }
 
-    /// Starts the workers of all points at the same time, since each worker mostly waits for a driver while it
-    /// starts.
+    /// Starts the workers of all points that have none yet, at the same time, since each worker mostly waits for a
+    /// driver while it starts.
     pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
         for post in tasks.map(|task| task.post()) {
             if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
@@ -156,9 +156,10 @@ impl<'a> Supervisor<'a> {
         self.losses
     }
 
-    /// Checks a point: a worker casts the point's image once, and compares the image with the reference
-    /// picture. Returns the point's record. Returns the point's failure as the inner error if the worker was
-    /// lost or its device broke down.
+    /// Checks a point: a worker casts the point's image once, and compares the image with the reference picture.
+    /// Returns the point's record. If the worker died, a new worker may check the point again (see [`ATTEMPTS`] and
+    /// [`PATIENCE`]). Returns the point's failure as the inner error if the point is given up, because its workers died
+    /// or its worker hung, or if the device broke down.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, PointFailure>> {
         let verified = task.verified.map(str::to_owned);
         let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };
@@ -299,7 +300,8 @@ impl<'a> Supervisor<'a> {
         if self.interrupted.load(Ordering::Relaxed) { Err(interruption()) } else { Ok(()) }
     }
 
-    /// Returns the failure of a point whose worker was lost; `None` if the point should be tried again.
+    /// Counts the loss of a worker, and returns the failure of the worker's point; `None` if the point should be tried
+    /// again.
     fn refusal(&mut self, task: Task<'_>, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
         let end = loss.describe();

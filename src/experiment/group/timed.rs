@@ -60,9 +60,9 @@ impl Latency {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
     }
 
-    /// Waits until the processors of a virtual machine run on cores at their usual distance from each other.
-    /// The launch began `elapsed` ago. The wait ends early if the launch has used up its time for waits (see
-    /// [`patience`]). Calls `begins` if there is a wait.
+    /// Waits until the core-to-core latency is as usual: the processors of a virtual machine then probably run on cores
+    /// at their usual distance from each other. The launch began `elapsed` ago. The wait ends early if the launch has
+    /// used up its time for waits (see [`patience`]). Calls `begins` if there is a wait.
     fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
         let Some((_, last)) = self.last.filter(|(_, last)| !is_near(*last, near_ns)) else { return };
         let (start, most) = (Instant::now(), patience(elapsed, self.waited));
@@ -105,8 +105,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Waits for a limited time if the host has moved a virtual machine's processors to other cores, since a sample
-    /// taken now would not count.
+    /// Waits for a limited time if the core-to-core latency is unusual, since a sample taken now would not count. (The
+    /// host has probably moved a virtual machine's processors to other cores.)
     fn wait_for_near_processors(&mut self) {
         let (near_ns, interrupted) = (self.sink.near_ns(), self.supervisor.interrupted());
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
