@@ -52,9 +52,10 @@ impl<'a> Origins<'a> {
         Some(self.labels[index].as_str())
     }
 
-    /// Returns the baselines of the machine that measured a group's fastest point. `groups` contains the
-    /// groups of all baselines. If the point's own folder has baselines of the same scene and image size, only
-    /// these are returned. Otherwise, the baselines of other folders from the same machine are returned.
+    /// Returns the baselines of the machine that measured a group's fastest point. `groups` contains the groups of all
+    /// baselines. If the point's own folder has baselines of the same scene and image size, only these are returned.
+    /// Otherwise, the baselines of other folders from the same machine are returned. If the folder of the fastest point
+    /// is unknown, all baselines of the scene and image size are returned.
     pub fn baselines<'r>(&self, group: &Group<'r>, groups: &[Group<'r>]) -> Vec<&'r Record> {
         let all = group.baselines(groups);
         let best = group.best_where(|_| true).or(group.records.first().copied());

@@ -85,8 +85,9 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`. `folders` contain the results of
-/// the paper's configs. Returns the path of `reproduction.html`.
+/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, and removes plots that an earlier `raycl
+/// reproduce` wrote and this one does not. `folders` contain the results of the paper's configs. Returns the path of
+/// `reproduction.html`.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);

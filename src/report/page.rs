@@ -268,8 +268,8 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder], origins: &Orig
     views
 }
 
-/// Returns the plots and the table of one group. `file` identifies the group in the names of the plots, such
-/// as `samples-{file}`. The baselines come last in the table.
+/// Returns the plots and the table of one group. `file` identifies the group in the names of the plots, such as
+/// `samples-{file}`. The baselines come last in the table. The view's field `first` is false.
 fn one_view(
     index: usize,
     group: &Group<'_>,

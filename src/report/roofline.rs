@@ -19,10 +19,10 @@ use std::collections::HashMap;
 /// The factor that converts operations and bytes to billions, the unit of the plot.
 const BILLIONS: f64 = 1e-9;
 
-/// Returns a plot for every device that has points with a known number of ray-triangle tests. If the
-/// operations of a test are unknown for all points of a device, the plot shows only the roofs; if the
-/// device's peak rates are unknown too, the device gets no plot. `drivers` maps a device's common name to the
-/// name that the driver reports.
+/// Returns a plot for every device that has points with a known number of ray-triangle tests. If the operations of a
+/// test are unknown for all points of a device, the plot shows only the roofs; if the device's peak rates are unknown
+/// too, the device gets no plot. If several folders contain peak rates of the device, the plot shows those of the last
+/// folder. `drivers` maps a device's common name to the name that the driver reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -161,7 +161,8 @@ fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
 }
 
 /// Returns the roofs (the upper bounds on the rate of operations) as lines. At x operations per byte, the height of a
-/// roof is x times the memory's bytes per second, but at most the rate of multiply-adds.
+/// roof is x times the memory's bytes per second, but at most the rate of multiply-adds. A memory has no roof if one of
+/// these two rates is 0.
 fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     let fma = peak.fma_per_s.median;
     let memories = [

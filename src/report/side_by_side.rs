@@ -128,8 +128,9 @@ fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, 
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))
 }
 
-/// Returns a cell with the mean of the ratios in `slower`; `of` is the number of scenes and image sizes. If
-/// some of these have no ratio, the cell shows the number of ratios, such as "(1 of 2)", and has no ring.
+/// Returns a cell with the mean of the ratios in `slower`; `of` is the number of scenes and image sizes. If some of
+/// these have no ratio, the cell shows the number of ratios, such as "(1 of 2)", and has no ring. Without ratios, the
+/// cell is empty.
 fn cell(slower: Vec<(f64, String)>, of: usize, what: &str) -> Cell {
     if slower.is_empty() {
         return Cell::Empty;

@@ -39,10 +39,11 @@ pub(super) fn lines(test: &Test, data: &ClaimData<'_>) -> Vec<Line> {
     }
 }
 
-/// Tests the claim that `test.is` is the fastest point: every other point takes at least `test.by` times as
-/// long. Each ratio of another point's time to the time of the point `test.is` gets a verdict, and these
-/// verdicts decide the whole test. The result line shows one ratio: the smallest of those that have the same
-/// verdict as the whole test. If all ratios are large enough, but the measurement of some point was not
+/// Tests the claim that `test.is` is the fastest point: every other point of `test.of` takes at least `test.by` times
+/// as long. Points in `test.except` are left out. If a point of `test.of` or the point `test.is` has no measured
+/// record, the result line says so. Each ratio of another point's time to the time of the point `test.is` gets a
+/// verdict, and these verdicts decide the whole test. The result line shows one ratio: the smallest of those that have
+/// the same verdict as the whole test. If all ratios are large enough, but the measurement of some point was not
 /// completed, the test is unclear, since that point may be the fastest.
 fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match data.measured(&test.is) {
@@ -129,10 +130,10 @@ fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least:
     ratio.line(text, at_least..=f64::INFINITY)
 }
 
-/// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the
-/// record leaves out, such as samples of an incomplete launch and samples that another program delayed. A
-/// record of an earlier version of raycl may not state the launches of its samples, or when the samples were
-/// measured. Properties that the record does not state are not compared.
+/// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the record leaves
+/// out, such as samples of an incomplete launch and samples that another program probably delayed. A record of an
+/// earlier version of raycl may not state the launches of its samples, or when the samples were measured. Properties
+/// that the record does not state are not compared.
 fn has(record: &Record, sample: &Sample) -> bool {
     let is_same = |(index, ms): (usize, &f64)| {
         let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));

@@ -18,7 +18,8 @@ pub struct Ratio {
 }
 
 impl Ratio {
-    /// Returns the ratio of `slow`'s time to `fast`'s time; `None` if either record has no time.
+    /// Returns the ratio of `slow`'s time to `fast`'s time; `None` if either record has no time. If a record has too
+    /// few samples or times of 0, the result contains a reason instead of a ratio.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         median(slow)?;
         median(fast)?;
@@ -111,8 +112,8 @@ impl Ratio {
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
-/// Returns why the ratio of two records' times is unknown. If both records have too few samples, returns the
-/// reason of the record whose smallest launch has fewer samples.
+/// Returns why the ratio of two records' times is unknown. If both times are unknown, returns the reason of the record
+/// whose smallest launch has fewer samples. Returns `None` if neither record's time is unknown.
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)

@@ -10,11 +10,11 @@ use crate::record::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which
-/// both times are divided. The reference is the time of the device's anchor. If the device has no anchor, the
-/// reference is the mean time of the point's `references`. Where devices differ and have no common reference,
-/// the times themselves are compared. Returns `None` if the point has no reference although its device is the
-/// same, or if a record has too few samples.
+/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
+/// are divided. The reference is the time of the device's anchor. If the device has no anchor, the reference is the
+/// mean time of the point's `references`. Where devices differ and have no common reference, the times themselves are
+/// compared. Returns `None` if the point has no reference although its device is the same, or if a record has too few
+/// samples or times of 0.
 pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
@@ -161,17 +161,17 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// Returns the ratio of the measured times without a reference, even if the runs have a control point in
-/// common. The ratio includes every difference between the runs, such as the machine's speed. Returns `None`
-/// if a record has too few samples.
+/// Returns the ratio of the measured times without a reference, even if the runs have a control point in common. The
+/// ratio includes every difference between the runs, such as the machine's speed. Returns `None` if a record has too
+/// few samples or times of 0.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
-/// Compares the times of a point with the kernels of two folders. `raycl run --resume` may have measured the
-/// point with the kernels of one folder in an earlier session. If the point's two records were measured in
-/// different sessions, their samples are not close in time, and the times are compared like times of two
-/// runs.
+/// Compares the times of a point with the kernels of two folders. `raycl run --resume` may have measured the point with
+/// the kernels of one folder in an earlier session. If the point's two records were measured in different sessions,
+/// their samples are not close in time, and the times are compared like times of two runs. Returns `None` if a record
+/// has too few samples or times of 0.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));

@@ -37,10 +37,10 @@ impl Comparison {
 /// measured in the same rounds: other records, control points and anchors. The intervals of the times
 /// themselves are the same as in reports and tables.
 ///
-/// Preempted samples of an anchor (samples that other programs delayed) are found by processor times, and
-/// left out. If preempted samples were left out in only one of the two folders, the anchor would seem to be
-/// slower in the other folder. To avoid this, all samples of an anchor remain in both folders if any of its
-/// samples, in either folder, lacks the processor time.
+/// Preempted samples of an anchor (samples that other programs probably delayed) are found by processor times, and left
+/// out. If preempted samples were left out in only one of the two folders, the anchor would seem to be slower in the
+/// other folder. To avoid this, all samples of an anchor remain in both folders if any of its samples, in either
+/// folder, lacks the processor time.
 pub fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     let samples = folders.iter().flat_map(|folder| &folder.anchors);
     let unknown = samples.filter(|sample| sample.processor_ms.is_none());

@@ -64,10 +64,11 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
     })
 }
 
-/// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median,
-/// the change of the 10% quantile is relative to other measurements (see [`Against`]). If the program became
-/// slower, all samples take longer, including the fastest. If the program is as fast as before, but the
-/// machine was slow for most of the run, the fastest samples take as long as in the first run.
+/// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median, the change
+/// of the 10% quantile is relative to other measurements (see [`Against`]). If the program became slower, usually all
+/// samples take longer, including the fastest. If the program is as fast as before, but the machine was slow for most
+/// of the run, the fastest samples usually take as long as in the first run. If a record has no samples, the function
+/// returns the change of the median.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
     let [Some(before), Some(after)] = [before, after] else { return change.middle };

@@ -20,8 +20,8 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Creates a scale that contains all `values` with some margin. Ignores values that the scale cannot
-    /// show, such as 0 on a logarithmic scale.
+    /// Creates a scale that contains all `values` with some margin. Ignores values that the scale cannot show, such as
+    /// 0 on a logarithmic scale. A linear scale also contains 0. If no value can be shown, the scale goes from 1 to 10.
     pub fn over(kind: Kind, values: impl Iterator<Item = f64>, positions: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
         let (low, high) = shown
@@ -105,7 +105,8 @@ fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
         .collect()
 }
 
-/// Returns the label of a tick, with as few digits as possible.
+/// Returns the label of a tick, with as few digits as possible. Large values end with "k", "M" or "G" (thousands,
+/// millions or billions), and very small values have an exponent, such as "5e-5".
 pub fn label(value: f64) -> String {
     let rounded = format!("{value:.6}");
     let short =

@@ -2,7 +2,8 @@
 
 use std::fmt::{Display, Write};
 
-/// Escapes text for SVG, XML and HTML, in elements and in quoted attributes.
+/// Escapes text for SVG, XML and HTML, in elements and in quoted attributes. Control characters other than line breaks
+/// become blanks.
 fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {

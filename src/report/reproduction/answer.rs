@@ -152,9 +152,9 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     names
 }
 
-/// Returns the best strategy with its memories and its time, such as "private (vectors private, triangles
-/// global): 1.887 ms". If several strategies tie, returns all tied strategies, each with the local sizes at
-/// which it ties, and the time of the fastest strategy.
+/// Returns the best strategy with its memories and its time, such as "private (vectors private, triangles global):
+/// 1.887 ms". If several strategies tie, returns all tied strategies, each with the local sizes at which it ties, and
+/// the time of the fastest strategy. Returns [`NO_WINNER`] if no point can be ranked.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
@@ -214,8 +214,9 @@ fn medians_contradict(ranking: &Ranking<&Record>) -> bool {
     ranking.ranked.iter().any(|record| is_below(record, best) || (!wins(record) && is_below_a_winner(record)))
 }
 
-/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the kernel of the
-/// preset `naive`, if known. If several sizes tie, returns the tied sizes or their number.
+/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the kernel of the preset
+/// `naive`, if known. If several sizes tie, returns the tied sizes, or their number with the first and the last size.
+/// Returns [`NO_WINNER`] if no point can be ranked.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive = sizes(&contest.naive_ranking().winners);
@@ -329,8 +330,9 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the best kernel with the kernel of the preset `naive`: "private: 62 registers (naive: 67), ...".
-/// `name` is the best kernel's preset. The text contains only properties that are known for both kernels.
+/// Compares the best kernel with the kernel of the preset `naive`: "private: 62 registers (naive: 67), ...". `name` is
+/// the best kernel's preset. The text contains only properties that are known for both kernels. If there are none, the
+/// text says that the compiler does not report registers.
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == fact)?;
