@@ -23,8 +23,8 @@ pub enum Colour {
 /// The choice made by [`choose`]: 1 means `always`, 2 means `never`, and 0 means `auto`, or that nothing was chosen.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// Decides for the whole process when colours are used. The option `--color` takes precedence over the
-/// environment variable `NO_COLOR`, and `NO_COLOR` takes precedence over the user's settings.
+/// Decides for the whole process when colours are used. The option `--color` takes precedence over the environment
+/// variable `NO_COLOR` (an empty value does not count), and `NO_COLOR` takes precedence over the user's settings.
 pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let code = match preferred(option, refused, setting) {

@@ -68,8 +68,9 @@ pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
     fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number of at least 0, such as 5"))
 }
 
-/// Compares two folders of results. A folder without results is a user error, and so are folders without a measured
-/// point in common. With `--fail-on-regression`, also returns an error if there is a regression.
+/// Compares two folders of results, and prints the comparison; with `--out`, also writes it into a folder. A folder
+/// without results is a user error, and so are folders without a measured point in common. With `--fail-on-regression`,
+/// also returns an error if there is a regression.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;

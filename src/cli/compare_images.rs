@@ -72,7 +72,8 @@ struct Report {
 }
 
 /// Compares two pictures. Pictures of different sizes, and files that are not pictures, are user errors. With
-/// `--fail-below`, also returns an error if the pictures differ too much.
+/// `--output`, saves a picture of the differences. With `--fail-below`, also returns an error if the pictures differ
+/// too much.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--output FILE.png");
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
@@ -114,8 +115,9 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Returns the advice of the error about pictures of different sizes. If one picture is taller than the
-/// other, the taller picture may have a colour scale at its bottom.
+/// Returns the advice of the error about pictures of different sizes. If the pictures are equally wide, and one is
+/// taller by the height of a colour scale, the advice says that the taller picture may have a colour scale at its
+/// bottom.
 fn help_on_sizes([found, expected]: [&Radiance; 2]) -> String {
     let rows = found.height.abs_diff(expected.height);
     let scale = (found.width == expected.width && rows == SCALE_HEIGHT).then(|| {

@@ -74,7 +74,7 @@ const HEADER: [&str; 9] = [
 ];
 
 /// Returns the table of devices, and a line for each unusable device, each platform without devices, and each platform
-/// whose driver failed to list its devices.
+/// whose driver failed to list its devices. If PoCL lists no device, the text may also give advice.
 fn text(infos: &[DeviceInfo], [empty_platforms, failed_platforms]: [&[String]; 2]) -> String {
     let mut text = String::new();
     if !infos.is_empty() {
@@ -101,9 +101,9 @@ fn text(infos: &[DeviceInfo], [empty_platforms, failed_platforms]: [&[String]; 2
     text
 }
 
-/// Returns the line that says on which device commands cast if no option names a device. `origin` is the
-/// place where the user's settings name the device: the environment variable `RAYCL_DEVICE` or the settings
-/// file.
+/// Returns the line that says on which device commands cast if no option names a device, or why they cast on no device.
+/// `origin` is the place where the user's settings name the device: the environment variable `RAYCL_DEVICE` or the
+/// settings file.
 fn by_default(infos: &[DeviceInfo], default: Result<Option<usize>>, origin: Option<&str>) -> String {
     match default {
         Ok(Some(index)) => {

@@ -126,9 +126,10 @@ pub fn run(command: &Guarded<'_>) -> Result<()> {
     end_as(without_broken(status, command, &parent)?)
 }
 
-/// Tries the drivers one by one. If some drivers fail, runs the command again without these drivers. If no
-/// driver fails, continues with [`with_all_drivers`]. Returns the exit status of the second attempt. `status`
-/// is the exit status of the first attempt.
+/// Tries the drivers one by one. If some drivers fail, runs the command again without these drivers. If no driver
+/// fails, continues with [`with_all_drivers`]. Returns an error if every driver fails, if the command may run only
+/// once, or if a driver seems to have ended the second attempt too. Otherwise, returns the exit status of the second
+/// attempt. `status` is the exit status of the first attempt.
 fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
@@ -288,9 +289,9 @@ pub fn ends_with_its_parent() {
     }
 }
 
-/// Returns true if the process that started this one has ended. `guarded` is the value of the variable
-/// [`GUARDED`]: the number of the process that started this one. `parent` is the number of the present parent
-/// process.
+/// Returns true if the process that started this one has ended; false if no process of raycl started this one.
+/// `guarded` is the value of the variable [`GUARDED`]: the number of the process that started this one. `parent` is the
+/// number of the present parent process.
 #[cfg(target_os = "linux")]
 fn is_orphan(guarded: Option<&str>, parent: u32) -> bool {
     guarded.and_then(|number| number.parse::<u32>().ok()).is_some_and(|number| number != parent)

@@ -65,7 +65,9 @@ impl Args {
     }
 }
 
-/// Prints a strategy's program as the compiler sees it.
+/// Prints a strategy's program as the compiler sees it. Leaves out the lines that the kernels of a frame do not need,
+/// unless `--all` is given. With `--canonical`, prints the whole program in canonical form instead (without comments,
+/// with one statement per line).
 pub fn run(args: Args) -> Result<()> {
     let sources = Sources::of(args.cl_dir.clone())?;
     let strategy = parse_strategy(&args.strategy)?;

@@ -118,8 +118,8 @@ fn counts(merged: &Merged) -> String {
     )
 }
 
-/// Returns an error if points of the experiment are missing or failed. The error's help names the commands
-/// that measure the missing and the failed points.
+/// Returns an error if no shard has begun, or if points of the experiment are missing or failed. The error's help names
+/// the commands that measure the missing and the failed points.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")

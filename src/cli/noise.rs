@@ -47,7 +47,8 @@ const FILES: [(&str, &str); 2] = [
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
 ];
 
-/// Measures the experiment in a temporary folder, and prints the noise of each device.
+/// Measures the experiment in a temporary folder, and prints the noise of each device. Returns an error if nothing
+/// could be measured.
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot create a temporary folder: {error}"))
@@ -73,7 +74,8 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Returns the experiment whose files were unpacked into `folder`, with the values of `set`.
+/// Returns the experiment whose files were unpacked into `folder`, with the values of `set`. Returns an error if the
+/// experiment has no kernel.
 fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     let (name, text) = FILES[0];
     let experiment = parse_built_in(&folder.join(name), name, text, set)?;

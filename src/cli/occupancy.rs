@@ -91,7 +91,9 @@ impl Question {
     }
 }
 
-/// Prints a table of predicted occupancy. An unknown compute capability is a user error, and so is `--registers 0`.
+/// Prints a table of predicted occupancy: for the points of a run if a folder of results is given, with `--paper` for
+/// the paper's GPU, and otherwise for the registers that the user gives. An unknown compute capability is a user error,
+/// and so is `--registers 0`.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);

@@ -100,8 +100,8 @@ impl Findings {
         Ok(())
     }
 
-    /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each
-    /// attempt that may be running.
+    /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each attempt that
+    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());

@@ -174,8 +174,8 @@ fn measured(
     Measured::of(case, scene, device, rounds)
 }
 
-/// Returns a table with the rule's choice and the fastest candidate for each case, followed by a line that
-/// says how good the choices are.
+/// Returns a table with the rule's choice and the fastest candidate for each case, followed by a line that says how
+/// good the choices are. Leaves out cases in which no candidate has a time.
 fn text(sweep: &Sweep) -> Result<String> {
     let header = ["case", "triangles", "pixels", "chosen", "ms", "best", "ms", "ratio"];
     let mut table = super::table(&header, 1);

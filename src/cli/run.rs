@@ -415,7 +415,8 @@ pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
     Ok([points, points * experiment.timing.launches as usize])
 }
 
-/// Returns the devices to measure on. Returns an error if a word of [`patterns`] matches no device.
+/// Returns the devices to measure on. Returns an error if a word of [`patterns`] matches no device, or if a chosen
+/// device cannot be used.
 fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Result<Vec<&'d DeviceInfo>> {
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
     let words = patterns(args, experiment);

@@ -90,7 +90,9 @@ fn counts(first: &FrameTimes, repeat: u32) -> bool {
 }
 
 /// Casts the frame as often as `--repeat` says (once more if the first frame does not count), and reads the image from
-/// the device.
+/// the device. If sampling is adaptive, also reads the numbers of samples. With `--verify`, also casts the parts that
+/// the verification needs. If several frames are timed, this process locks the device, so that no other process
+/// measures on it meanwhile.
 pub fn cast(
     args: &Args,
     device: &Device,

@@ -106,7 +106,7 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
 }
 
 /// Returns the strategy and the workload for an OBJ file. The number of triangles is estimated from the file's size.
-/// Returns `None` if the file is not an OBJ file.
+/// Returns `None` if the file is not an OBJ file, if its size is unknown, or if no strategy can be chosen.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.subject.scene.extension()? != "obj" {
         return None;

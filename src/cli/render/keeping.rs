@@ -56,10 +56,11 @@ struct Source {
     options: String,
 }
 
-/// Prepares the next start of raycl. Background processes may store the program that cast the picture. They
-/// may also compile the fastest strategy's program (`later`) and the program for the display transform
-/// (`show_later`). Also stores in the cache which program the scene needs. Returns notes for the user about
-/// the background processes.
+/// Prepares the next start of raycl. Background processes may store the program that cast the picture. They may also
+/// compile the fastest strategy's program (`later`) and the program for the display transform (`show_later`). If no
+/// program is stored or compiled, and the device's lane operations are not tested yet, a background process only lists
+/// the devices, which includes this test. Also stores in the cache which program the scene needs. Returns notes for the
+/// user about the background processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,

@@ -58,7 +58,7 @@ fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3]
 }
 
 /// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
-/// program early if possible.
+/// program early if possible. Fails if the picture is transparent, but its file cannot have an alpha channel.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
@@ -120,8 +120,10 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
     ))
 }
 
-/// Builds the guessed program. If the build fails, this function reports no error: raycl later builds the
-/// program that the scene needs, and reports the errors of that later build.
+/// Builds the guessed program or, if the picture may be cast with [`hurry::QUICK`] and the guessed program is not
+/// compiled yet, the program of [`hurry::QUICK`]. Returns `None` if no program can be guessed. If the build fails, this
+/// function reports no error: raycl later builds the program that the scene needs, and reports the errors of that later
+/// build.
 fn early(
     args: &Args,
     sources: &Sources,
@@ -139,9 +141,10 @@ fn early(
 }
 
 /// Returns the program for the display transform (from radiance to 8-bit colours) if the device does not share the
-/// host's memory. If the device's compiler refuses raycl's own program, the host applies the transform. If
-/// [`hurry::may`] returns true and the program is not compiled yet, the picture does not wait for the
-/// program. In this case, the function returns the uncompiled program as the second value.
+/// host's memory, and the picture is needed only in 8-bit colours. If the device's compiler refuses raycl's own
+/// program, the host applies the transform. If [`hurry::may`] returns true and the program is not compiled yet, the
+/// picture does not wait for the program. In this case, the function returns the uncompiled program as the second
+/// value.
 ///
 /// # Errors
 ///

@@ -293,8 +293,9 @@ impl Report {
         }
     }
 
-    /// Returns the remark on a frame's device time: the times of the frame's passes, and the number of frames
-    /// over which the printed time is the median.
+    /// Returns the remark on a frame's device time: the times of the frame's passes, and the number of frames over
+    /// which the printed time is the median. Returns an empty text if the passes have no times of their own and there
+    /// is only one frame.
     fn kernel_remark(&self) -> String {
         let parts = [("primary", self.primary_ms), ("shadow", self.shadow_ms), ("shading", self.shade_ms)]
             .into_iter();

@@ -98,7 +98,7 @@ impl From<Share> for Row {
     }
 }
 
-/// Renders one picture on every device that matches `pattern`.
+/// Renders one picture on all devices that match `pattern`; each device casts a part of the picture.
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);

@@ -17,7 +17,8 @@ pub struct Turn {
 }
 
 /// Waits until no other process has the right to work with the cache in `folder`. Returns `None` if another process
-/// still has this right after the time `longest`: that process may be stuck in a driver.
+/// still has this right after the time `longest`: that process may be stuck in a driver. If the folder cannot be opened
+/// or locked, returns at once, and nothing keeps other processes from working with the cache.
 pub fn wait(folder: &Path, longest: Duration) -> Option<Turn> {
     let end = Instant::now() + longest;
     let Ok(file) = File::open(folder) else { return Some(Turn { _folder: None }) };
