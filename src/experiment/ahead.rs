@@ -219,7 +219,8 @@ impl Ahead {
 
     /// Requests the program of a point of the experiment, and waits until the program is built or cannot be built. The
     /// first point that waits for a program receives the result of the build; later points with the same program
-    /// receive `None`. Returns an error if the user interrupts the run.
+    /// receive `None`. Returns at once for a point that needs no program. Returns an error if the user interrupts the
+    /// run.
     pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order([&*point]);

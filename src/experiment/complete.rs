@@ -50,10 +50,10 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
-/// Returns a warning if starting a frame's kernels takes longer than casting the frame. A frame that takes
-/// less time than the start of its kernels is too short for comparisons. The kernels' starting time and the
-/// frame's time are each the least of all samples, since other work on the host can delay the start of
-/// kernels.
+/// Returns a warning if starting a frame's kernels takes longer than casting the frame; `None` otherwise, and for
+/// baselines, which start no kernels. A frame that takes less time than the start of its kernels is too short for
+/// comparisons. The kernels' starting time and the frame's time are each the least of all samples, since other work on
+/// the host can delay the start of kernels.
 fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;
@@ -71,7 +71,8 @@ fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
 
 /// Computes the rates of a record: rays per second, and tests of rays against triangles per second. The rate of tests
 /// is computed only for strategies that test every ray against every triangle. If a strategy has no separate pass for
-/// primary rays, the rates of primary rays and of tests are computed from the time of the whole frame.
+/// primary rays, the rates of primary rays and of tests are computed from the time of the whole frame. If the time for
+/// a rate is unknown or 0, the rate is not set.
 fn rates(record: &mut Record) {
     let rays = record.primary_rays();
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };

@@ -52,8 +52,8 @@ pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     Ok(points.into_iter().flatten().map(forecast).collect())
 }
 
-/// Returns the bytes of memory that a measured point needs (`None` for a caster on the host). Also returns
-/// why the point does not fit or cannot be cast (`None` if the point can be cast).
+/// Returns the bytes of memory that a pending point needs (`None` for a caster on the host). Also returns why the point
+/// does not fit or cannot be cast (`None` if the point can be cast).
 fn needs_of(
     pending: &PendingPoint,
     run: &Run<'_>,

@@ -363,7 +363,9 @@ fn strategy(record: &Record) -> String {
 }
 
 impl fmt::Display for Expected {
-    /// Formats the expected duration as "33 points in 3 launches: about 6m 10s, based on earlier times".
+    /// Formats the expected duration as "33 points in 3 launches: about 6m 10s, based on earlier times". Further lines
+    /// give the number of points that two folders of kernels have in common, and the number of records of earlier
+    /// plans, unless these numbers are 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let launches = if self.launches == 1 {
             "1 launch (times in other launches may differ)".to_owned()
@@ -398,8 +400,8 @@ impl Expected {
         self.points > 0 && self.known == self.points
     }
 
-    /// Returns a text that says how long the run takes or, if no time is known, how many frames the run
-    /// takes, and an upper limit of the frames' total time.
+    /// Returns a text that says how long the run takes or, if no time is known, how many frames of each point the run
+    /// takes at least, and an upper limit of the frames' total time.
     fn how_long(&self) -> String {
         let known = self.known;
         if known == 0 {

@@ -74,7 +74,8 @@ impl Past {
         Ok(Self { ends: by_launch(ends), latencies, next_launch: past.next_launch.max(next), ..past })
     }
 
-    /// Takes the last record of each finished point from `lines`, and sorts the samples by their points.
+    /// Takes the last record of each finished point from `lines`, and sorts the samples by their points. Also finds out
+    /// which device measured each launch, and which number the next launch gets.
     pub(super) fn of(lines: Vec<Record>, samples: Vec<Sample>) -> Self {
         let records = latest(lines, |record| record.key.clone());
         let mut past = Self { records, ..Self::default() };

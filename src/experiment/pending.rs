@@ -49,9 +49,8 @@ pub struct PendingPoint {
 }
 
 impl PendingPoint {
-    /// Makes a measured point from the numbers of the point, of the point's job and of the point's scene.
-    /// `label` is the point's name as shown to the observer. `record` is the point's record before the point
-    /// is tried.
+    /// Makes a pending point from the numbers of the point, of the point's job and of the point's scene. `label` is the
+    /// point's name as shown to the observer. `record` is the point's record before the point is tried.
     pub fn new([point, job, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
             point,

@@ -86,7 +86,8 @@ impl Results {
     }
 
     /// Continues in an existing folder, or makes the folder if it does not exist. Takes the folder's lock, reads the
-    /// results of earlier sessions, and writes the environment of this session.
+    /// results of earlier sessions, removes temporary files that killed processes left, and writes the environment of
+    /// this session.
     pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
         refuse_closed(folder, ELSEWHERE)?;
         let images = folder.join(IMAGES);

@@ -17,8 +17,9 @@ const UNCERTAIN: [u8; 3] = [255, 128, 0];
 /// would take minutes on the host, and would show no more than pictures of costs of a smaller image.
 const COST_PIXELS: u64 = 4_000_000;
 
-/// Saves the pictures that show an image and its differences from the reference. Identical images share their
-/// files. Adds the names of the pictures to the image's record.
+/// Saves the pictures of an image: the image itself, its differences from the reference, the reference, the certain
+/// pixels and the costs of rays. Identical images share their files. Adds the names of the pictures to the image's
+/// record.
 pub fn keep(
     pictures: &mut Pictures,
     record: &mut Record,
@@ -57,10 +58,11 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// Saves pictures of the cost of each pixel's rays. One picture shows against how many triangles a pixel's
-/// rays are tested: against all triangles, or against the triangles in the leaves that the rays reach. With a
-/// tree, a second picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays,
-/// so no pictures of rays' costs are saved for a rasteriser.
+/// Saves pictures of the cost of each pixel's rays. One picture shows against how many triangles a pixel's rays are
+/// tested: against all triangles, or against the triangles in the leaves that the rays reach. With a tree, a second
+/// picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays, so no pictures of rays'
+/// costs are saved for a rasteriser. No pictures of costs are saved either if the image has more than [`COST_PIXELS`]
+/// pixels, or if the strategy needs a tree but the scene has no triangles.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,

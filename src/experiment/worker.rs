@@ -21,7 +21,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 
-/// Runs a worker: reads its job from standard input, and serves requests until standard input ends.
+/// Runs a worker: reads its job from standard input, and serves requests until standard input ends. If the job cannot
+/// be done, for example because its device is not found, replies with the error.
 pub fn serve() -> Result<()> {
     ignore_interrupts()?;
     tell_panics(refuse);
