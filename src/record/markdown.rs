@@ -216,7 +216,7 @@ fn warnings(group: &Group<'_>) -> String {
     if lines.is_empty() { lines } else { format!("\nWarnings:\n\n{lines}") }
 }
 
-/// Returns a Markdown list of the points without a time, each with the reason.
+/// Returns a Markdown list of the points without a time, each with the reason; an empty text if all points have a time.
 fn failures(group: &Group<'_>) -> String {
     let failures = group.failures();
     if failures.is_empty() {

@@ -23,8 +23,8 @@ pub struct Group<'a> {
     pub records: Vec<&'a Record>,
 }
 
-/// Divides records into groups, in the order in which the groups first occur. If a group has two records with
-/// the same key, only the later record is used.
+/// Divides records into groups, in the order in which the groups first occur. In a group, the records are sorted by
+/// preset, name and local size. If a group has two records with the same key, only the later record is used.
 pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
     let named = |record: &'a Record| (record.scene.as_str(), record.image_size, record.device.as_str());
     let identity = |record: &'a Record| (named(record), record.key.as_str());

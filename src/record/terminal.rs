@@ -33,8 +33,8 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     text
 }
 
-/// Formats the times of the host's baselines as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough
-/// samples (n = 1); parallel-f32 210.0 ms".
+/// Formats the times of the host's baselines as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n =
+/// 1); parallel-f32 210.0 ms". For a baseline without a time, the line contains the outcome instead.
 fn host_line(group: &Group<'_>) -> String {
     let cell = |record: &&Record| match median(record) {
         Some(time) => {
@@ -47,7 +47,8 @@ fn host_line(group: &Group<'_>) -> String {
     format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join("; "))
 }
 
-/// Returns a group's table; `device` is the common name of the group's device.
+/// Returns a group's table, with a title above and the line of [`peak_line`] below; `device` is the common name of the
+/// group's device.
 fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
     let (mut names, mut sizes) = (Vec::new(), Vec::new());
     for record in &group.records {

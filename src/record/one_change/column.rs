@@ -22,7 +22,8 @@ pub(super) struct Column<'a> {
 }
 
 impl<'a> Column<'a> {
-    /// Ranks the points of a group, and sorts them by strategy.
+    /// Ranks the points of a group, and finds each strategy's best point: its fastest ranked point, and its first point
+    /// without a rank.
     pub(super) fn of(group: &Group<'a>) -> Self {
         let ranking = group.ranking();
         let failed = group.failures().into_iter().map(|(record, _)| record);
