@@ -113,9 +113,9 @@ fn ranking(ranks: &[f64]) -> String {
     )
 }
 
-/// Returns a record's mark in the plot. `best` is the shortest median of the record's strategy, in
-/// milliseconds. Returns `None` if the record has no local size, or if the main kernel's work-groups do not
-/// have the record's local size.
+/// Returns a record's mark in the plot. `best` is the shortest median of the record's strategy, in milliseconds.
+/// Returns `None` if the record has no local size or no time, or if the main kernel's work-groups do not have the
+/// record's local size.
 fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     if record.rasterises() {
         return None;

@@ -195,8 +195,8 @@ impl<'a> ClaimData<'a> {
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// Returns the device's peak rates, which the run stored. The error is a result line that says why the
-    /// peak rates are missing; `what` names the missing rate or latency in this line.
+    /// Returns the device's peak rates, which the run stored. The error is a result line that says why the peak rates
+    /// are missing or cannot be read; `what` names the missing rate or latency in this line.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
         let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
             let decides = format!(

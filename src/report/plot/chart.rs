@@ -195,7 +195,8 @@ impl Chart {
     }
 }
 
-/// Draws the line y = x within the range of both axes.
+/// Draws the line y = x, with the label "equal", within the range of both axes. Draws nothing if the two ranges do not
+/// overlap.
 fn draw_diagonal(svg: &mut Svg, frame: &Frame) {
     let ([x_low, x_high], [y_low, y_high]) = (frame.across.ends(), frame.up.ends());
     let ends = [x_low.max(y_low), x_high.min(y_high)];

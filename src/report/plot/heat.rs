@@ -149,8 +149,8 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Draws the legend, up to the x coordinate `right`: the colour scale, and the meanings of the words in
-    /// cells without a time. Returns the y coordinate of the legend's lower end.
+    /// Draws the legend, up to the x coordinate `right`: the colour scale, the meaning of a ring, and the meanings of
+    /// the words in cells without a time. Returns the y coordinate of the legend's lower end.
     fn draw_legend(&self, svg: &mut Svg, top: f64, right: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(

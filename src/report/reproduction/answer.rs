@@ -239,9 +239,9 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// Explains why the best kernel is faster than the kernel of the preset `naive`, for the first scene in which
-/// naive does not tie with the fastest kernel. `contests` lists the scene with the most triangles first. If
-/// naive ties in all scenes, returns a text that says so.
+/// Explains why the best kernel is faster than the kernel of the preset `naive`, for the first scene in which naive
+/// does not tie with the fastest kernel. `contests` lists the scene with the most triangles first. If naive ties in all
+/// scenes, if naive has no time, or if no point can be ranked, returns a text that says so.
 fn why(contests: &[Contest<'_>]) -> String {
     let known: Vec<&Contest<'_>> =
         contests.iter().filter(|contest| contest.best_and_naive().is_some()).collect();
@@ -345,8 +345,9 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels. The
-/// text also states the number of points that tie and, if some points have no rank, their number.
+/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels, unless naive
+/// is the fastest or has no time. The text also states the number of points that tie and, if some points have no rank,
+/// their number. Returns [`NO_WINNER`] if no point can be ranked.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

@@ -141,7 +141,7 @@ fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -
 
 /// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
 /// If raycl's image size differs from the paper's, or if raycl's time has too few samples, the last text of a row says
-/// so instead of a ratio. Without a time of raycl, the last two texts are "-".
+/// so instead of a ratio. The text "-" stands for an unknown time or ratio.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

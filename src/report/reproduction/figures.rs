@@ -55,8 +55,9 @@ pub fn described() -> Result<Vec<Described>> {
     Ok(file.figure)
 }
 
-/// Returns raycl's version of a figure for a device. The names of the plots end with `suffix`, so that the
-/// plots of different devices have different names.
+/// Returns raycl's version of a figure for a device. If there are neither pictures nor plots, the result contains the
+/// command that measures the missing points. The names of the plots end with `suffix`, so that the plots of different
+/// devices have different names.
 pub fn figure(
     about: Described,
     runs: &[Run<'_>],

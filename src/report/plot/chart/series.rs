@@ -41,8 +41,9 @@ impl Series {
         entry(all, |series| series.name == name, new).marks.push(mark);
     }
 
-    /// Draws the series. `index` is the series' index among the series that have a name. For a series without
-    /// a name, `index` is the index of the last named series before it.
+    /// Draws the series. A series without a name, such as a fitted line, has no markers. `index` is the series' index
+    /// among the series that have a name. For a series without a name, `index` is the index of the last named series
+    /// before it.
     pub(super) fn draw(&self, svg: &mut Svg, frame: &Frame, index: usize) {
         let class = format!("series {}", self.look.class());
         svg.open("g", &[("class", &class), ("data-series", &index)]);
