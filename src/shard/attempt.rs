@@ -101,7 +101,7 @@ impl About {
     }
 
     /// Adds the machine, the job and the restart, from the environment variables of the scheduler and from the
-    /// machine's own name.
+    /// machine's own name. Where none of these is known, the machine is "machine", the job "0", and the restart 0.
     fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
         let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(set);

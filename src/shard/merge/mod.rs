@@ -168,8 +168,9 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
     (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
 }
 
-/// Returns a note on each attempt's journal (a file with one JSON object per line) that has damaged lines.
-/// The merged journals do not have the damaged lines, so only this note reports the damage to the user.
+/// Returns a note on each journal (a file with one JSON object per line) of an attempt that has damaged lines. The
+/// journal of the ends of launches is not checked. The merged journals do not have the damaged lines, so only this note
+/// reports the damage to the user.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
