@@ -37,7 +37,7 @@ pub struct PendingPoint {
     /// True if the point fits on the device, as far as that is known before a tree is built. If the point
     /// does not fit, its program is not built, and the check of the point reports the reason.
     pub fits: bool,
-    /// How many builders (processes that hold the point's scene while they compile programs) fit into memory.
+    /// How many builders (groups of processes that hold the point's scene while they compile programs) fit into memory.
     pub room: Room,
     /// The result of building the program with which the point is measured. If several points use the
     /// program, only one of them receives the result.
@@ -142,7 +142,7 @@ impl Run<'_> {
         Requirements::check(&self.experiment.strategies[strategy].strategy, workload, &limits).is_ok()
     }
 
-    /// Returns how many builders (processes that hold the point's scene while they compile programs) fit into
+    /// Returns how many builders (groups of processes that hold the point's scene while they compile programs) fit into
     /// memory. `available_bytes` is the available memory of the host.
     fn room(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene, available_bytes: u64) -> Room {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else {

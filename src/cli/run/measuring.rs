@@ -12,7 +12,7 @@ use crate::threads::cores;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// The largest number of builders (processes that compile programs before workers need them).
+/// The largest number of builders (groups of processes that compile programs before workers need them).
 const MOST_BUILDERS: usize = 16;
 /// Device memory that is reserved per builder, in bytes. A driver needs some hundreds of megabytes for each process
 /// that opens the device.
@@ -61,9 +61,10 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     (0..builder_count(cores(), run.devices)).map(builder).collect()
 }
 
-/// Returns the number of builders (processes that compile programs before workers need them). There is one builder per
-/// core, but at most `MOST_BUILDERS`, and at most one per `BYTES_PER_BUILDER` of each device's memory, though always at
-/// least one. (This suffices for small scenes; if a scene is large, only some of the builders hold the scene.)
+/// Returns the number of builders (groups of processes that compile programs before workers need them). There is one
+/// builder per core, but at most `MOST_BUILDERS`, and at most one per `BYTES_PER_BUILDER` of each device's memory,
+/// though always at least one. (This suffices for small scenes; if a scene is large, only some of the builders hold the
+/// scene.)
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
