@@ -52,10 +52,10 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Parses the number of seconds between two readings of the processes' counters. Each running process
-/// increases its counter once per second. On a busy machine, a process may increase its counter late, so the
-/// counter of a running process may stay the same for almost 2 s. Therefore this function refuses a time of
-/// less than 2 s between two readings of the counters.
+/// Parses the number of seconds between two readings of the processes' counters. Each running process increases its
+/// counter once per second. On a busy machine, a process may increase its counter late, so the counter of a running
+/// process may stay the same for almost 2 s. Therefore this function refuses a time of less than 2 s between two
+/// readings of the counters, and also a time of more than 3600 s.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
     let wrong = || format!("'{text}' is not a number of seconds from 2 to 3600");
     text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)

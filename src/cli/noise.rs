@@ -107,8 +107,8 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns the lines about each device's noise. The lines call each device by a short name; devices whose
-/// short names would be equal keep the names that their drivers report.
+/// Returns the lines about each device's noise. The lines call each device by its common name; devices whose common
+/// names would be equal keep the names that their drivers report.
 fn texts(all: &[Noise]) -> Vec<String> {
     let names = common_names(all.iter().map(|noise| noise.device.as_str()));
     all.iter().map(|noise| text(noise, &names[noise.device.as_str()])).collect()

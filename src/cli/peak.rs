@@ -204,8 +204,8 @@ fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }
 
-/// Returns a heading and a table of rates per device. The headings call each device by a short name; devices
-/// whose short names would be equal keep the names that their drivers report.
+/// Returns a heading and a table of rates per device. The headings call each device by its common name; devices whose
+/// common names would be equal keep the names that their drivers report.
 fn texts(all: &[Peak]) -> Vec<String> {
     let names = common_names(all.iter().map(|peak| peak.device.as_str()));
     all.iter().map(|peak| text(peak, &names[peak.device.as_str()])).collect()

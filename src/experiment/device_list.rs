@@ -78,7 +78,7 @@ fn ask_with(
     }))
 }
 
-/// Returns the last line that is not blank.
+/// Returns the last line that is not blank; `None` if there is no such line.
 fn last_line(text: &str) -> Option<&str> {
     text.lines().rev().map(str::trim).find(|line| !line.is_empty())
 }

@@ -42,9 +42,9 @@ impl Processes {
         Self { jobs, driver_cache: false, afresh: false }
     }
 
-    /// Lets workers use the driver's cache of programs. Builders (workers that compile programs before points need
-    /// them) store machine code in this cache for the workers that measure. A worker that measures may use the driver's
-    /// cache if builders store its programs in raycl's own cache, together with the compiler's messages.
+    /// Lets workers use the driver's cache of programs. Builders (groups of processes that compile programs before
+    /// points need them) store machine code in this cache for the workers that measure. A worker that measures may use
+    /// the driver's cache if builders store its programs in raycl's own cache, together with the compiler's messages.
     #[must_use]
     pub fn using_driver_cache(self) -> Self {
         Self { driver_cache: true, ..self }

@@ -18,8 +18,8 @@ pub struct Taken {
 }
 
 impl Taken {
-    /// Returns the ratio of the sample's processor time to its elapsed time; `None` if the processor time is
-    /// unknown.
+    /// Returns the ratio of the sample's processor time to its elapsed time; `None` if the processor time is unknown or
+    /// the elapsed time is 0.
     pub(super) fn utilization(&self) -> Option<f64> {
         utilization(self.times.processor_ms, self.times.host_ms)
     }

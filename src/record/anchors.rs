@@ -37,7 +37,8 @@ pub struct AnchorSample {
 }
 
 impl AnchorSample {
-    /// Returns the ratio of the anchor's processor time to its elapsed time; `None` if a time is absent.
+    /// Returns the ratio of the anchor's processor time to its elapsed time; `None` if a time is absent or the elapsed
+    /// time is 0.
     fn utilization(&self) -> Option<f64> {
         utilization(self.processor_ms, self.host_ms?)
     }

@@ -78,7 +78,8 @@ impl PlannedPoint {
 }
 
 impl CurrentPlan {
-    /// Creates the plan from drafts, which are the records of points that have not been measured yet.
+    /// Creates the plan from drafts, which are the records of points that have not been measured yet. Of several drafts
+    /// with the same key, only the first is used.
     pub fn of<'a>(drafts: impl IntoIterator<Item = &'a Record>) -> Self {
         let mut seen = HashSet::new();
         let drafts = drafts.into_iter().filter(|record| seen.insert(record.key.clone()));

@@ -119,8 +119,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     ))
 }
 
-/// Returns a note on the samples that raycl left out because threads had to wait for a processor; `None` if no samples
-/// were left out for this reason.
+/// Returns a note on the samples that raycl left out because threads probably had to wait for a processor; `None` if no
+/// samples were left out for this reason.
 pub(crate) fn preempted(records: &[Record]) -> Option<String> {
     let samples: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
     (samples > 0).then(|| {

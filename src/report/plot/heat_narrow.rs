@@ -52,8 +52,8 @@ impl HeatMap {
         top + cells.len().div_ceil(across) as f64 * HEIGHT + GAP
     }
 
-    /// Draws the legend: the colour scale, and the meanings of the words in cells without a time. Returns the
-    /// y coordinate of the legend's lower end.
+    /// Draws the legend: the colour scale, the meaning of a ring, and the meanings of the words in cells without a
+    /// time. Returns the y coordinate of the legend's lower end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         let y = top + 24.0 + LINE;
