@@ -45,8 +45,8 @@ Pixels own_pixels(int2 image_size) {
 
 typedef struct {
     Vec3 origin;
-    Vec3 direction; // of length 1
-    varying t_min;  // hits at this distance or nearer are ignored
+    Vec3 direction; // of length 1, except in pixel coordinates (ray_in_pixels)
+    varying t_min;  // hits at this t or nearer are ignored (t is a distance or, in pixel coordinates, a depth)
 } Ray;
 
 #if WIDTH == 1

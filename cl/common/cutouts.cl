@@ -50,8 +50,8 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
     return solid.all;
 }
 
-// Returns the lanes of `hits` whose ray meets the triangle's surface, not a hole. The rays start at `from`. For callers
-// that lack the hits' barycentric weights, the function computes them.
+// Returns the lanes of `hits` whose ray meets the triangle's surface, not a hole. The rays start at `from`. The
+// function is for callers that lack the hits' barycentric weights: it computes the weights itself.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 direction, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));

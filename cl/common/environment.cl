@@ -1,10 +1,10 @@
 // A sky that is an environment map: an equirectangular picture of the light from all directions.
-// src/reference/environment.rs computes the same in f64.
+// src/reference/environment.rs computes the light of such a sky in f64.
 
-// The array `numbers` (a field of Soft, see soft.cl) begins with the sky. Other skies begin with six floats for the
-// radiance at the zenith and at the horizon. A sky that is a picture has six other floats in their place: the index of
-// the picture's first texel in `numbers`, the picture's width and height in texels, and the direction in which the
-// middle of the picture is seen. The picture's texels come after the lights' radii:
+// The array `numbers` (a field of Soft, see soft.cl) begins with the floats of the sky. The first six floats of any
+// other sky are the radiance at the zenith and at the horizon. A sky that is a picture has six other floats in their
+// place: the index of the picture's first texel in `numbers`, the picture's width and height in texels, and the
+// direction in which the middle of the picture is seen. The picture's texels come after the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -66,7 +66,7 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 }
 
 // Returns an estimate of the radiance that a surface's highlight reflects from the picture of the sky to the eye. The
-// estimate ignores surfaces that block the sky. One half vector h is chosen, with a probability proportional to
+// estimate ignores surfaces that block the sky. One half vector h is chosen, with a probability density proportional to
 // (n . h)^s, where n is the normal and s the shininess. Let w_o be the direction to the eye, and w_i the direction w_o
 // mirrored at h. The estimate is the product of k_G (surface->glossy), the radiance from the direction w_i, the cosines
 // w_o . h and w_i . n, and (s + 8) / (s + 1).

@@ -1,5 +1,5 @@
-// This file is included before ray-triangle tests that need exact signs of the numbers that they compute. The pragma
-// forbids the compiler to contract products and sums in later code to fma, which rounds only once.
+// Included before ray-triangle tests that need exact signs. The pragma forbids fma in later code. With fma, which
+// rounds only one product of a b - c d, the values of a b - c d and c d - a b may differ in more than the sign.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

@@ -1,10 +1,10 @@
 // Soft light at half resolution. One picture of half the width and height (a half picture) has the light that arrives,
-// with few samples per pixel and so with noise. A second picture of half the size has the unoccluded light, which would
-// arrive if nothing blocked it. The kernel filter_half_light divides the first half picture by the second, and filters
-// the ratio. The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no
-// noise, by the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D
-// 2018). The half pictures and the full picture contain emitted light. Where a surface only emits light, the half
-// pictures are equal: the ratio, 1, changes no emitted light. src/reference/half_light.rs computes the same in f64.
+// with few samples per pixel and so with noise. A second half picture has the unoccluded light, which would arrive if
+// nothing blocked it. The kernel filter_half_light divides the first half picture by the second, and filters the ratio.
+// The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no noise, by
+// the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). The
+// half pictures and the full picture contain emitted light. Where a surface only emits light, the half pictures are
+// equal: the ratio, 1, changes no emitted light. src/reference/half_light.rs has both kernels' computations in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -49,12 +49,12 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
 // part of the unoccluded light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
-// (soft.cl). Across and down, the filter covers five pixels, of which the first and the last have the same sample. The
-// filter's weights give each of the four different samples the same total weight, so that no noise is left where all
-// pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
+// (soft.cl). Across and down, the filter covers five pixels, of which the first and the last use the same points and
+// directions. The weights give each of the four choices of points and directions the same total weight, so that no
+// noise is left where all pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
-//     sample    2   3   0   1   2
+//     choice    2   3   0   1   2
 //     weight   1/2  1   1   1  1/2
 __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);

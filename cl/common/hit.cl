@@ -5,17 +5,17 @@
 #endif
 #define FAR MAXFLOAT // FAR is not infinity, since fast math may assume that no value is infinite
 
-// The rounding error of a few operations in single precision, relative to the largest term.
+// A bound of the rounding error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
-// EDGE_ON_ROUNDING is the largest rounding error of a determinant of three vectors (a direction and two edges), divided
-// by the product of the vectors' sizes. There are nine roundings: one for each of the two edges (a subtraction), three
-// for a component of a cross product, three for a dot product, and one for the direction. Each rounding adds half a
-// unit in the last place (ROUNDING is one unit). The sum, 4.5 units, is rounded up to 5. A triangle whose determinant
-// is not larger than this error counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING, rays would miss
-// long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
+// EDGE_ON_ROUNDING is a bound of the rounding error of a determinant of three vectors (a direction and two edges),
+// divided by the product of the vectors' sizes. There are nine roundings: one for each of the two edges (a
+// subtraction), three for a component of a cross product, three for a dot product, and one for the direction. Each
+// rounding adds at most half a unit in the last place (ROUNDING is one unit). The sum, 4.5 units, is rounded up to 5. A
+// triangle with a determinant within this bound counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING,
+// rays would miss long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
 // If a test uses one plane for the edge that two triangles share, the triangles overlap a little, so that no ray slips
-// through at a vertex. SHARED_EDGE_SLACK is the largest overlap, divided by a triangle's distance from the rays' origin
+// through at a vertex. SHARED_EDGE_SLACK is the usual overlap, divided by a triangle's distance from the rays' origin
 // and by the size of its edges. A larger overlap of triangles would darken pixels at an edge that shadow rays graze.
 // Measured with SHARED_EDGE_SLACK: none of 60,516 rays aimed at edges and vertices slips through, and all of 16 million
 // pixels of a terrain are correct. With half of SHARED_EDGE_SLACK, up to four of the 60,516 rays slip through in

@@ -57,7 +57,7 @@ typedef struct {
     group.board = board;                                                \
     group.turn = 0;
 
-// Loops over the lanes are not unrolled, since there are many such loops, and barriers make compilation slow.
+// Loops over the lanes are not unrolled: there are many such loops, and programs with barriers compile slowly.
 #define EACH_LANE(lane) _Pragma("unroll 1") for (int lane = 0; lane < GROUP_LANES; lane++)
 
 INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
@@ -185,15 +185,15 @@ INLINED uint lane_least(Group *group, uint value) {
 // Returns how many of the lanes whose bits are set in `among` have a smaller key than this lane.
 INLINED int lane_rank(Group *group, uint key, uint among) {
     int rank = 0;
-    // `left & (left - 1)` clears the lowest bit: the loop runs once per lane of `among`.
+    // `left & (left - 1)` clears the lowest set bit of `left`: the loop runs once per lane of `among`.
     for (uint left = among; left; left &= left - 1) rank += lane_get(group, key, LOWEST_BIT(left)) < key;
     return rank;
 }
 #endif
 
-// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. If other numbers
-// depend on the result, the compiler computes these numbers again at each use, instead of keeping them in
-// registers.
+// Returns `value`. With inline PTX, the compiler does not know that the result equals `value`. If the code calls this
+// function wherever it needs a number that depends on `value`, the compiler computes this number each time, instead of
+// keeping it in a register.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));
@@ -201,8 +201,8 @@ INLINED int forgotten(int value) {
     return value;
 }
 
-// Returns 1 / a. With inline PTX, the result has an error of about one bit, which is small enough for all uses in the
-// kernels. An exact division would take five instructions with some compilers.
+// Returns 1 / a. With inline PTX, the result's error is at most one unit in the last place (subnormal numbers become
+// 0). All uses in the kernels allow this error. An exact division would take five instructions with some compilers.
 INLINED float reciprocal(float a) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     float result;

@@ -5,9 +5,9 @@ typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// A row consists of the floats that a ray-triangle test reads of one triangle. The floats of a row are computed from
-// the triangle's corners, or are planes prepared for rays with a common origin. The header of the test's file states
-// the number of floats (RECORD_FLOATS). In memory, a row consists of ROW_UNITS values of type ROW_UNIT.
+// A row consists of the floats that a ray-triangle test reads of one triangle. These floats are computed from the
+// triangle's corners and, if they are planes, from the rays' common origin. RECORD_FLOATS, stated in the header of the
+// test's file, is the number of floats. In memory, a row consists of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: number of floats in a row, as record_floats in the header of the test's file says"
 #endif

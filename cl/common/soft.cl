@@ -36,8 +36,8 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
-// If soft light is cast at half resolution (half_light.cl), some pictures contain the light that arrives if nothing
-// blocks it. In pictures of unoccluded light, sample.y is 0, lights are points, and the sky has its mean radiance.
+// With soft light at half resolution (half_light.cl), some pictures have the light that would arrive if nothing blocked
+// it. In these pictures of unoccluded light, sample.y is 0, lights are points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -100,7 +100,7 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the Z-order curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-#if HALF_LIGHT // only the half picture with shadows uses these numbers, since all other frames are unoccluded
+#if HALF_LIGHT // only the half picture with shadows uses these numbers, since other pictures are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));

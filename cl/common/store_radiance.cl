@@ -22,8 +22,8 @@ float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
 }
 #endif
 
-// Stores the radiance `sum` in the lanes of `hits`, and the background in all other lanes. The fourth component is 1
-// for a hit, and 0 for a miss.
+// Stores the radiance `sum` for the lanes of `hits`, and the background for all other lanes, in the lanes' pixels. The
+// fourth component is 1 for a hit, and 0 for a miss.
 void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;
     IntLanes x, y, inside;

@@ -158,9 +158,9 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 directio
 #define levels_for(textures, triangle, direction, t) (varying)(0.0f)
 #endif
 
-// Returns the colour of the texture `number` at the point of a triangle with the weights w1 and w2; `ab` and `c` are
-// the triangle's row. The colour is a weighted mean of the two mip levels nearest to the level `wanted`; without MIPS,
-// it is the colour in level 0.
+// Returns the colour of the texture `number` at the point of a triangle with the weights w1 and w2; `ab` and `c` have
+// the texture coordinates of the triangle's corners. The colour is a weighted mean of the two mip levels nearest to the
+// level `wanted`; without MIPS, it is the colour in level 0.
 Uniform3 filtered_colour(const Textures *textures, int number, float4 ab, float4 c, float w1, float w2, float wanted) {
     const __global uint *words = textures->words;
     const __global uint *head = texture_head(textures, number);

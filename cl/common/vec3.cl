@@ -33,9 +33,9 @@ Vec3 along(Vec3 origin, varying t, Vec3 direction) {
     return vec3(origin.x + t * direction.x, origin.y + t * direction.y, origin.z + t * direction.z);
 }
 
-// Returns the unit vector in the direction of `a`, or zero if `a` is zero.
+// Returns the unit vector in the direction of `a`, or zero if the squared length of `a` is 0.
 Vec3 normalize_or_zero(Vec3 a) {
-    // Lanes in which `a` is zero divide by zero; SELECT drops the result of this division.
+    // Lanes with a squared length of 0 divide by zero; SELECT drops the result of this division.
     const varying squared = dot3(a, a);
     return scale(a, SELECT(squared > 0.0f, 1.0f / sqrt(squared), (varying)(0.0f)));
 }
