@@ -1,7 +1,7 @@
 // Tests which children of a node are hit by rays. Because of rounding, the tests may report a child that no ray hits,
 // but they never miss a child that a ray hits.
 
-// Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by 1e-20, so that its
+// Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by 1e-20, so that the
 // reciprocal is finite.
 varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);

@@ -23,7 +23,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // All lanes have taken part in closest_hit, even lanes outside the image, because all work-items must reach the
+    // All lanes have taken part in closest_hit, even lanes outside the image, because all work-items must reach any
     // barriers in closest_hit. After closest_hit, lanes outside the image count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);

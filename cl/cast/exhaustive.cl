@@ -1,15 +1,15 @@
-// Every ray is tested against every triangle. In the search for any hit, a work-item tests no more triangles once all
-// of its lanes have a hit. A program includes this file twice. The file defines any_hit if ANY_HIT is 1, and
-// closest_hit if ANY_HIT is 0.
+// Every primary ray is tested against every triangle. Shadow rays are tested against one triangle after another, until
+// all shadow rays of the work-item are blocked. A program includes this file twice. The file defines any_hit if ANY_HIT
+// is 1, and closest_hit if ANY_HIT is 0.
 //
 // The work-items of a warp test the same triangle at the same time, so that one load serves all of them. A ray is read
 // from the working vectors at each test, as in the kernel of the student paper; the strategy chooses the memory of the
 // working vectors. Without PLANES_OF_ORIGIN, a shadow ray runs from the hit P to the light. With PLANES_OF_ORIGIN, a
 // shadow ray runs from the light to P, because the planes of the edges were computed for rays that start at the light.
 //
-// If triangles are streamed through __local memory, the loop over them is unrolled by 8. On a GPU, unrolling by 8 makes
-// casting 7% faster than the compiler's choice, unrolling by 4. With PLANES_OF_ORIGIN, the loop over triangles is
-// unrolled by 4. Unrolling by 4 makes casting 5% faster than unrolling by 8, by 2, or as the compiler chooses.
+// If triangles are streamed through __local memory in tiles, the loop over a tile is unrolled by 8 or, with
+// PLANES_OF_ORIGIN, by 4. On a GPU, unrolling by 8 makes casting 7% faster than the compiler's choice, unrolling by 4.
+// With PLANES_OF_ORIGIN, unrolling by 4 makes casting 5% faster than unrolling by 8, by 2, or as the compiler chooses.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. Without
@@ -63,7 +63,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
 #if PLANES_OF_ORIGIN
-            // Relative to a distant light, numbers have lost their last digits, so the mask's point is found from P.
+            // A hit computed from a distant light has lost its last digits, so the mask gets a hit computed from P.
             open &= !SOLID_ON_RAYS(&scene->textures, first + k, corners(&scene->geometry, first + k),
                                    working_get(working, POINT), to_light, hit.lanes);
 #else

@@ -1,5 +1,5 @@
-// The scene's buffers, and functions that return the rows which a traversal tests. A row contains the data that a test
-// reads of one triangle (common/rows.cl).
+// The scene's buffers, and functions that return the rows of the triangles that a traversal tests. A row contains the
+// data that a test reads of one triangle (common/rows.cl).
 
 typedef struct {
     Geometry geometry;

@@ -1,8 +1,8 @@
 // Shadow rays without a common origin: to points of a light with an extent, and to the sky.
 
 #if PLANES_OF_ORIGIN
-// Returns the lanes of `wanted` whose ray is blocked before t_max, like any_hit. These rays have no common origin, so
-// planes prepared for an origin cannot be used. Each ray is tested against the corners of every triangle.
+// Returns the lanes of `wanted` whose ray is blocked before t_max, like any_hit. Planes prepared for an origin are of
+// no use for rays without a common origin. Each ray is tested against the corners of one triangle after another.
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
@@ -20,9 +20,9 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 #endif
 
 #if SKY
-// Adds the sky's light to the working vector RADIANCE of `active` lanes. Each lane casts one ray. The probability of
-// the ray's direction is proportional to the direction's cosine with the normal. With this probability, the estimate of
-// the reflected light is the sky's radiance in the ray's direction times k_L (surface->lambertian).
+// Adds the sky's light to the working vector RADIANCE of `active` lanes. Each lane casts one ray. The probability
+// density of the ray's direction is proportional to the direction's cosine with the normal. With this density, the
+// estimate of the reflected light is the sky's radiance in the ray's direction times k_L (surface->lambertian).
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);

@@ -1,5 +1,5 @@
-// Measures the rate of multiply-adds that do not wait for each other, in CHAINS independent chains. Each chain
-// converges to addend / (1 - factor), so the result is known.
+// Measures the rate of multiply-adds in CHAINS chains, which do not wait for each other. Each chain converges to addend
+// / (1 - factor), so the result is known.
 
 #include "peak/vector.cl"
 

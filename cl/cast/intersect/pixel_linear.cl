@@ -7,7 +7,7 @@
 //
 // This is the common-origin test with one change: the planes for primary rays are functions of the pixel. A ray through
 // the point (x, y) of the image has the direction (x, y, 1), so rays in the same row or column of pixels share terms of
-// the dot products. Most misses are found after 6 operations: 2 for each of the three planes.
+// the dot products. Most misses are found after at most 6 operations: 2 for each of the three planes.
 
 #include "cast/planes_of_origin.cl"
 

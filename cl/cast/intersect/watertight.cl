@@ -101,7 +101,7 @@ static __attribute__((always_inline)) int intersect(const Probe *probe, Vec3 ori
     hit->w2 = w * per_det;
     hit->lanes = inside & (hit->t > probe->t_min) & (hit->t < t_max);
     if (!ANY(hit->lanes)) return 0;
-    // A ray that starts in the triangle's plane misses.
+    // A ray that starts in the triangle's plane misses. If it starts on the triangle, za, zb and zc nearly cancel.
     const Mask doubt = hit->lanes & cancels(za, zb, zc, NEAR_START);
     if (ANY(doubt)) hit->lanes &= !(doubt & starts_in_plane(a, splat(normal_of(row.a, row.b, row.c))));
     return 1;
