@@ -65,11 +65,11 @@ typedef struct {
     float forward[VECTORS]; // 1, or -1 if the rays run against the axis k
 } Shears;
 
-// The rays of a tile. Distances are stored as 1 / t, which is linear over a triangle, so that the test needs no
-// division. LEAST_INV_T (slices.cl), a number close to 0, stands for an infinite distance.
+// The rays of a tile. 1 / t is stored instead of t: on a triangle's plane, it is linear in the ray's direction, so that
+// edge_planes.cl needs no division. LEAST_INV_T (slices.cl), a number close to 0, stands for an infinite t.
 typedef struct {
     Uniform3 origin;
-    float too_near; // 1 / t of the nearest distance at which hits count; hits with a larger 1 / t are ignored
+    float too_near; // hits with this 1 / t, or with a larger one, are too near: they are ignored
     float longest;  // an upper bound of the absolute values of the directions' components
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: of depth 1 from the eye, of length 1 from a light
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished

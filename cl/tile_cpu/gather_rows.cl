@@ -5,8 +5,8 @@
 
 // A row has three parts: a triangle's three corners, or its three normals. Each part begins `step` floats after the
 // previous part. The first three floats of a row's part are a corner or a normal. After a corner, the part's fourth
-// float is a word that is stored beside the corner (see LEAF_ROW). After a normal, it is the first float of the next
-// normal. (The last normal of all has a fourth float, too, since the host allocates one more row.)
+// float is a word that is stored beside the corner (see LEAF_ROW). After a normal, the fourth float is the first float
+// of the next normal. (Even the last of all normals is followed by a float, since the host allocates one more row.)
 //
 //     leaves, step 4:    v0.x v0.y v0.z number v1.x v1.y v1.z material v2.x v2.y v2.z 0
 //     surfaces, step 3:  n0.x n0.y n0.z n1.x n1.y n1.z n2.x n2.y n2.z

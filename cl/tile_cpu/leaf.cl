@@ -2,8 +2,8 @@
 
 #if CUTOUTS
 // Returns the lanes of `hits` whose ray hits the surface of a triangle and not a hole. `index` is the triangle's index
-// in leaf order. With `any`, the rays run to a light. Relative to a distant light, numbers have lost their last digits,
-// so the mask's point is found from the other end of the ray.
+// in leaf order. With `any`, the rays start at a light. A point computed from a distant light has lost its last digits,
+// so the point in the mask is computed from the other end of the ray, a hit that the light may reach.
 Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits, const int any) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, index), leaf_corners(bundle->tree, index),

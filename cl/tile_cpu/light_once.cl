@@ -65,7 +65,7 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
     return open;
 }
 
-// Shades the samples in `reached` of one ray vector, each at its own hit, and adds the light's radiance to `sum`.
+// Shades the samples in `reached` of one ray vector, each at its own hit, and adds the reflected radiance to `sum`.
 void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached,
                     Vec3 *sum) {
@@ -84,8 +84,8 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
 }
 
 // Adds a light to the pixels that are shaded once. `open` has a bit for each ray vector to which this light casts rays.
-// If the light reaches all samples of a pixel, its radiance is added to the pixel (`once->sum`). If the light reaches
-// only some of the samples, its radiance is added to these samples (`sum`).
+// If the light reaches all samples of a pixel, the radiance that the pixel reflects is added to `once->sum`. If the
+// light reaches only some of the samples, the radiance of each reached sample is added to `sum`.
 void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
     const uint all = LANE_BITS16(samples->filled);

@@ -67,14 +67,14 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
 #if CUTOUTS
     bundle->hit[vector] = shaded->point;
 #endif
-    // The shadow ray ends shortly before the hit, which is at t = distance.
+    // On the ray, the hit is at t = direction.distance. The ray ends shortly before the hit: at (1 - gap) times this t.
     const varying gap = gap_before_hit(lighting->bias * direction.per_distance, 1.0f / direction.cosine);
     bundle->inv_t[vector] = SELECT(lit, direction.per_distance / (1.0f - gap), (varying)(FAR));
     ((float *)slices->reach)[vector] = most_lane(SELECT(lit, direction.distance, (varying)(0.0f)));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
-        // One lane of each vector in `slices` holds the interval of this ray vector's directions.
+        // `slices` has one lane per ray vector. The lane `vector` gets the interval of this ray vector's directions.
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }

@@ -37,7 +37,7 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
 }
 
 // Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by NO_DIRECTION, so
-// that its reciprocal is finite.
+// that the reciprocal is finite.
 varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }

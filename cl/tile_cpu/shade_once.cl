@@ -111,7 +111,7 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     right->depth = -t * dot3(across, m), below->depth = -t * dot3(down, m);
     right->point = scale(along(across, right->depth, d), t), below->point = scale(along(down, below->depth, d), t);
     right->eye = length_of(across) / length, below->eye = length_of(down) / length;
-    // If the hit moves by p, the weights of the second and third corner change by p . g1 / n . n and p . g2 / n . n.
+    // If the hit moves by p, the weights of the second and third corner change by p . g1 / (n . n), p . g2 / (n . n).
     const Vec3 g1 = cross3(e2, n), g2 = cross3(n, e1);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
@@ -182,9 +182,9 @@ varying half_turn(const LightAtPixel *light, const PixelStep *step) {
 varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
     // `first` and `second` are upper bounds of the derivatives of cosine / r^2, relative to its value. If only the
-    // normal turns, the second derivative is the square of the angle `turn`, and more if the interpolated normal's
-    // length changes too. The term with step->depth is needed because a hit is not a linear function of the pixel where
-    // depth changes. The factors 3, 8 and 4 in `first` and `second` are upper bounds.
+    // normal turns, the second derivative is the square of step->turn, and more if the interpolated normal's length
+    // changes too. The term with step->depth is needed because a hit is not a linear function of the pixel where depth
+    // changes. The factors 3, 8 and 4 in `first` and `second` are upper bounds.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
     const varying second = step->turn * (step->turn + 2.0f * step->stretch * light->per_cosine) +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
@@ -204,8 +204,8 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     light->tangent_squared = light->glossy = (varying)(0.0f);
     const Mask glossy = lit & (mean->surface.kind > 0.0f);
     if (!ANY(glossy)) return (Mask)(-1);
-    // A small highlight can be much brighter at a sample than at the mean. `nearest` bounds the cosine of half vector
-    // and normal at the samples: the half vector turns by at most `turn` (1.1 allows for second derivatives).
+    // A small highlight can be much brighter at a sample than at the mean. `nearest` is an upper bound of cos(half
+    // vector, normal) at the samples: the half vector turns by at most `turn` (1.1 allows for second derivatives).
     const varying turn = 1.1f * reach * (half_turn(light, right) + half_turn(light, below));
     const varying cosine = dot3(add(to_light, mean->to_eye), mean->normal) * light->per_half;
     const varying here = max(cosine, (varying)(0.0f)), sine = sqrt(max(1.0f - cosine * cosine, (varying)(0.0f)));
@@ -223,8 +223,8 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     return !glossy | (fabs(cosine) > 2.0f * turn); // the highlight ends where the half vector leaves the surface
 }
 
-// Returns the pixels for which a light can be shaded once: the light is on the same side of the surface for all
-// samples, and farther away than the bias, and shading once changes the radiance little.
+// Returns the pixels for which one light permits shading once: the light is on the same side of the surface for all
+// samples, and farther away than twice the bias, and shading once changes the radiance little.
 Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, const SamplePositions *samples,
                  const PixelStep *right, const PixelStep *below) {
     const Shaded *mean = once->mean + part;

@@ -46,8 +46,8 @@ typedef uint16 ChildWords;
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
-// The boxes of a node's children, relative to the origin: the sides at which rays enter and leave. `entry` is, for each
-// child, a lower bound of the t at which the tile's rays enter the child's box.
+// The boxes of a node's children, relative to the rays' origin: the sides at which rays enter and leave. For each
+// child, `entry` is a lower bound of the t at which the tile's rays enter the child's box.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;
@@ -55,7 +55,7 @@ typedef struct {
 
 // Converts intervals of directions to intervals of their reciprocals, and extends the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
-// half-lines. The reciprocal of an end at zero is infinity, stored as FAR. Empty intervals (low > high) stay empty.
+// half-lines. Reciprocals of ends at zero are stored as FAR or -FAR. Empty intervals (low > high) stay empty.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
     // If the interval contains zero (`mixed`), the reciprocals lie below 1 / least or above 1 / most.

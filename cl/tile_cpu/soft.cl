@@ -54,7 +54,7 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     int waiting = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // All rays are tested against each triangle. A ray that is stopped leaves the packet.
+            // All rays are tested against each triangle. A ray that has been stopped enters no more boxes.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int index = first; index < end; index++)
                 open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, index), leaf_corners(tree, index), from,

@@ -65,8 +65,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // `height` is the distance of the origin from the triangle's plane, times the length of the normal n. The sign of
-    // `height` shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
+    // `height` is the signed distance of the origin from the triangle's plane, times the length of the normal n. Its
+    // sign shows on which side of the plane the origin is. All stored planes are multiplied by this sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2), longer = max(size1, size2);
@@ -90,16 +90,16 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// If more than FEW_VECTORS ray vectors are left, a triangle is first tested against the intervals of the vectors'
-// directions. Testing sixteen such intervals takes about as long as testing six vectors of rays.
+// With more than FEW_VECTORS ray vectors, a triangle is first tested against the intervals of the vectors' directions.
+// Testing sixteen intervals takes about as long as testing six vectors, so with few vectors, this test does not pay.
 #define FEW_VECTORS (6 * PARTS)
 
-// Returns the upper bounds of the products of an edge's plane and the directions of sixteen vectors of rays.
+// Returns upper bounds of the products of an edge's plane and the directions of sixteen vectors of rays.
 INLINED float16 largest_inside(const Bundle *bundle, int part, const float edge[3][PREPARED], int lane) {
     return largest_product(bundle, part, edge[0][lane], edge[1][lane], edge[2][lane]);
 }
 
-// Returns `live` without the ray vectors whose rays all lie outside the same edge of a prepared triangle.
+// Returns `live` without the ray vectors whose interval of directions lies outside one edge of a prepared triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     uint outside = 0;
     for (int part = 0; part < PARTS; part++) {

@@ -89,7 +89,7 @@ typedef struct {
 // Prepares the triangle at `first` in leaf order. Returns a word with the triangle's bit: 1 (never excluded).
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
-    if (any) { // rays are tested from the light: swapping two corners swaps front and back faces
+    if (any) { // rays run from the light, not to it: swapping corners swaps front and back faces
         const Uniform3 b = corners.b;
         corners.b = corners.c;
         corners.c = b;
@@ -102,11 +102,11 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// If more than FEW_VECTORS ray vectors are left, the triangle is first tested against the intervals of the vectors'
-// directions. Testing sixteen such intervals takes about as long as testing four vectors of rays.
+// With more than FEW_VECTORS ray vectors, a triangle is first tested against the intervals of the vectors' directions.
+// Testing sixteen intervals takes about as long as testing four vectors, so with few vectors, this test does not pay.
 #define FEW_VECTORS (4 * PARTS)
-// Bounds the rounding errors of a volume (the determinant of three vectors), per product of the vectors' sizes. Also
-// bounds the errors of the test of sheared corners, which grow with the angle between rays and their common axis.
+// A bound of the rounding error of a volume (the determinant of three vectors), per product of the vectors' sizes. It
+// exceeds the error of intersect_sheared, which is larger if the angle between a ray and the common axis is larger.
 #define VOLUME_ROUNDING 2e-5f
 
 // Returns the ray vectors in `live` of which a ray may run on the positive side of a plane through the origin: the side
@@ -120,7 +120,7 @@ uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live
     return live;
 }
 
-// Returns `live` without the ray vectors whose rays all lie outside the same edge of the triangle.
+// Returns `live` without the ray vectors whose interval of directions lies outside one edge of the triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     const Uniform3 a = LOAD3(prepared->a), b = LOAD3(prepared->b), c = LOAD3(prepared->c);
     const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);
