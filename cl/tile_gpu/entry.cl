@@ -71,7 +71,7 @@ typedef struct {
     float ceiling[RAYS];  // nearer hits are ignored: those at this 1/z or more
     int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
 #if CUTOUTS
-    Vec3 point[RAYS]; // Directions' point, along the pass's axes
+    Vec3 point[RAYS]; // the points of Directions, in coordinates along the pass's axes
 #endif
 } RayPacket;
 
@@ -82,8 +82,8 @@ typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
 #if CUTOUTS
-    // A point of each ray, from which the point of a mask is found: the eye, or the hit to which a shadow ray runs.
-    // (Relative to a distant light, numbers have lost their last digits.)
+    // A point of each ray: the eye, or the hit to which a shadow ray runs. The point at which a mask is read is
+    // computed from this point. (Computed from a distant light, the point in the mask would lose its last digits.)
     Vec3 point[RAYS];
 #endif
 } Directions;

@@ -244,7 +244,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray,
                                          leaf_index, lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // Adds the lights that reach the pixel by shadow rays that tiles have cast.
+                // Adds the lights whose shadow rays a tile has cast and found unblocked.
                 reached |= lit[entry.x] & ~SOME_LEFTOVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
                 shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,

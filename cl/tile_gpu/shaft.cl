@@ -14,7 +14,7 @@
 // The origin of the rays of a pass.
 typedef struct {
     Uniform3 at;
-    int number; // 0 for the eye; 1 and more for a round of lights (see shadow.cl)
+    int number; // 0 for the eye; 1, 2, ... for the lights of a round of lights (see shadow.cl)
 } Origin;
 
 INLINED Origin origin_at(Uniform3 at, int number) {
@@ -32,7 +32,7 @@ typedef struct {
     uint near_row, far_row;  // offsets in a node of the z at which rays enter and leave this lane's child
     float x, y, z;           // the rays' origin along these axes; z is multiplied by `sign`
     float low_x, high_x, low_y, high_y;
-    float longest; // the largest component of a direction (x, y, 1)
+    float longest; // the largest absolute value of a component of the directions (x, y, 1)
 #if PLANES_OF_ORIGIN
     const __global float4 *planes; // the planes of all triangles for the rays' origin
     uint across_row, down_row, along_row; // the offsets in `planes` of the arrays for the pass's axes
@@ -105,7 +105,7 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Unifor
     return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0;
 }
 
-// Returns the largest value of v . (x, y, 1) over the slopes (x, y) of all rays of a shaft.
+// Returns the largest value of v . (x, y, 1) over the box around the slopes (x, y) of a shaft's rays.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
     // A linear function is largest at a corner of the box. For each axis, the larger of the values at the interval's
     // two ends is used.

@@ -68,7 +68,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
     Sight sight;
     sight.is_sky = source >= sources->light_count;
 #if SKY
-    // A ray to the sky has no end; its length is the sky's reach, the distance up to which surfaces block the sky.
+    // A ray to the sky ends at the sky's reach, the distance up to which surfaces block the sky.
     if (sight.is_sky) {
         const Vec3 normal = normalize_or_zero(surface_point->normal);
         sight.direction = direction_to_sky(soft, source, surface_point->pixel.x, surface_point->pixel.y, normal);

@@ -3,7 +3,7 @@
 // The result of testing the shaft (the pass's rays) against this lane's child of a node.
 typedef struct {
     int met;     // 1 if the shaft meets the child's box, else 0
-    float entry; // the z at which the shaft enters the child's box
+    float entry; // the z of the box's near side, or 0 if the origin is beyond it: no ray enters the box at a smaller z
     uint word;   // the child's word in the node: see common/tree.cl
 } Child;
 
@@ -95,7 +95,7 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPa
     const int first = LEAF_FIRST(word);
     Candidate own;
     int wanted = 0;
-    // Each lane prepares one triangle for the whole tile, and finds out whether any ray of the shaft may hit it.
+    // Each lane prepares one triangle for all rays of the pass, and finds out whether any of these rays may hit it.
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
     const uint tested = lane_ballot(group, wanted);
     lane_sync(group); // all lanes have tested the previous leaf's triangles, which are now overwritten

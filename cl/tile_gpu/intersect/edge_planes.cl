@@ -1,9 +1,9 @@
 // Prepares a leaf's triangle (computes what all rays of a pass need), and tests rays against it. Each edge spans a
-// plane with the rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share
-// the plane of their common edge, to the last bit. The edge functions and 1/z are linear in a ray's slopes x and y (see
-// entry.cl). A prepared triangle has a float4 for each of the corners a, b and c. The first three components of such a
-// float4 are a plane: that of the edge opposite to the corner. On the inner side of the edge, the plane's edge function
-// is not negative. The fourth component of a float4 is one of the three coefficients of 1/z:
+// plane with the rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles have
+// the same plane at their common edge, up to sign and a power of two. The edge functions and 1/z are linear in a ray's
+// slopes x and y (see entry.cl). A prepared triangle has a float4 for each of the corners a, b and c. The first three
+// components of such a float4 are a plane: that of the edge opposite to the corner. On the inner side of the edge, the
+// plane's edge function is not negative. The fourth component of a float4 is one of the three coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 

@@ -10,7 +10,7 @@
 
 #include "common/in_plane.cl"
 
-// Returns the largest value of `turn` times v . (x, y, 1) over the slopes (x, y) of a shaft's rays; `turn` is 1 or -1.
+// Returns the largest value of `turn` (1 or -1) times v . (x, y, 1) over the box around the slopes (x, y) of a shaft.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
@@ -35,7 +35,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float slack = rounding * (distance + size1 + size2) * (size1 + size2);
     const float doubt = rounding * (distance + size1 + size2) * size1 * size2;
     const float height = uniform_dot(a, n), size = fabs(height) - doubt;
-    // Seen edge-on: is_hit must decide, unless the rays start in the triangle's plane, beside or on the triangle.
+    // Seen edge-on: is_hit decides, unless the rays start in the triangle's plane and a corner is behind their start.
     if (size <= 0.0f)
         return fmin(fmin(a.z, b.z), c.z) >= 0.0f || !starts_in_plane(vec3(a.x, a.y, a.z), vec3(n.x, n.y, n.z));
     const float turn = height < 0.0f ? -1.0f : 1.0f;
