@@ -26,8 +26,8 @@
 // edge of a needle (a triangle of two long edges and a short one) could lengthen the needle by several pixels.
 #define OVERLAP_EDGES 8.0f
 // A triangle seen almost edge-on can look narrower than its overlap with its neighbours. Such a triangle is not hit:
-// its neighbours overlap all of it, and its own overlap could lengthen it by several times its length. `distance` is
-// the size (1-norm) of a corner relative to the rays' origin. `longer` is the size of the longer of the corner's two
+// the neighbours overlap the whole triangle, and the triangle's own overlap could lengthen it several times. `distance`
+// is the size (1-norm) of a corner relative to the rays' origin. `longer` is the size of the longer of the corner's two
 // edges. All points of the triangle are therefore at least `distance - longer` away from the origin. The triangle is
 // hit only if the absolute value of the determinant of the corner and its two edges is larger than LEAST_VISIBLE.
 #define LEAST_VISIBLE(distance, longer) \

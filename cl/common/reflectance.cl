@@ -1,6 +1,6 @@
-// The reflectance (BRDF) of a surface: the ratio of the radiance that it reflects to the eye to the irradiance that it
-// receives from a light. The formulas are from Hughes et al., Computer Graphics, 3rd ed., chapter 15. src/reference/
-// has the same formulas in f64.
+// The reflectance (BRDF) of a surface: the radiance that the surface reflects to the eye, divided by the irradiance
+// that the surface receives from a light. The formulas are from Hughes et al., Computer Graphics, 3rd ed., chapter 15.
+// src/reference/ has the same formulas in f64.
 
 // Returns `base` to the power of `exponent`; neither may be negative. The function computes x^y as 2^(y log2 x). A base
 // of zero is a special case, because the logarithm of zero is infinite: 0^0 is 1, other powers of 0 are 0. The built-in

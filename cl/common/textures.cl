@@ -25,7 +25,7 @@
 //                       alpha    | blue     | green   | red
 //
 // "Wrap u" and "wrap v" define how the texture continues beyond its edges along u and v. common/cutouts.cl explains the
-// least alpha. A texture's mip levels follow its texels. Each level is half as wide and high as the level before.
+// least alpha. A texture's mip levels follow its texels. Each level is half as wide and high (rounded down).
 #define CHANNEL_VALUES 256
 
 // The number of float4 in a triangle's row of texture data. Without mip levels, a triangle's row has two float4:

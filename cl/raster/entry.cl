@@ -81,7 +81,7 @@ int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Extends the bounds of the pixels to test, so that they include the point `p`, which is on or beyond the near plane.
+// Extends the bounds of the pixels to test to include the point `p`, which is on or beyond the near plane.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);

@@ -71,7 +71,7 @@ typedef struct {
     Uniform3 origin;
     float too_near; // hits with this 1 / t, or with a larger one, are too near: they are ignored
     float longest;  // an upper bound of the absolute values of the directions' components
-    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: of depth 1 from the eye, of length 1 from a light
+    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: from the eye of depth 1, from a light of length 1 or less
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
     // The middles and half widths of the ray vectors' intervals of directions, one lane per vector (slices.cl).

@@ -13,8 +13,8 @@ float pixel_side(float4 step_x, float4 step_y) {
 }
 
 // Returns the ray vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions
-// (of length 1) from a light to the hits, and the largest distances between light and hits. `block_side` is the width
-// of a vector's block of pixels at a depth of 1.
+// (of length 1 or less) from a light to the hits, and bounds of the distances between light and hits. `block_side` is
+// the width of a vector's block of pixels at a depth of 1.
 uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;

@@ -1,6 +1,6 @@
 // Casts a single ray of a tile. The ray traverses the tree alone. Rays to the sky run in all directions, so a packet of
-// them would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
-// triangles of a leaf together.
+// such rays would visit many nodes that only few of its rays meet. A single ray tests all children of a node together,
+// and eight triangles of a leaf together.
 
 typedef struct {
     float from[3], direction[3]; // the origin and the unit direction

@@ -72,7 +72,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     float reach = furthest(slices);
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // A ray vector is excluded if all its rays have hit something nearer since `next` was put on the stack.
+        // A ray vector is excluded if all its rays have hit something nearer than the box of `next` in the meantime.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {

@@ -51,8 +51,8 @@
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
-// A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the 1-norm. The
-// leader is the ray whose direction determines the axis; its component is at least a third of the 1-norm.
+// A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the direction's
+// 1-norm. The leader is the ray whose direction determines the axis; this component is at least a third of the 1-norm.
 #define ALONG_AXIS 0.25f
 // A pass may be restricted to rays close to its leader (the ray that determines the pass's axis). The largest distance
 // of a ray from the leader is in this case NEIGHBOURS times the distance between neighbouring rays. A tile's rays to
@@ -120,9 +120,9 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 // leading ray always belongs to its pass, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
-    // All lanes choose the same lane, `leader`. Its first remaining ray determines the pass's axis. If the lane in the
-    // middle of the tile still has a ray, all choose this lane, because its rays are closest to the others. Otherwise,
-    // the first lane that still has a ray is chosen.
+    // All lanes choose the same lane, `leader`. The first remaining ray of this lane determines the pass's axis. If the
+    // lane in the middle of the tile still has a ray, all choose the middle lane, because its rays are closest to the
+    // others. Otherwise, the first lane that still has a ray is chosen.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // `first` has a single bit: the bit of the leading ray among the rays of the lane `leader`. In every lane, `own` is

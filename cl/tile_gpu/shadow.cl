@@ -111,8 +111,8 @@ INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global f
 #endif
 }
 
-// Returns 1 if a surface needs a shadow ray to a light, else 0: the surface must face the light, and its distance from
-// the light must exceed the bias. `offset` points from the hit to the light.
+// Returns 1 if a hit needs a shadow ray to a light, else 0: the surface must face the light, and the hit's distance
+// from the light must exceed the bias. `offset` points from the hit to the light.
 INLINED int faces(SurfacePoint surface_point, Vec3 offset, float bias) {
     return (dot3(offset, surface_point.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }

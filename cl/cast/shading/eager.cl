@@ -2,7 +2,7 @@
 // shades: each-nearer-hit
 //
 // Shades every hit that is nearer than its ray's earlier hits, as in the student paper that raycl reproduces. If a
-// still nearer hit is found later, the radiance of the earlier hit is discarded, and its shadow rays were cast in vain.
+// still nearer hit follows, the radiance and the shadow rays of the earlier hit were computed in vain.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
     // Only the lanes of `nearer` have a nearer hit on this triangle; all other lanes keep their weights.

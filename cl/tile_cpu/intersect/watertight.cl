@@ -105,8 +105,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // With more than FEW_VECTORS ray vectors, a triangle is first tested against the intervals of the vectors' directions.
 // Testing sixteen intervals takes about as long as testing four vectors, so with few vectors, this test does not pay.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of the rounding error of a volume (the determinant of three vectors), per product of the vectors' sizes. It
-// exceeds the error of intersect_sheared, which is larger if the angle between a ray and the common axis is larger.
+// A bound of a volume's (determinant's) rounding error, divided by the product of the three vectors' sizes. The bound
+// also covers the errors of intersect_sheared, which grow with the angle between a ray and the common axis.
 #define VOLUME_ROUNDING 2e-5f
 
 // Returns the ray vectors in `live` of which a ray may run on the positive side of a plane through the origin: the side

@@ -2,8 +2,8 @@
 // against it. The test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but
 // loads these planes from a table. The kernel tile_prepare computes the table: once per frame for the eye, and once per
 // round of lights (see shadow.cl) for the round's lights. For each origin, the table has three arrays, one for each
-// coordinate axis. An array has a quad (float4) per triangle: its planes' and 1/z's components along the array's axis.
-// Three loads, one per array, read all planes of a triangle, whatever the axes of the pass.
+// axis. For each triangle, an array has a quad (float4): the components, along the array's axis, of three planes and of
+// 1/z. Three loads, one per array, read all planes of a triangle, whatever the axes of the pass.
 
 // The table of planes for one origin (the eye or a light). In each array, the triangles are in leaf order, so that
 // neighbouring lanes load neighbouring quads:
