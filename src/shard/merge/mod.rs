@@ -66,6 +66,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
     let attempts = Attempt::all(out)?;
+    refuse_lost_attempts(out, &attempts)?;
     let chosen = choose(&attempts)?;
     // The kinds of device are read after the records. An attempt writes the files of its kinds of device
     // before its first record. For each record that was read, the record's kind of device is therefore read
@@ -133,6 +134,21 @@ fn refuse_other_results(out: &Path) -> Result<()> {
             out.display()
         ))
         .with_help("choose another folder for the shards with --out")),
+        false => Ok(()),
+    }
+}
+
+/// Refuses a folder that has merged records, but whose attempts are gone: a merge would replace the merged results by
+/// empty files.
+fn refuse_lost_attempts(out: &Path, attempts: &[Attempt]) -> Result<()> {
+    let records = out.join(RECORDS);
+    let has_records = existing::is_file(&records)? && records.metadata().is_ok_and(|file| file.len() > 0);
+    match attempts.is_empty() && has_records {
+        true => Err(Error::input(format!(
+            "{} holds merged results, but parts/ has no attempts; the results are unchanged",
+            out.display()
+        ))
+        .with_help("put the attempts' folders back into parts/ to merge again")),
         false => Ok(()),
     }
 }
@@ -682,6 +698,27 @@ mod tests {
         assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 1);
         write_kind(out, "gpu", "x", 0);
         assert!(merge(out, &[]).is_ok() && !killed.exists());
+    }
+
+    #[test]
+    fn a_merge_without_attempts_leaves_the_results_of_an_earlier_merge() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        merge_one_record(out);
+        let parts = out.join("parts");
+        let expected = format!(
+            "{} holds merged results, but parts/ has no attempts; the results are unchanged",
+            out.display()
+        );
+        std::fs::remove_dir_all(&parts).unwrap();
+        for _ in ["no folder", "an empty folder"] {
+            let error = merge(out, &[]).unwrap_err();
+            assert_eq!((error.to_string(), error.exit_code()), (expected.clone(), 2));
+            assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 1);
+            std::fs::create_dir_all(&parts).unwrap();
+        }
+        std::fs::write(out.join(RECORDS), "").unwrap();
+        assert!(merge(out, &[]).is_ok(), "no results can be lost");
     }
 
     /// In this test, a link that leads to itself stands for any file or folder that cannot be read, for
