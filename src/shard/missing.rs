@@ -2,6 +2,7 @@
 //! commands that measure these points.
 
 use super::{About, Kind, ShardPlan};
+use crate::device::both_names;
 use crate::device::variables::is_to_be_repeated;
 use crate::record::{HOST, Outcome};
 use crate::words::{command_line, option, path_word, quote};
@@ -161,11 +162,12 @@ fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     (0..plan.points.len()).partition(on_host)
 }
 
-/// Returns the names of all kinds of device that took part in the experiment: each name once, joined by commas.
-fn names(all: &[Kind]) -> String {
+/// Returns the common names and the drivers' names of all kinds of device that took part in the experiment: each name
+/// once, joined by semicolons, since a common name may contain a comma.
+pub(super) fn names(all: &[Kind]) -> String {
     let mut seen = BTreeSet::new();
     let names = all.iter().map(|kind| kind.device.as_str()).filter(|name| seen.insert(*name));
-    names.collect::<Vec<_>>().join(", ")
+    names.map(both_names).collect::<Vec<_>>().join("; ")
 }
 
 /// Describes a kind of device on which the points `lacks` have to be measured, out of `of` points in all.
@@ -342,8 +344,9 @@ mod tests {
 
     #[test]
     fn each_device_is_named_once_even_if_another_one_comes_in_between() {
-        let kinds = [kind("gpu", "0f", &[1]), kind("gpu a", "a", &[1]), kind("gpu", "f3", &[1])];
-        assert_eq!(names(&kinds), "gpu, gpu a");
+        let cpu = "cpu-znver4-AMD EPYC 9B45";
+        let kinds = [kind("gpu", "0f", &[1]), kind(cpu, "a", &[1]), kind("gpu", "f3", &[1])];
+        assert_eq!(names(&kinds), format!("gpu; AMD EPYC 9B45, PoCL ({cpu})"));
     }
 
     #[test]
@@ -371,7 +374,7 @@ mod tests {
         let [h200] = &result.kinds[..] else { panic!("{result:?}") };
         assert_eq!((h200.device.as_str(), h200.points.len(), h200.of), ("h200", 2, 2));
         assert_eq!(h200.command, "for shard in 3 7; do raycl --out o --device h200 --shard $shard/16; done");
-        assert_eq!(result.took_part.as_deref(), Some("host, gpu"));
+        assert_eq!(result.took_part.as_deref(), Some("host; gpu"));
     }
 
     #[test]
@@ -562,6 +565,6 @@ mod tests {
         let not_begun = ["tpu".to_owned()];
         let wanted = Wanted { all: &kinds, kinds: &kinds[..2], not_begun: &not_begun };
         let result = missing(now, &plan(), wanted, &abouts, &|_| Some(Outcome::Measured));
-        assert_eq!(result.took_part.as_deref(), Some("host, gpu"));
+        assert_eq!(result.took_part.as_deref(), Some("host; gpu"));
     }
 }

@@ -1,10 +1,11 @@
 //! Selects the kinds of device whose results are merged.
 
-use crate::device::{DeviceKind, has_part};
-use crate::error::Result;
+use crate::device::{DeviceKind, common_name, has_part};
+use crate::error::{Error, Result};
 use crate::existing;
 use crate::record::HOST;
 use crate::record::journals::ENVIRONMENT;
+use crate::shard::missing::names;
 use crate::shard::{Attempt, Kind};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -39,13 +40,32 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
 /// baselines run, are always selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a
 /// part of a kind's description. As with `raycl run --device`, a word that consists only of digits matches a
 /// whole number in the description, but not a part of a longer number.
-pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>, Vec<String>) {
+///
+/// # Errors
+///
+/// Returns an input error if a word is blank, or if kinds of device took part, but no word matches any of them: a merge
+/// would then replace the results of an earlier merge by none.
+pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
     let has =
         |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());
-    let not_begun = meant.iter().filter(|word| !all.iter().any(|kind| has(kind, word))).cloned().collect();
+    let not_begun: Vec<String> =
+        meant.iter().filter(|word| !all.iter().any(|kind| has(kind, word))).cloned().collect();
+    let matches_none = !all.is_empty() && not_begun.len() == meant.len();
+    let blank = meant.iter().find(|word| word.trim().is_empty());
+    if let Some(word) = blank.or(meant.first().filter(|_| matches_none)) {
+        return Err(no_match(all, word));
+    }
     let is_meant =
         |kind: &Kind| meant.is_empty() || kind.device == HOST || meant.iter().any(|word| has(kind, word));
-    (all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun)
+    Ok((all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun))
+}
+
+/// Returns the error about a word that matches no kind of device.
+fn no_match(all: &[Kind], word: &str) -> Error {
+    let listing = if all.is_empty() { "none".to_owned() } else { names(all) };
+    Error::input(format!("no device with results matches '{word}'")).with_help(format!(
+        "name a part of a device's description, a kind (cpu, gpu, accelerator), or all; devices with results: {listing}"
+    ))
 }
 
 /// Returns true if `word`, which is in lower case, selects `kind`. `known` is the type of the kind's devices.
@@ -58,8 +78,16 @@ fn matches(kind: &Kind, known: Option<&String>, word: &str) -> bool {
         _ if word == "all" => true,
         _ if is_type && kind.device == HOST => false,
         Some(known) if is_type => known == word,
-        _ => has_part(&format!("{} | {}", kind.device, kind.identity).to_lowercase(), word),
+        _ => has_part(&description(kind).to_lowercase(), word),
     }
+}
+
+/// Returns a kind's description: the name and the identity of its devices, and the common name of each part. raycl
+/// prints the common names of devices, so a user may give one of them.
+fn description(kind: &Kind) -> String {
+    let parts = std::iter::once(kind.device.as_str()).chain(kind.identity.split(" | "));
+    let common: Vec<String> = parts.map(common_name).collect();
+    format!("{} | {} | {}", kind.device, kind.identity, common.join(" | "))
 }
 
 #[cfg(test)]
@@ -76,7 +104,7 @@ mod tests {
     /// Returns the names of the selected kinds of device, and the words that match no kind.
     fn selected(all: &[Kind], types: &Types, words: &[&str]) -> (Vec<String>, Vec<String>) {
         let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-        let (kinds, not_begun) = meant_kinds(all, types, &words);
+        let (kinds, not_begun) = meant_kinds(all, types, &words).unwrap();
         (kinds.into_iter().map(|kind| kind.device).collect(), not_begun)
     }
 
@@ -103,7 +131,40 @@ mod tests {
         let selected = |word: &str| selected(&all, &Types::new(), &[word]);
         assert_eq!(selected("200"), (names(&["NVIDIA H200"]), vec![]));
         assert_eq!(selected("7"), (names(&["cpu"]), vec![]));
-        assert_eq!(selected("20"), (vec![], names(&["20"])));
+        assert!(meant_kinds(&all, &Types::new(), &names(&["20"])).is_err());
+    }
+
+    #[test]
+    fn the_common_name_of_a_device_selects_its_kind() {
+        let driver = "pthread-skylake-avx512-Intel(R) Xeon(R) Processor";
+        // The label of one of several devices of the same name is another text than the driver's name.
+        let label = kind("pocl-cpu-2", &format!("PoCL | {driver} | 7.0"));
+        for all in [kind(driver, "PoCL"), label].map(|kind| [kind, self::kind("NVIDIA H200", "CUDA")]) {
+            for word in ["Intel Xeon", "intel xeon, pocl"] {
+                assert_eq!(
+                    selected(&all, &Types::new(), &[word]).0,
+                    names(&[all[0].device.as_str()]),
+                    "{word}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_blank_word_and_words_that_match_no_kind_are_refused_with_the_kinds_that_took_part() {
+        let all = [kind("host", "amd"), kind("cpu-znver4-AMD EPYC 9B45", "PoCL")];
+        let error =
+            |all: &[Kind], words: &[&str]| meant_kinds(all, &Types::new(), &names(words)).unwrap_err();
+        for (words, blamed) in [(&["h200", "mi300"][..], "h200"), (&["host", ""][..], ""), (&[" "][..], " ")]
+        {
+            let error = error(&all, words);
+            let message = format!("no device with results matches '{blamed}'");
+            assert_eq!((error.to_string(), error.exit_code()), (message, 2));
+            let listing = "devices with results: host; AMD EPYC 9B45, PoCL (cpu-znver4-AMD EPYC 9B45)";
+            assert!(error.remedy().ends_with(listing), "{error:?}");
+        }
+        assert!(error(&[], &[""]).remedy().ends_with("devices with results: none"));
+        assert_eq!(selected(&[], &Types::new(), &["h200"]), (vec![], names(&["h200"])), "no shard has begun");
     }
 
     #[test]
@@ -123,10 +184,10 @@ mod tests {
         assert_eq!(selected(&["GPU"]), (names(&["host", "H200"]), vec![]));
         assert_eq!(selected(&["cpu"]), (names(&["host", "EPYC"]), vec![]));
         assert_eq!(selected(&["all"]), (names(&["host", "H200", "EPYC"]), vec![]));
-        assert_eq!(selected(&["accelerator"]), (names(&["host"]), names(&["accelerator"])));
+        let two = selected(&["cpu", "accelerator"]);
+        assert_eq!(two, (names(&["host", "EPYC"]), names(&["accelerator"])));
         // The host, on which baselines run, is not a device of the type `cpu`, so the word `cpu` matches no
         // kind.
-        let host = meant_kinds(&all[..1], &types, &names(&["cpu"]));
-        assert_eq!(host.1, names(&["cpu"]));
+        assert!(meant_kinds(&all[..1], &types, &names(&["cpu"])).is_err());
     }
 }

@@ -61,7 +61,8 @@ type Measured = (usize, Record);
 /// words that select kinds of device. Each word is `all`, a type of device (`cpu`, `gpu`, `accelerator`) or a
 /// part of a kind's description. A word that consists only of digits matches a whole number in the
 /// description, but not a part of a longer number. Without words, the results of all kinds of device that
-/// took part are merged. The results of baselines, which run on the host, are always merged.
+/// took part are merged. The results of baselines, which run on the host, are always merged. If no word
+/// selects a kind that took part, returns an error and writes nothing.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
@@ -72,7 +73,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     // before its first record. For each record that was read, the record's kind of device is therefore read
     // too, even if the record's attempt has only just begun.
     let all = Kind::all(out)?;
-    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts)?, meant);
+    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts)?, meant)?;
     chosen.refuse_unlisted(out, &all, &attempts)?;
     remove_leftovers(out, ABANDONED);
     let planned = Planned::of(&plan, &kinds);
@@ -719,6 +720,18 @@ mod tests {
         }
         std::fs::write(out.join(RECORDS), "").unwrap();
         assert!(merge(out, &[]).is_ok(), "no results can be lost");
+    }
+
+    #[test]
+    fn a_merge_of_no_kind_leaves_the_results_of_an_earlier_merge() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        merge_one_record(out);
+        for word in ["h200", ""] {
+            let error = merge(out, &[word.to_owned()]).unwrap_err();
+            assert_eq!(error.to_string(), format!("no device with results matches '{word}'"));
+            assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 1);
+        }
     }
 
     /// In this test, a link that leads to itself stands for any file or folder that cannot be read, for
