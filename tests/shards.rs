@@ -210,15 +210,17 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     let of_moved = ground.folder.mistake(&["merge", "moved it", "--quiet"], 1);
     has(&of_moved, &["raycl run test.toml --quiet --asleep 1 --out 'moved it' --shard 2/2"]);
     std::fs::rename(&moved, &out).expect("its name");
-    let line = said.lines().find(|line| line.trim_start().starts_with("raycl run")).expect("a command");
-    let words: Vec<&str> = line.split_whitespace().skip(1).collect();
+    let line = said.lines().find(|line| line.contains("raycl run")).expect("a command");
+    // The tests set the variable, so `output` sets it, too.
+    let words = line.trim_start().strip_prefix("RAYCL_MOVED_SAMPLES=keep raycl ").expect("a variable");
+    let words: Vec<&str> = words.split_whitespace().collect();
     ground.folder.output(&words);
     ground.merge();
     ground.is_whole();
 }
 
-/// A user runs `raycl merge` in another current folder than the attempts had, and without the variable that
-/// selected the attempts' device.
+/// A user runs `raycl merge` in another current folder than the attempts had, and without the variables that
+/// selected the attempts' device and their samples.
 #[test]
 fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_device() {
     let ground = Ground::new();
@@ -228,11 +230,12 @@ fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_de
     let merged = merge.current_dir("/").assert().code(1).get_output().clone();
     let said = String::from_utf8(merged.stderr).expect("UTF-8");
     let line = said.lines().find(|line| line.contains("raycl run")).expect("a command");
-    has(line, &["(cd ", "&& raycl run test.toml --quiet --asleep 1 --device gpu --out ", " --shard 2/2)"]);
+    let command = "&& RAYCL_MOVED_SAMPLES=keep raycl run test.toml --quiet --asleep 1 --device gpu --out ";
+    has(line, &["(cd ", command, " --shard 2/2)"]);
     let mut shell = Command::new("sh");
     let raycl = format!("raycl() {{ '{}' \"$@\"; }}", env!("CARGO_BIN_EXE_raycl"));
     shell.args(["-c", &format!("{raycl}\n{line}")]).current_dir("/").env_remove("RAYCL_DEVICE");
-    shell.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS).env("RAYCL_MOVED_SAMPLES", "keep");
+    shell.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS).env_remove("RAYCL_MOVED_SAMPLES");
     shell.env("RAYCL_LOCK_DIR", ground.folder.path(".locks"));
     succeeds(run(&mut shell));
     ground.merge();

@@ -6,6 +6,7 @@ use super::Shard;
 use crate::device::variables;
 use crate::error::{Error, Result};
 use crate::existing;
+use crate::experiment::{MOVED_SAMPLES, keeps_moved_samples};
 use crate::record::{Host, cannot_make, write_whole};
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
@@ -94,7 +95,7 @@ impl About {
             devices,
             command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
             folder: std::env::current_dir().ok().and_then(|folder| folder.to_str().map(str::to_owned)),
-            variables: variables::of_user().to_vec(),
+            variables: repeated_variables(keeps_moved_samples()),
             ..Self::default()
         };
         own.started_by(&|name| std::env::var(name).ok(), Host::read().name)
@@ -196,6 +197,13 @@ impl Attempt {
         let text = serde_json::to_vec(what).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(&self.folder.join(file), &text)
     }
+}
+
+/// Returns the variables that a repetition of the command needs, each as `NAME=VALUE`: raycl's own variable, if
+/// `keeps_moved_samples` is true, and those of drivers.
+fn repeated_variables(keeps_moved_samples: bool) -> Vec<String> {
+    let own = keeps_moved_samples.then(|| format!("{MOVED_SAMPLES}=keep"));
+    own.into_iter().chain(variables::of_user().iter().cloned()).collect()
 }
 
 /// Returns the name of an attempt, such as "shard-00003.node7.4711.r00". Each character of the machine and of the job
@@ -315,5 +323,11 @@ mod tests {
         assert_eq!((about.devices, about.hang_limit_s), (vec!["a gpu".to_owned()], 12.5));
         assert!(!about.host.is_empty() && !about.command[0].is_empty());
         assert_eq!(about.folder.map(PathBuf::from), std::env::current_dir().ok());
+        let of_drivers = variables::of_user();
+        assert_eq!(repeated_variables(false), of_drivers);
+        assert_eq!(
+            repeated_variables(true),
+            [&["RAYCL_MOVED_SAMPLES=keep".to_owned()][..], of_drivers].concat()
+        );
     }
 }

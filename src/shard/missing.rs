@@ -4,6 +4,7 @@
 use super::{About, Kind, ShardPlan};
 use crate::device::both_names;
 use crate::device::variables::is_to_be_repeated;
+use crate::experiment::MOVED_SAMPLES;
 use crate::record::{HOST, Outcome};
 use crate::words::{command_line, option, path_word, quote};
 use std::collections::BTreeSet;
@@ -217,12 +218,13 @@ impl Start {
         Self { folder, variables: about.variables, words }
     }
 
-    /// Returns the command for another device, without the environment variables, which the user had set for the
-    /// attempt's own device.
-    fn on(self, device: &str) -> Self {
-        let mut words = without(&self.words, "--device");
-        words.extend(option("--device", device));
-        Self { words, variables: Vec::new(), ..self }
+    /// Returns the command for another device, without the environment variables of drivers, which the user had set
+    /// for the attempt's own device.
+    fn on(mut self, device: &str) -> Self {
+        self.words = without(&self.words, "--device");
+        self.words.extend(option("--device", device));
+        self.variables.retain(|setting| sets_moved_samples(setting));
+        self
     }
 
     /// Returns the command that measures failed points again.
@@ -252,9 +254,14 @@ impl Start {
 
 /// Returns true if the command may set a variable, given as `NAME=VALUE`. The user runs the command in a
 /// shell, and a stranger may have written the file from which `setting` comes. Therefore, the command sets
-/// only variables that [`is_to_be_repeated`] accepts.
+/// only raycl's own variable and those that [`is_to_be_repeated`] accepts.
 fn is_harmless(setting: &str) -> bool {
-    setting.split_once('=').is_some_and(|(name, _)| is_to_be_repeated(name))
+    sets_moved_samples(setting) || setting.split_once('=').is_some_and(|(name, _)| is_to_be_repeated(name))
+}
+
+/// Returns true if a setting, given as `NAME=VALUE`, sets the variable that decides which samples count.
+fn sets_moved_samples(setting: &str) -> bool {
+    setting.split_once('=').is_some_and(|(name, _)| name == MOVED_SAMPLES)
 }
 
 /// Returns a command line without the word `--`, after which no option can be added. The words after `--` are
@@ -442,6 +449,7 @@ mod tests {
     #[test]
     fn the_command_sets_the_variables_that_the_user_had_set() {
         let variables = [
+            "RAYCL_MOVED_SAMPLES=keep",
             "POCL_DEVICES=pthread basic",
             "POCL_MAX_PTHREAD_COUNT=1",
             "POCL_VECTORIZER_$(id)=1",
@@ -454,13 +462,17 @@ mod tests {
         };
         let abouts = [about];
         let start = || Start::of(Path::new("o"), None, &abouts);
-        let command = "POCL_DEVICES='pthread basic' POCL_MAX_PTHREAD_COUNT=1 raycl run a.toml --out o";
+        let command = "RAYCL_MOVED_SAMPLES=keep POCL_DEVICES='pthread basic' POCL_MAX_PTHREAD_COUNT=1 raycl run \
+                       a.toml --out o";
         assert_eq!(start().of_shards(&BTreeSet::from([3]), 4), format!("{command} --shard 3/4"));
         let several = start().again().of_shards(&BTreeSet::from([2, 3]), 4);
         let again = format!("{command} --resume --retry-failed");
         assert_eq!(several, format!("for shard in 2 3; do {again} --shard $shard/4; done"));
         let other = start().on("h200").of_shards(&BTreeSet::from([3]), 4);
-        assert_eq!(other, "raycl run a.toml --out o --device h200 --shard 3/4");
+        assert_eq!(
+            other, "RAYCL_MOVED_SAMPLES=keep raycl run a.toml --out o --device h200 --shard 3/4",
+            "the drivers' variables were set for another device"
+        );
     }
 
     #[test]
