@@ -1,7 +1,7 @@
 //! Compares records with the plan, to find the points that still have to be measured, the points that failed, and the
 //! commands that measure these points.
 
-use super::{About, Kind, ShardPlan};
+use super::{About, Header, Kind, ShardPlan};
 use crate::device::both_names;
 use crate::device::variables::is_to_be_repeated;
 use crate::experiment::MOVED_SAMPLES;
@@ -84,6 +84,7 @@ pub fn missing(
 ) -> Missing {
     let Wanted { all, kinds, not_begun } = wanted;
     let has = |key: &str| outcome(key).is_some();
+    let start_of = |kind: Option<&Kind>| Start::of(out, &plan.header, kind, abouts);
     let hosts: BTreeSet<usize> = kinds
         .iter()
         .filter(|kind| kind.device == HOST)
@@ -107,19 +108,19 @@ pub fn missing(
             continue;
         }
         let name = named(kind, distinction.filter(|_| !is_host));
-        let start = Start::of(out, Some(kind), abouts);
+        let start = start_of(Some(kind));
         missing_kinds.push(lacking(plan, name, (&lacks, kind.points.len()), &start));
     }
     let (of_host, of_device) = divided(plan, all);
     if !of_host.is_empty() && !all.iter().any(|kind| kind.device == HOST) {
-        let start = Start::of(out, None, abouts);
+        let start = start_of(None);
         missing_kinds.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &start));
     }
     missing_kinds.extend(not_begun.iter().map(|device| {
-        let start = Start::of(out, None, abouts).on(device);
+        let start = start_of(None).on(device);
         lacking(plan, device.clone(), (&of_device, of_device.len()), &start)
     }));
-    let failed = failed(plan, kinds, outcome, &|kind| Start::of(out, Some(kind), abouts).again());
+    let failed = failed(plan, kinds, outcome, &|kind| start_of(Some(kind)).again());
     let took_part = not_begun.first().map(|_| names(all));
     Missing { kinds: missing_kinds, failed, nothing_began: all.is_empty(), took_part }
 }
@@ -197,11 +198,11 @@ struct Start {
 
 impl Start {
     /// Returns the command of an attempt on this kind of device or, if there is no such attempt, the command
-    /// of the first attempt. The option `--shard` is removed. The option `--out` names the folder of results
-    /// by its present path, since this folder may have been moved or copied. The command contains the default
-    /// device that the attempt used, since the variable or the settings that named this device may be
-    /// different now.
-    fn of(out: &Path, kind: Option<&Kind>, abouts: &[About]) -> Self {
+    /// of the first attempt. If no attempt's command can be read, the command is made from the plan's `header`.
+    /// The option `--shard` is removed. The option `--out` names the folder of results by its present path,
+    /// since this folder may have been moved or copied. The command contains the default device that the
+    /// attempt used, since the variable or the settings that named this device may be different now.
+    fn of(out: &Path, header: &Header, kind: Option<&Kind>, abouts: &[About]) -> Self {
         let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
         let about = own.or(abouts.first()).cloned().unwrap_or_default();
         let current = std::env::current_dir().ok();
@@ -212,7 +213,9 @@ impl Start {
         // If the command changes to another folder, `--out` needs an absolute path, since a relative path would lead to
         // another folder.
         let absolute = folder.as_ref().and_then(|_| std::path::absolute(out).ok());
-        let mut words = without_out(&without_shard(&open_ended(&about.command)));
+        let is_known = !about.command.is_empty();
+        let command = if is_known { open_ended(&about.command) } else { of_plan(header) };
+        let mut words = without_out(&without_shard(&command));
         words.extend(about.device.iter().flat_map(|device| option("--device", device)));
         words.extend(option("--out", absolute.as_deref().unwrap_or(out).display()));
         Self { folder, variables: about.variables, words }
@@ -262,6 +265,16 @@ fn is_harmless(setting: &str) -> bool {
 /// Returns true if a setting, given as `NAME=VALUE`, sets the variable that decides which samples count.
 fn sets_moved_samples(setting: &str) -> bool {
     setting.split_once('=').is_some_and(|(name, _)| name == MOVED_SAMPLES)
+}
+
+/// Returns the command line that measures the experiment of a plan, with the config and the overrides in the plan's
+/// header.
+fn of_plan(header: &Header) -> Vec<String> {
+    let set = header.overrides.iter().flat_map(|line| option("--set", line));
+    ["raycl".to_owned(), "run".to_owned(), path_word(Path::new(&header.config))]
+        .into_iter()
+        .chain(set)
+        .collect()
 }
 
 /// Returns a command line without the word `--`, after which no option can be added. The words after `--` are
@@ -315,7 +328,7 @@ fn without_out(command: &[String]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Header, KindPoint};
+    use super::super::KindPoint;
     use super::*;
     use crate::experiment::Block;
     use crate::record::PlannedPoint;
@@ -336,7 +349,12 @@ mod tests {
             control: None,
         };
         ShardPlan {
-            header: Header { shards: 16, ..Header::default() },
+            header: Header {
+                shards: 16,
+                config: "my config.toml".into(),
+                overrides: vec!["timing.seed = 7".into()],
+                ..Header::default()
+            },
             points: ["a", "b", "c"].map(str::to_owned).to_vec(),
             blocks: vec![block(3, &[0, 1]), block(7, &[2])],
             ..ShardPlan::default()
@@ -368,9 +386,11 @@ mod tests {
         let result = lacks(&kinds, &[], &|key| there.contains(&key));
         let [two] = &result.kinds[..] else { panic!("{result:?}") };
         assert_eq!((two.device.as_str(), two.points.len(), &two.shards[..]), ("gpu (2)", 2, &[3, 7][..]));
-        assert_eq!(two.command, "for shard in 3 7; do raycl --out o --shard $shard/16; done");
+        // No attempt's command line is known, so the command is made from the plan.
+        let command = "raycl run 'my config.toml' --set 'timing.seed = 7' --out o";
+        assert_eq!(two.command, format!("for shard in 3 7; do {command} --shard $shard/16; done"));
         let result = lacks(&kinds[..1], &[], &|_| false);
-        assert_eq!(result.kinds[0].command, "raycl --out o --shard 3/16");
+        assert_eq!(result.kinds[0].command, format!("{command} --shard 3/16"));
         assert!(lacks(&[], &[], &|_| true).nothing_began);
     }
 
@@ -380,7 +400,8 @@ mod tests {
         let result = lacks(&kinds, &["h200".to_owned()], &|_| true);
         let [h200] = &result.kinds[..] else { panic!("{result:?}") };
         assert_eq!((h200.device.as_str(), h200.points.len(), h200.of), ("h200", 2, 2));
-        assert_eq!(h200.command, "for shard in 3 7; do raycl --out o --device h200 --shard $shard/16; done");
+        let command = "raycl run 'my config.toml' --set 'timing.seed = 7' --out o --device h200";
+        assert_eq!(h200.command, format!("for shard in 3 7; do {command} --shard $shard/16; done"));
         assert_eq!(result.took_part.as_deref(), Some("host; gpu"));
     }
 
@@ -415,7 +436,7 @@ mod tests {
             command: words.iter().map(|word| (*word).to_owned()).collect(),
             ..About::default()
         };
-        let start = Start::of(Path::new("results"), None, &[about]);
+        let start = Start::of(Path::new("results"), &Header::default(), None, &[about]);
         let start = if again { start.again() } else { start };
         start.of_shards(&BTreeSet::from([3]), 4)
     }
@@ -461,7 +482,7 @@ mod tests {
             ..About::default()
         };
         let abouts = [about];
-        let start = || Start::of(Path::new("o"), None, &abouts);
+        let start = || Start::of(Path::new("o"), &Header::default(), None, &abouts);
         let command = "RAYCL_MOVED_SAMPLES=keep POCL_DEVICES='pthread basic' POCL_MAX_PTHREAD_COUNT=1 raycl run \
                        a.toml --out o";
         assert_eq!(start().of_shards(&BTreeSet::from([3]), 4), format!("{command} --shard 3/4"));
@@ -488,7 +509,8 @@ mod tests {
         let result = missing(Path::new("o"), &plan(), wanted, &[], &outcome);
         let [failed] = &result.failed[..] else { panic!("{result:?}") };
         assert_eq!((failed.device.as_str(), &failed.points[..]), ("gpu (1)", &["c".to_owned()][..]));
-        assert_eq!(failed.command, "raycl --out o --resume --retry-failed --shard 7/16");
+        let command = "raycl run 'my config.toml' --set 'timing.seed = 7' --out o";
+        assert_eq!(failed.command, format!("{command} --resume --retry-failed --shard 7/16"));
         assert_eq!((result.count(), result.kinds[0].points[0].as_str()), (1, "b"));
         // The attempt in this test was itself started with the options `--resume` and `--retry-failed`.
         let words = ["raycl", "run", "a.toml", "--resume", "--out", "o", "--retry-failed", "--shard=1/4"];
