@@ -322,11 +322,17 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
     })
 }
 
-/// Collects the `.cl` files of a folder and its subfolders, named relative to `root`.
+/// Collects the `.cl` files of a folder and its subfolders, named relative to `root`. Leaves out files and folders whose
+/// names begin with a dot: editors, file systems and git make them, such as the link `.#a.cl` of Emacs, which leads to
+/// no file.
 fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<()> {
     let failed = |error| Error::input(format!("cannot read {}: {error}", folder.display())).with_help(LAYOUT);
     for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
+        let entry = entry.map_err(failed)?;
+        if entry.file_name().as_encoded_bytes().starts_with(b".") {
+            continue;
+        }
+        let path = entry.path();
         if existing::is_folder(&path)? {
             kernel_files(root, &path, files)?;
         } else if path.extension().is_some_and(|extension| extension == "cl") {
@@ -441,6 +447,21 @@ mod tests {
         }
         let sources = Sources::Folder(folder.path().to_owned());
         assert_eq!(sources.own_files().unwrap(), ["b.cl", "cast/a.cl"]);
+    }
+
+    #[test]
+    fn hidden_files_and_folders_have_no_kernel_files() {
+        let folder = tempfile::tempdir().unwrap();
+        for inner in ["cast", ".git"] {
+            std::fs::create_dir(folder.path().join(inner)).unwrap();
+        }
+        for name in ["cast/a.cl", "cast/._a.cl", ".git/x.cl"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("me@host.1", folder.path().join("cast/.#a.cl")).unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        assert_eq!(sources.own_files().unwrap(), ["cast/a.cl"]);
     }
 
     #[cfg(unix)]
