@@ -35,6 +35,13 @@ impl Block {
     }
 }
 
+/// Returns true if the blocks contain each point of a plan with `points` points exactly once.
+pub fn contain_each_once(blocks: &[Block], points: usize) -> bool {
+    let mut contained: Vec<usize> = blocks.iter().flat_map(|block| block.points.iter().copied()).collect();
+    contained.sort_unstable();
+    contained.into_iter().eq(0..points)
+}
+
 /// A point of the experiment that is to be assigned to a block, with its expected time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
@@ -185,6 +192,18 @@ mod tests {
 
     fn groups(costs: &[Vec<f64>]) -> Vec<Vec<Cost>> {
         started_groups(costs, 0.0)
+    }
+
+    #[test]
+    fn blocks_contain_each_point_once_if_none_is_left_out_or_repeated() {
+        let contain = |all: &[Vec<usize>], points| {
+            let block = |points: &Vec<usize>| Block { points: points.clone(), ..Block::default() };
+            contain_each_once(&all.iter().map(block).collect::<Vec<_>>(), points)
+        };
+        assert!(contain(&[vec![2, 0], vec![1]], 3) && contain(&[], 0));
+        for wrong in [vec![vec![2, 0]], vec![vec![2, 0], vec![0]], vec![vec![0, 1, 2], vec![3]]] {
+            assert!(!contain(&wrong, 3), "{wrong:?}");
+        }
     }
 
     /// Returns groups of points with these expected times. The workers of each group take `start_ms` to start.

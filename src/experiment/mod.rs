@@ -51,7 +51,7 @@ mod waiting;
 mod worker;
 
 pub use ahead::{Ahead, Builder, Tally};
-pub use block::{Block, Cost, cut};
+pub use block::{Block, Cost, contain_each_once, cut};
 pub use device_list::{find_devices, list_devices, why_devices_are_not_listed};
 pub use dry_run::{Forecast, dry_run};
 pub use duration::Expected;

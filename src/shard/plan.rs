@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::existing;
-use crate::experiment::Block;
+use crate::experiment::{Block, contain_each_once};
 use crate::record::journals::SHARDS;
 use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
@@ -75,7 +75,8 @@ impl ShardPlan {
         first.checked(header, out)
     }
 
-    /// Reads the plan of a folder; `None` if the folder has no plan.
+    /// Reads the plan of a folder; `None` if the folder has no plan. Returns an error if the plan is damaged: with a
+    /// damaged plan, shards would leave out points without a message.
     pub fn read(out: &Path) -> Result<Option<Self>> {
         let path = path(out);
         if !existing::is_file(&path)? {
@@ -87,7 +88,31 @@ impl ShardPlan {
             )
         };
         let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
-        serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
+        let plan: Self = serde_json::from_slice(&text).map_err(|error| unreadable(&error))?;
+        match plan.damage() {
+            Some(damage) => Err(Error::input(format!("{} is damaged: {damage}", path.display())).with_help(
+                "copy the file again from the machine that wrote it, or choose another folder with --out",
+            )),
+            None => Ok(Some(plan)),
+        }
+    }
+
+    /// Returns a text that says which rule of plans this plan violates; `None` if it violates none.
+    fn damage(&self) -> Option<&'static str> {
+        let (points, shards) = (self.points.len(), self.header.shards);
+        let is_shard = |block: &Block| (1..=shards).contains(&block.shard);
+        let is_point = |control: usize| control < points;
+        [
+            (!contain_each_once(&self.blocks, points), "its blocks do not contain each point exactly once"),
+            (self.cases.len() != points, "the numbers of its cases and points differ"),
+            (!self.blocks.iter().all(is_shard), "a block belongs to none of its shards"),
+            (
+                !self.blocks.iter().all(|block| block.control.is_none_or(is_point)),
+                "a control is none of its points",
+            ),
+        ]
+        .into_iter()
+        .find_map(|(is_violated, rule)| is_violated.then_some(rule))
     }
 
     /// Returns a hash of the plan's blocks.
@@ -228,6 +253,37 @@ mod tests {
         assert!(ShardPlan::read(folder.path()).is_err(), "the link leads to itself");
         let opened = ShardPlan::open(folder.path(), &header(), || panic!("no other plan may be made"));
         assert!(opened.is_err());
+    }
+
+    /// With such a plan, a shard would leave out points, or the command that the merge prints would measure none.
+    #[test]
+    fn a_damaged_plan_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let block = |shard, point| Block { number: 1, shard, points: vec![point], control: Some(1) };
+        let whole = ShardPlan {
+            points: vec!["a".into(), "b".into()],
+            cases: vec![0, 0],
+            blocks: vec![block(1, 1), block(4, 0)],
+            ..plan(1.0)
+        };
+        let read = |plan: &ShardPlan| {
+            std::fs::write(path(folder.path()), serde_json::to_vec(plan).unwrap()).unwrap();
+            ShardPlan::read(folder.path())
+        };
+        assert_eq!(read(&whole).unwrap(), Some(whole.clone()));
+        let with = |blocks| ShardPlan { blocks, ..whole.clone() };
+        let beyond = Block { control: Some(2), ..block(1, 0) };
+        for (damaged, rule) in [
+            (with(vec![block(1, 1)]), "its blocks do not contain each point exactly once"),
+            (with(vec![block(0, 0), block(1, 1)]), "a block belongs to none of its shards"),
+            (with(vec![block(5, 0), block(1, 1)]), "a block belongs to none of its shards"),
+            (with(vec![beyond, block(1, 1)]), "a control is none of its points"),
+            (ShardPlan { cases: vec![0], ..whole.clone() }, "the numbers of its cases and points differ"),
+        ] {
+            let error = read(&damaged).unwrap_err();
+            let message = format!("{} is damaged: {rule}", path(folder.path()).display());
+            assert_eq!((error.to_string(), error.exit_code()), (message, 2));
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::earlier::earlier;
 use crate::error::{Error, Result};
-use crate::experiment::{Block, Run, cut};
+use crate::experiment::{Block, Run, contain_each_once, cut};
 use crate::record::{ordinary, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -54,9 +54,7 @@ impl Spread {
 fn read(path: &Path) -> Option<Spread> {
     ordinary(path).ok()?;
     let spread: Spread = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
-    let mut points: Vec<usize> = spread.blocks.iter().flat_map(|block| block.points.clone()).collect();
-    points.sort_unstable();
-    points.into_iter().eq(0..spread.points.len()).then_some(spread)
+    contain_each_once(&spread.blocks, spread.points.len()).then_some(spread)
 }
 
 #[cfg(test)]

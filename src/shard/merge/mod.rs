@@ -594,7 +594,9 @@ mod tests {
         use crate::shard::About;
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
-        one_shard(out, ShardPlan { points: vec!["a point".into()], cases: vec![0], ..ShardPlan::default() });
+        let block = crate::experiment::Block { number: 1, shard: 1, points: vec![0], control: None };
+        let (points, cases) = (vec!["a point".into()], vec![0]);
+        one_shard(out, ShardPlan { points, cases, blocks: vec![block], ..ShardPlan::default() });
         write_kind(out, "gpu", "x", 0);
         // The attempts are read in the order of their names.
         let [first, second] = ["n2", "n1"].map(|host| {
