@@ -14,6 +14,7 @@ use crate::cache;
 use crate::cli::colour::Colour;
 use crate::device_lock;
 use crate::error::{Error, Result};
+use crate::experiment::check_moved_samples;
 use crate::reader::{self, Kind};
 use crate::toml_error::toml_error;
 use crate::toml_read::from_text;
@@ -67,6 +68,7 @@ pub fn load() -> Result<()> {
         return Err(Error::input(format!("{RESULTS}: {message}")).with_help(FOLDER));
     }
     cache::check_limit()?;
+    check_moved_samples()?;
     device_lock::check_folder()
 }
 

@@ -147,6 +147,8 @@ fn a_variable_that_cannot_be_used_is_a_mistake_and_named() {
             &["RAYCL_CACHE_MIB: '", "is not a whole number of MiB", "512"],
         );
     }
+    let moved = message_of("RAYCL_MOVED_SAMPLES", OsStr::new("kep"));
+    has(&moved, &["RAYCL_MOVED_SAMPLES: 'kep' is not 'keep'", "unset it"]);
 }
 
 /// A relative folder of locks would be another folder for each current folder, so that two measurements would not wait

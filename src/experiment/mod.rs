@@ -66,7 +66,7 @@ pub use point_failure::PointFailure;
 pub use process::Processes;
 pub use protocol::{Built, Job, Listed, Phase, Reply, Request};
 pub use results::Results;
-pub use run::{MOVED_SAMPLES, Run, keeps_moved_samples};
+pub use run::{MOVED_SAMPLES, Run, check_moved_samples, keeps_moved_samples};
 pub use scenes::distinct_scenes;
 pub use taken::Taken;
 pub use waiting::{Death, Spawner, Wait, Worker};

@@ -8,6 +8,7 @@ use super::{Block, Fault, Plan};
 use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
+use crate::error::{Error, Result};
 use crate::measure::StoppingRule;
 use crate::program::Sources;
 use std::ffi::OsStr;
@@ -51,14 +52,28 @@ pub struct Run<'a> {
 }
 
 /// If the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, the run leaves out no samples. If
-/// `RAYCL_MOVED_SAMPLES` has another value than `keep`, or is not set, groups that are measured on CPUs leave
-/// out some samples (see [`Run::keeps_moved_samples`]).
+/// `RAYCL_MOVED_SAMPLES` is blank or not set, groups that are measured on CPUs leave out some samples (see
+/// [`Run::keeps_moved_samples`]). Other values are mistakes ([`check_moved_samples`]).
 pub const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
 /// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
 /// whatever their core-to-core latency.
 pub fn keeps_moved_samples() -> bool {
     says_keep(std::env::var_os(MOVED_SAMPLES).as_deref())
+}
+
+/// Returns an input error if the value of the environment variable `RAYCL_MOVED_SAMPLES` is neither `keep` nor blank.
+pub fn check_moved_samples() -> Result<()> {
+    refuse_other_than_keep(std::env::var_os(MOVED_SAMPLES).as_deref())
+}
+
+fn refuse_other_than_keep(value: Option<&OsStr>) -> Result<()> {
+    let text = value.unwrap_or_default().to_string_lossy();
+    match says_keep(value) || text.trim().is_empty() {
+        true => Ok(()),
+        false => Err(Error::input(format!("{MOVED_SAMPLES}: '{text}' is not 'keep'"))
+            .with_help("set it to keep, or unset it")),
+    }
 }
 
 /// Returns true if a variable's value is `keep`; `value` is `None` if the variable is not set.
@@ -238,5 +253,17 @@ mod tests {
     fn only_the_value_keep_keeps_moved_samples() {
         let values = [None, Some(""), Some("0"), Some("keep")];
         assert_eq!(values.map(|value| says_keep(value.map(OsStr::new))), [false, false, false, true]);
+    }
+
+    #[test]
+    fn a_misspelt_keep_is_refused_and_a_blank_value_is_none() {
+        let refused = |value: &str| refuse_other_than_keep(Some(OsStr::new(value)));
+        for value in ["kep", "Keep", "0"] {
+            let error = refused(value).expect_err("it is not 'keep'");
+            let message = format!("RAYCL_MOVED_SAMPLES: '{value}' is not 'keep'");
+            assert_eq!((error.to_string(), error.exit_code()), (message, 2));
+        }
+        assert!(refuse_other_than_keep(None).is_ok());
+        assert!(["keep", "", " "].into_iter().all(|value| refused(value).is_ok()));
     }
 }
