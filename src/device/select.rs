@@ -141,14 +141,14 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
 }
 
 /// For a pattern that matches no device, returns the most similar word that would match a device; `None` if
-/// no word is similar. Also returns `None` if the pattern is a kind of device, since a kind is not misspelt.
+/// no word is similar. Also returns `None` if the pattern is a kind of device, since a kind is not misspelt, and if
+/// the most similar word is a kind that no device has: the user means this kind, and no other.
 fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let pattern = pattern.trim().to_lowercase();
     if KINDS.contains(&pattern.as_str()) {
         return None;
     }
-    let kinds = KINDS.into_iter().filter(|kind| infos.iter().any(|info| info.kind.name() == *kind));
-    let kinds = kinds.chain(["all"]).map(str::to_owned);
+    let kinds = KINDS.into_iter().chain(["all"]).map(str::to_owned);
     let names: Vec<String> = infos.iter().flat_map(|info| names(info)).collect();
     let words = names.iter().flat_map(|name| name.split_whitespace());
     // The parts of a hyphenated word can be suggested, too, such as "pthread" in the name "pthread-skylake".
@@ -156,7 +156,9 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let words = words.chain(parts);
     let mut candidates: Vec<_> = words.map(str::to_owned).chain(kinds).collect();
     candidates.retain(|word| word.len() > 2);
-    nearest(&pattern, candidates.iter().map(String::as_str)).map(str::to_owned)
+    let is_missing = |word: &str| KINDS.contains(&word) && !infos.iter().any(|info| info.kind.name() == word);
+    let nearest = nearest(&pattern, candidates.iter().map(String::as_str));
+    nearest.filter(|word| !is_missing(word)).map(str::to_owned)
 }
 
 fn listing(infos: &[&DeviceInfo]) -> String {
@@ -282,7 +284,7 @@ mod tests {
             let error = selected(&cpu.each_ref(), &[pattern.to_owned()]).expect_err("a mistake");
             error.remedy().to_owned()
         };
-        for pattern in ["gpu", "GPU", "accelerator", "acelerator"] {
+        for pattern in ["gpu", "GPU", "gpus", "accelerator", "acelerator"] {
             let remedy = remedy(pattern);
             assert!(!remedy.contains("did you mean") && remedy.contains("pthread-skylake"), "{remedy}");
         }
