@@ -322,9 +322,9 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
     })
 }
 
-/// Collects the `.cl` files of a folder and its subfolders, named relative to `root`. Leaves out files and folders whose
-/// names begin with a dot: editors, file systems and git make them, such as the link `.#a.cl` of Emacs, which leads to
-/// no file.
+/// Collects the `.cl` files of a folder and its subfolders, named relative to `root`. Leaves out files and
+/// folders whose names begin with a dot: editors, file systems and git make them, such as the link `.#a.cl` of
+/// Emacs, which leads to no file.
 fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<()> {
     let failed = |error| Error::input(format!("cannot read {}: {error}", folder.display())).with_help(LAYOUT);
     for entry in std::fs::read_dir(folder).map_err(failed)? {
