@@ -1,6 +1,6 @@
 //! Combines several folders of results into one list of records.
 
-use crate::record::{CurrentPlan, Folder, Group, Record, latest, point};
+use crate::record::{CurrentPlan, Folder, Group, HOST, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -12,9 +12,10 @@ use std::path::Path;
 /// not to the name of the host. Scenes that have the same name but different content also get the label of
 /// their folder. If a point was measured twice under the same conditions, the keys of the two records are
 /// equal. Of two records with equal keys, only the later folder's record is returned, with the later folder's
-/// names for the device and the strategy.
+/// names for the device and the strategy. The records of a single folder are returned unchanged.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
-    latest(labelled(folders, &labels(folders)).concat(), point)
+    let all = labelled(folders, &labels(folders)).concat();
+    if folders.len() == 1 { all } else { latest(all, point) }
 }
 
 /// The folders from which the records of [`merged`] come.
@@ -22,6 +23,8 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
 pub struct Origins<'a> {
     folders: &'a [Folder],
     labels: Vec<String>,
+    /// Each folder's records, with the names that [`merged`] gives them.
+    records: Vec<Vec<Record>>,
     /// Maps the point of each merged record ([`point`]) to the index of the record's folder.
     folder_indices: HashMap<String, usize>,
 }
@@ -30,14 +33,14 @@ impl<'a> Origins<'a> {
     /// Finds out from which folder each record comes in the list that [`merged`] returns for `folders`.
     pub fn of(folders: &'a [Folder]) -> Self {
         let labels = labels(folders);
-        let all = labelled(folders, &labels);
+        let records = labelled(folders, &labels);
         let points = |(index, records): (usize, &Vec<Record>)| -> Vec<(String, usize)> {
             records.iter().map(|record| (point(record), index)).collect()
         };
         // If several folders have a point, the index of the last of these folders is stored, since `merged`
         // uses the last folder's record.
-        let folder_indices = all.iter().enumerate().flat_map(points).collect();
-        Self { folders, labels, folder_indices }
+        let folder_indices = records.iter().enumerate().flat_map(points).collect();
+        Self { folders, labels, records, folder_indices }
     }
 
     /// Returns the path of a merged record's folder; `None` if the record is not among the merged records.
@@ -53,16 +56,22 @@ impl<'a> Origins<'a> {
     }
 
     /// Returns the baselines of the machine that measured a group's fastest point. `groups` contains the groups of all
-    /// baselines. If the point's own folder has baselines of the same scene and image size, only these are returned.
-    /// Otherwise, the baselines of other folders from the same machine are returned. If the folder of the fastest point
-    /// is unknown, all baselines of the scene and image size are returned.
-    pub fn baselines<'r>(&self, group: &Group<'r>, groups: &[Group<'r>]) -> Vec<&'r Record> {
+    /// baselines. If the point's own folder has baselines of the same scene and image size, only these are returned,
+    /// with the times that this folder measured. Otherwise, the baselines of other folders from the same machine are
+    /// returned. If the folder of the fastest point is unknown, all baselines of the scene and image size are returned.
+    /// A group of baselines has no baselines.
+    pub fn baselines<'r>(&'r self, group: &Group<'r>, groups: &[Group<'r>]) -> Vec<&'r Record> {
+        if group.device == HOST {
+            return Vec::new();
+        }
         let all = group.baselines(groups);
         let best = group.best_where(|_| true).or(group.records.first().copied());
         let Some(index) = best.and_then(|best| self.index(best)) else { return all };
-        let is_own = |other: &Record| self.index(other) == Some(index) || self.has_key(index, &other.key);
-        if all.iter().any(|other| is_own(other)) {
-            return all.into_iter().filter(|other| is_own(other)).collect();
+        // A baseline has the same key in all folders of a machine, and `groups` has only the last folder's record of
+        // it. The folder's own record was measured together with the point.
+        let own = group.baselines(&crate::record::groups(&self.records[index]));
+        if !own.is_empty() {
+            return own;
         }
         let is_near = |other: &Record| self.index(other).is_some_and(|other| self.share_host(index, other));
         all.into_iter().filter(|other| is_near(other)).collect()
@@ -71,12 +80,6 @@ impl<'a> Origins<'a> {
     /// Returns the index of a merged record's folder; `None` if the record is not among the merged records.
     fn index(&self, record: &Record) -> Option<usize> {
         self.folder_indices.get(&point(record)).copied()
-    }
-
-    /// Returns true if a folder has a record with the given key. The key of a baseline identifies the model
-    /// of the processor.
-    fn has_key(&self, index: usize, key: &str) -> bool {
-        self.folders[index].records.iter().any(|record| record.key == key)
     }
 
     /// Returns true if the environments of two folders name the same machine, with the same processor.
@@ -92,6 +95,9 @@ impl<'a> Origins<'a> {
 /// Returns the records of each folder. The label of a folder is added to the names of devices, baselines and
 /// scenes by the rules that [`merged`] describes.
 fn labelled(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
+    if let [one] = folders {
+        return vec![one.records.clone()];
+    }
     let mut all = with_one_name_a_scene(folders, labels);
     for index in (0..all.len()).rev() {
         let (earlier, later) = all.split_at_mut(index + 1);
@@ -385,7 +391,8 @@ mod tests {
             let records = merged(folders);
             let groups = groups(&records);
             let group = groups.iter().find(|group| group.device == device).expect("a group");
-            let baselines = Origins::of(folders).baselines(group, &groups);
+            let origins = Origins::of(folders);
+            let baselines = origins.baselines(group, &groups);
             baselines.into_iter().map(|record| record.name.clone()).collect()
         };
         let gpu = |host, key| with_baseline("gpus", host, "gpu", key);
@@ -400,6 +407,41 @@ mod tests {
         assert_eq!(names(&[gpu(one, None), cpu(two)], "gpu"), [""; 0]);
         assert_eq!(names(&[gpu(None, None), cpu(None)], "gpu"), [""; 0], "the machines are unknown");
         assert_eq!(names(&[gpu(two, None), cpu(two)], "gpu"), ["serial"]);
+    }
+
+    #[test]
+    fn the_baselines_of_a_point_have_the_times_of_its_own_folder() {
+        let folder = |device: &str, serial_ms: f64| {
+            let serial = Record { key: "epyc".into(), ..measured("host", "serial", 0, serial_ms) };
+            let records = judged([measured(device, "naive", 8, 10.0), serial]);
+            Folder { label: device.into(), records, ..Folder::default() }
+        };
+        let folders = [folder("gpu", 400.0), folder("cpu", 800.0)];
+        let (records, origins) = (merged(&folders), Origins::of(&folders));
+        assert_eq!(records.len(), 3, "the two records of the baseline have one key");
+        let groups = groups(&records);
+        let times = |device: &str| -> Vec<Option<f64>> {
+            let group = groups.iter().find(|group| group.device == device).expect("a group");
+            origins.baselines(group, &groups).into_iter().map(|record| record.median_ms).collect()
+        };
+        assert_eq!(["gpu", "cpu", "host"].map(times), [vec![Some(400.0)], vec![Some(800.0)], Vec::new()]);
+    }
+
+    /// Without a plan, a folder may have records of a scene under two names.
+    #[test]
+    fn all_records_of_a_single_folder_are_shown_with_their_own_names() {
+        let of = |scene: &str, key: &str| Record {
+            scene: scene.into(),
+            scene_hash: Some("1".into()),
+            ..on("gpu", "naive", key)
+        };
+        let folder = Folder { records: vec![of("teapot", "1"), of("pot", "2")], ..Folder::default() };
+        let folders = std::slice::from_ref(&folder);
+        let records = merged(folders);
+        let scenes: Vec<_> = records.iter().map(|record| record.scene.as_str()).collect();
+        assert_eq!(scenes, ["teapot", "pot"]);
+        let origins = Origins::of(folders);
+        assert!(records.iter().all(|record| origins.folder(record).is_some()));
     }
 
     #[test]

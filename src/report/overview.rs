@@ -52,7 +52,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks, origins: &Origins<'_>) -> Vec
 }
 
 /// Returns the group of the baselines that the machine of another group's fastest point measured.
-fn of_host<'a>(group: &Group<'a>, groups: &[Group<'a>], origins: &Origins<'_>) -> Group<'a> {
+fn of_host<'a>(group: &Group<'a>, groups: &[Group<'a>], origins: &'a Origins<'_>) -> Group<'a> {
     let records = origins.baselines(group, groups);
     Group { scene: group.scene, image_size: group.image_size, device: HOST, records }
 }
