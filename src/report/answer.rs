@@ -79,11 +79,17 @@ pub struct Refused {
     pub example: String,
 }
 
-/// Returns one answer per group of points. Groups of baselines (ray casters on the host) are left out.
-/// `origins` tells which baselines the machine of a point measured.
+/// Returns one answer per shown group of points ([`is_shown`]). `origins` tells which baselines the machine of
+/// a point measured.
 pub fn answers(groups: &[Group<'_>], origins: &Origins<'_>) -> Vec<Answer> {
-    let kernels = groups.iter().filter(|group| group.device != HOST);
-    kernels.map(|group| answer(group, &origins.baselines(group, groups))).collect()
+    let shown = groups.iter().filter(|group| is_shown(group, groups));
+    shown.map(|group| answer(group, &origins.baselines(group, groups))).collect()
+}
+
+/// Returns true if the page has an answer, plots and a table for a group. Groups of baselines (ray casters on
+/// the host) are shown only if there are no other groups.
+pub fn is_shown(group: &Group<'_>, groups: &[Group<'_>]) -> bool {
+    group.device != HOST || groups.iter().all(|other| other.device == HOST)
 }
 
 fn answer(group: &Group<'_>, baselines: &[&Record]) -> Answer {
@@ -221,6 +227,10 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
 /// Returns a summary of all groups in one sentence: which strategies win in how many groups, and the winners'
 /// speed-ups.
 pub fn headline(answers: &[Answer]) -> String {
+    let has_time = |answer: &Answer| !answer.winners.is_empty() || answer.nobody != NOTHING;
+    if answers.iter().any(has_time) && answers.iter().all(|answer| answer.device == HOST) {
+        return "Only baselines were measured".to_owned();
+    }
     format!("{}{}", who_wins(answers), gains(answers))
 }
 

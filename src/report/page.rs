@@ -1,6 +1,6 @@
 //! Collects, from records, the data that the page of `raycl report` shows.
 
-use super::answer::{Answer, answers, headline};
+use super::answer::{Answer, answers, headline, is_shown};
 use super::common_names::{name_of_driver, with_common_names};
 use super::environment::{self, EnvironmentView, Program};
 use super::gallery::{self, Pictures};
@@ -110,8 +110,8 @@ impl Page {
         let (mut pictures, origins) = (Pictures::default(), Origins::of(folders));
         let answers = answers(&groups, &origins);
         let headline = headline(&answers);
-        let kernels = groups.iter().filter(|group| group.device != HOST);
-        let thumbnails = kernels.map(|group| thumbnail(group, &mut pictures, &origins));
+        let shown = groups.iter().filter(|group| is_shown(group, &groups));
+        let thumbnails = shown.map(|group| thumbnail(group, &mut pictures, &origins));
         let answers: Vec<_> = answers.into_iter().zip(thumbnails).collect();
         let mut overview = overview::scenes(&groups, &looks, &origins);
         let (pairs, left_out) = overview::device_against_device(&groups, &looks);
@@ -221,7 +221,7 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
     let failed = records.len() - measured - infeasible - other_kind;
     let samples: usize = records.iter().map(|record| record.samples_ms.len()).sum();
     let different = |of: fn(&Group<'_>) -> String| {
-        let mut all: Vec<_> = groups.iter().filter(|group| group.device != HOST).map(of).collect();
+        let mut all: Vec<_> = groups.iter().filter(|group| is_shown(group, groups)).map(of).collect();
         all.sort();
         all.dedup();
         all.len()
@@ -251,8 +251,8 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
 
 fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder], origins: &Origins<'_>) -> Vec<View> {
     let files = file_names(groups);
-    let kernels = groups.iter().zip(&files).filter(|(group, _)| group.device != HOST);
-    let mut views: Vec<View> = kernels
+    let shown = groups.iter().zip(&files).filter(|(group, _)| is_shown(group, groups));
+    let mut views: Vec<View> = shown
         .clone()
         .enumerate()
         .map(|(index, (group, file))| {
@@ -261,7 +261,7 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder], origins: &Orig
         })
         .collect();
     let triangles = |group: &Group<'_>| group.records.iter().filter_map(|record| record.triangles).max();
-    let largest = kernels.enumerate().max_by_key(|(_, (group, _))| triangles(group)).map(|(index, _)| index);
+    let largest = shown.enumerate().max_by_key(|(_, (group, _))| triangles(group)).map(|(index, _)| index);
     if let Some(view) = largest.and_then(|index| views.get_mut(index)) {
         view.first = true;
     }
@@ -296,7 +296,8 @@ fn one_view(
         first: false,
         title: group_title(group),
         notes: scene_notes(group),
-        heat: Some(view::heat(group, &file("heat"))),
+        // Baselines have no local sizes, which are the columns of the heat map.
+        heat: (group.device != HOST).then(|| view::heat(group, &file("heat"))),
         lines: lines(Kind::Log, "local-size-log")
             .zip(lines(Kind::Linear, "local-size-linear"))
             .map(|(a, b)| [a, b]),

@@ -7,7 +7,7 @@ use super::plot::heat::{Cell, HeatMap};
 use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::plot::strip::{Row, Strip};
-use super::words::{Looks, group_title, size_name, tip, title};
+use super::words::{Looks, group_title, series_name, size_name, tip, title};
 use crate::measure::Ranking;
 use crate::numbers::{duration, ms};
 use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, word};
@@ -231,7 +231,9 @@ fn strip_row(record: &Record) -> Option<Row> {
     let middle = median(record).filter(|middle| *middle > 0.0)?;
     let percent = |value: f64| 100.0 * (value / middle - 1.0);
     Some(Row {
-        name: format!("{} {}", record.name, size_name(record)),
+        name: record
+            .local_size
+            .map_or(series_name(record), |_| format!("{} {}", record.name, size_name(record))),
         value: duration(middle),
         deviations: record.samples_ms.iter().copied().map(percent).collect(),
         interval: interval(record).map(|ends| ends.map(percent)),

@@ -276,6 +276,32 @@ fn the_table_of_a_group_ends_with_the_baselines_of_the_host() {
 }
 
 #[test]
+fn a_run_of_baselines_alone_has_their_times() {
+    let records = judged([measured(HOST, "serial-f32", 0, 400.0), measured(HOST, "parallel-f32", 0, 100.0)]);
+    let page = Page::of(&[Folder { records, ..Folder::default() }]);
+    assert_eq!(page.headline, "Only baselines were measured");
+    assert_eq!(page.counts[0], ("1".to_owned(), "scene".to_owned()));
+    let [(answer, _)] = page.answers.as_slice() else { panic!("an answer") };
+    assert_eq!((answer.winners.len(), answer.time.as_str(), answer.speedups.len()), (1, "100.0 ms", 0));
+    let [view] = page.views.as_slice() else { panic!("a view") };
+    let rows: Vec<_> = view.rows.iter().map(|row| (row.name.as_str(), row.wins)).collect();
+    assert_eq!(rows, [("parallel-f32 (host)", true), ("serial-f32 (host)", false)]);
+    assert!(view.first && view.heat.is_none());
+    let failed = vec![infeasible(HOST, "serial-f32", 0, "no")];
+    let page = Page::of(&[Folder { records: failed, ..Folder::default() }]);
+    assert_eq!(page.headline, "Nothing could be measured");
+}
+
+/// The page has a wide and a narrow form of most plots. In a narrow window, the style sheet hides the wide form.
+/// Other wide parts of the page, such as the list of input files, have no narrow form.
+#[test]
+fn a_narrow_window_hides_only_the_wide_forms_of_plots() {
+    let hides = |rule: &&str| rule.contains(".wide") && rule.contains("display: none");
+    let hiding: Vec<&str> = STYLE.split('}').filter(hides).collect();
+    assert!(hiding.len() == 1 && hiding[0].contains(".scroll.wide { display: none;"), "{hiding:?}");
+}
+
+#[test]
 fn a_row_has_its_time_as_a_multiple_of_the_best_time() {
     let records = judged([measured("gpu", "naive", 8, 20.0), measured("gpu", "wide", 4, 10.0)]);
     let slower = |index: usize| row(&records[index], Some(&records[1]), false).slower;
