@@ -6,7 +6,9 @@ pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }
-    let magnitude = value.abs().log10().floor() as i32;
+    // The exponent of the rounded number: 99.98 with three digits is 1.00e2.
+    let rounded = format!("{value:.*e}", (digits - 1).max(0) as usize);
+    let magnitude: i32 = rounded.rsplit('e').next().and_then(|exponent| exponent.parse().ok()).unwrap_or(0);
     let decimals = (digits - 1 - magnitude).clamp(0, 12) as usize;
     format!("{value:.decimals$}")
 }
@@ -68,6 +70,13 @@ mod tests {
         assert_eq!(significant(0.0, 3), "0");
         assert_eq!(duration_range([0.0647, 0.1234], 0.0705), "64.70 to 123.4 us");
         assert_eq!(duration_range([999.0, 1100.0], 1050.0), "0.9990 to 1.100 s");
+    }
+
+    #[test]
+    fn a_number_that_is_rounded_up_has_no_more_digits_than_others() {
+        let three = [99.94, 99.98, 9.996, -0.099_96, 0.9996].map(|value| significant(value, 3));
+        assert_eq!(three, ["99.9", "100", "10.0", "-0.100", "1.00"]);
+        assert_eq!([999.94, 999.96].map(ms), ["999.9", "1000"]);
     }
 
     #[test]
