@@ -7,7 +7,8 @@ use image::{ExtendedColorType, ImageEncoder as _};
 use resvg::{tiny_skia, usvg};
 use std::sync::Arc;
 
-/// The font DejaVu Sans (Bitstream Vera licence), reduced to Latin and Greek letters.
+/// The font DejaVu Sans (Bitstream Vera licence), reduced to Latin, Greek and Cyrillic letters and some signs. In place
+/// of any other character, the PNG shows the font's glyph of missing characters, an empty box.
 const FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 const FAMILY: &str = "DejaVu Sans";
 /// Number of pixels of the PNG per unit of length of the SVG.
@@ -41,13 +42,32 @@ mod tests {
     use super::super::svg::{Anchor, Svg};
     use super::*;
 
+    fn drawn(text: &str) -> image::RgbImage {
+        let mut svg = Svg::default();
+        svg.text("", [50.0, 25.0], Anchor::Middle, text);
+        let bytes = png(&svg.finish([100.0, 50.0], "", "")).expect("it draws");
+        image::load_from_memory(&bytes).expect("a PNG").to_rgb8()
+    }
+
+    fn ink(picture: &image::RgbImage) -> usize {
+        picture.pixels().filter(|pixel| pixel.0[0] < 128).count()
+    }
+
     #[test]
     fn text_is_drawn_without_any_font_of_the_system() {
-        let mut svg = Svg::default();
-        svg.text("", [50.0, 25.0], Anchor::Middle, "8x8 µs ×");
-        let bytes = png(&svg.finish([100.0, 50.0], "", "")).expect("it draws");
-        let picture = image::load_from_memory(&bytes).expect("a PNG").to_rgb8();
+        let picture = drawn("8x8 µs ×");
         assert_eq!(picture.dimensions(), (200, 100));
-        assert!(picture.pixels().filter(|pixel| pixel.0[0] < 128).count() > 50, "no ink");
+        assert!(ink(&picture) > 50, "no ink");
+    }
+
+    #[test]
+    fn a_letter_without_a_glyph_is_a_box_and_not_left_out() {
+        let missing = drawn("漢");
+        assert!(ink(&missing) > 20, "no ink");
+        assert!(drawn("字") == missing, "another box");
+        for letter in ["ł", "č", "ő", "ế", "Я", "ґ", "Ω", "€"] {
+            let picture = drawn(letter);
+            assert!(ink(&picture) > 10 && picture != missing, "{letter}");
+        }
     }
 }
