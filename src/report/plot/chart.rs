@@ -6,7 +6,7 @@ use super::layout::{LETTER, Layout, NARROW, WIDE};
 use super::legend;
 use super::palette::{FAINT, GRID};
 use super::scale::{self, Kind, Scale};
-use super::shorten::shorten_all;
+use super::shorten::{shorten, shorten_all};
 use super::svg::{Anchor, LINE, Svg};
 pub use series::{Mark, Series};
 
@@ -138,7 +138,9 @@ impl Chart {
         svg.line("axis", FAINT, [left, frame.bottom], [frame.right, frame.bottom]);
         let middle = [f64::midpoint(frame.layout.left, frame.right), self.label_top(frame)];
         svg.lines("label", middle, Anchor::Middle, &frame.layout.lines(&self.x_label));
-        svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
+        // A shortened label keeps its end, which is usually the unit.
+        let label = shorten(&self.y_label, longest_upright(frame.layout));
+        svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &label);
     }
 
     /// Returns the number of characters of the longest name at the x axis, but at most `LONGEST_SLANTED`.
@@ -193,6 +195,12 @@ impl Chart {
             }
         }
     }
+}
+
+/// Returns the largest number of characters of the y axis's label, which may extend beyond both ends of the
+/// axis by the smallest room above it.
+fn longest_upright(layout: Layout) -> usize {
+    ((layout.height + 2.0 * layout.top) / LETTER) as usize
 }
 
 /// Draws the line y = x, with the label "equal", within the range of both axes. Draws nothing if the two ranges do not
@@ -355,6 +363,19 @@ mod tests {
         let [beside, below] = [legend(&chart.svg()), legend(&chart.narrow_svg())];
         assert!(beside[0] > wide.right && beside[1] < wide.bottom, "{beside:?}");
         assert!(below[0] < narrow.right && below[1] > narrow.bottom, "{below:?}");
+    }
+
+    #[test]
+    fn a_long_label_of_the_y_axis_is_shortened_to_the_height_of_the_chart_and_keeps_its_unit() {
+        let chart = Chart { y_label: format!("{}: median ms", "a device ".repeat(20)), ..chart("naive") };
+        for (svg, layout) in [(chart.svg(), WIDE), (chart.narrow_svg(), NARROW)] {
+            let upright = svg.split("rotate(-90)").nth(1).and_then(|rest| rest.split("</text>").next());
+            let label = upright.and_then(|text| text.rsplit('>').next()).expect("a label");
+            let frame = chart.frame(layout);
+            let half = LETTER * label.chars().count() as f64 / 2.0;
+            assert!(half <= f64::midpoint(frame.top, frame.bottom) && half > layout.height / 2.0, "{label}");
+            assert!(label.starts_with("a device ") && label.ends_with(": median ms"), "{label}");
+        }
     }
 
     #[test]

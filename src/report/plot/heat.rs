@@ -149,9 +149,17 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
+    /// Returns true if a cell has a time. A heat map without times has no colour scale.
+    pub(super) fn has_times(&self) -> bool {
+        self.rows.iter().flat_map(|(_, cells)| cells).any(|cell| matches!(cell, Cell::Time { .. }))
+    }
+
     /// Draws the legend, up to the x coordinate `right`: the colour scale, the meaning of a ring, and the meanings of
     /// the words in cells without a time. Returns the y coordinate of the legend's lower end.
     fn draw_legend(&self, svg: &mut Svg, top: f64, right: f64, worst: f64, hatch: &str) -> f64 {
+        if !self.has_times() {
+            return self.draw_codes(svg, [LEFT, top - 8.0], right, hatch);
+        }
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
             "faint small",
@@ -332,6 +340,28 @@ mod tests {
         assert_eq!(text.matches("class=\"mark\"").count(), 3);
         assert_eq!(text.matches("class=\"ring\"").count(), 1);
         assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
+    }
+
+    #[test]
+    fn only_a_heat_map_with_a_time_has_a_colour_scale() {
+        let time = Cell::Time { slower: 1.0, text: "1.00".into(), wins: true, tip: "ms".into() };
+        let none = Cell::Nothing { code: "build".into(), tip: "no".into() };
+        let legends = |cells: Vec<Cell>| {
+            let map = HeatMap {
+                id: "a".into(),
+                title: "a".into(),
+                x_label: "local size".into(),
+                columns: vec!["8x8".into(); cells.len()],
+                rows: vec![("naive".into(), cells)],
+                codes: vec![("build".into(), "did not compile".into())],
+            };
+            [map.svg(), map.narrow_svg()].map(|svg| {
+                assert!(svg.contains("did not compile"), "{svg}");
+                ["times as slow", "ringed: "].map(|text| svg.contains(text))
+            })
+        };
+        assert_eq!(legends(vec![time, none.clone()]), [[true; 2]; 2]);
+        assert_eq!(legends(vec![none, Cell::Empty]), [[false; 2]; 2]);
     }
 
     /// A page contains each heat map in a wide and in a narrow form. The hatching patterns of both forms need

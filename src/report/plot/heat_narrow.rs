@@ -55,10 +55,14 @@ impl HeatMap {
     /// Draws the legend: the colour scale, the meaning of a ring, and the meanings of the words in cells without a
     /// time. Returns the y coordinate of the legend's lower end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
+        let right = NARROW.whole_width() - LEFT;
+        if !self.has_times() {
+            return self.draw_codes(svg, [LEFT, top - 8.0], right, hatch);
+        }
         draw_scale(svg, [LEFT, top], worst);
         let y = top + 24.0 + LINE;
         svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: fastest or tied");
-        self.draw_codes(svg, [LEFT, y], NARROW.whole_width() - LEFT, hatch)
+        self.draw_codes(svg, [LEFT, y], right, hatch)
     }
 }
 

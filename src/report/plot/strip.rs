@@ -48,7 +48,7 @@ struct Form {
 
 /// The layout for screens, with names on the left of the dots.
 const BESIDE: Form =
-    Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0, longest: 26 };
+    Form { layout: Layout { left: 274.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0, longest: 24 };
 /// The layout for phones, with names above the dots.
 const ABOVE: Form = Form {
     layout: Layout { left: ABOVE_MARGIN, width: 320.0, ..NARROW },
@@ -61,6 +61,9 @@ const ABOVE: Form = Form {
 const ABOVE_MARGIN: f64 = 18.0;
 /// The margin on the right of a plot on a screen, in pixels.
 const BESIDE_MARGIN: f64 = 24.0;
+/// The distance from the right end of a row's name to the y axis on a screen, in pixels. The row's median is between
+/// them.
+const BESIDE_VALUE: f64 = 92.0;
 /// The label of the x axis. The label is centred below the x axis, and must not be much longer than the axis.
 const LABEL: &str = "a sample's time minus the point's median, in % of the median";
 /// The largest number of dots in a row of the strip plot (the samples of one point). If a point has more
@@ -139,7 +142,7 @@ fn draw_row(svg: &mut Svg, (row, name): (&Row, &str), top: f64, (across, reach):
         svg.text_in("faint", FAINT, [left + width, top + 14.0], Anchor::End, &row.value);
     } else {
         let middle = top + form.row / 2.0 + 4.0;
-        svg.text("label", [left - 92.0, middle], Anchor::End, name);
+        svg.text("label", [left - BESIDE_VALUE, middle], Anchor::End, name);
         svg.text_in("faint", FAINT, [left - 10.0, middle], Anchor::End, &row.value);
     }
     let (top, height) = (top + head, form.row - head);
@@ -225,6 +228,15 @@ mod tests {
         }
     }
 
+    /// Letters such as `w` are wider than most letters, so names need some more room than their usual width.
+    #[test]
+    fn names_have_room_beside_or_above_the_dots() {
+        let wide_letter = 1.08 * LETTER;
+        let room = [BESIDE.layout.left - BESIDE_VALUE, ABOVE.layout.width];
+        let names = [BESIDE, ABOVE].map(|form| wide_letter * form.longest as f64);
+        assert!(names[0] <= room[0] && names[1] <= room[1], "{names:?} {room:?}");
+    }
+
     #[test]
     fn the_axis_is_long_enough_for_its_label() {
         let beyond = LETTER * LABEL.chars().count() as f64 - BESIDE.layout.width;
@@ -252,8 +264,8 @@ mod tests {
             path.expect("dots").split('M').filter_map(dot).collect()
         };
         let [middle, left, right] = dots(rows[0])[..] else { panic!("three dots") };
-        // The x axis begins at pixel 262 and is 510 pixels long.
-        assert_eq!(middle[0], 262.0 + 255.0);
+        // The x axis begins at pixel 274 and is 510 pixels long.
+        assert_eq!(middle[0], 274.0 + 255.0);
         assert!((middle[0] - left[0] - (right[0] - middle[0])).abs() < 0.02 && left[0] < middle[0]);
         assert!(middle[1] < left[1] && left[1] < right[1]);
         assert_eq!(dots(rows[1])[0][1] - middle[1], BESIDE.row);
@@ -301,7 +313,7 @@ mod tests {
         let mut samples = vec![1.0; 39];
         samples.push(900.0);
         let actual = positions(samples);
-        assert_eq!((actual.len(), actual[39]), (40, 262.0 + 510.0));
+        assert_eq!((actual.len(), actual[39]), (40, 274.0 + 510.0));
         assert_eq!([120, 121, 300].map(|count| positions(vec![1.0; count]).len()), [120, 61, 100]);
     }
 }
