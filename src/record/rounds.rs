@@ -125,7 +125,7 @@ pub(crate) fn preempted(records: &[Record]) -> Option<String> {
     let samples: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
     (samples > 0).then(|| {
         let are = counted_are(samples as usize, "sample");
-        format!("{are} left out, because a thread that cast the frame had to wait for a processor.")
+        format!("{are} left out, because a thread that cast the frame probably had to wait for a processor.")
     })
 }
 
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn preempted_samples_are_noted_without_any_round_of_known_load() {
         let record = |count| Record { preempted_samples: count, ..Record::default() };
-        let why = "left out, because a thread that cast the frame had to wait for a processor.";
+        let why = "left out, because a thread that cast the frame probably had to wait for a processor.";
         let said = |counts: &[Option<u32>]| {
             preempted(&counts.iter().map(|count| record(*count)).collect::<Vec<_>>())
         };

@@ -164,7 +164,7 @@ pub(super) struct MaterialWire {
     pub emitted: Option<Triple<Emission>>,
 }
 
-/// A light. From a point light, a surface at distance r receives power / (4 pi r^2).
+/// A light. From a point light, a surface at distance r that faces the light receives power / (4 pi r^2).
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {

@@ -18,8 +18,8 @@ use super::{About, Attempt, End, Kind, ShardPlan};
 use crate::error::{Error, Result};
 use crate::existing;
 use crate::peak::{self, Peak};
-use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
+use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
+use crate::record::{AnchorSample, CurrentPlan, LaunchEnd, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
 use crate::record::{remove_leftovers, write_json, write_whole_by};
 use crate::words::counted;
 use choice::{Chosen, choose};
@@ -186,8 +186,7 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
 }
 
 /// Returns a note on each journal (a file with one JSON object per line) of an attempt that has damaged lines. The
-/// journal of the ends of launches is not checked. The merged journals do not have the damaged lines, so only this note
-/// reports the damage to the user.
+/// merged journals do not have the damaged lines, so only this note reports the damage to the user.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
@@ -196,6 +195,7 @@ fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
         notes.extend(damage_to::<RoundLoad>(attempt, ROUNDS)?);
         notes.extend(damage_to::<AnchorSample>(attempt, ANCHORS)?);
         notes.extend(damage_to::<Record>(attempt, CONTROLS)?);
+        notes.extend(damage_to::<LaunchEnd>(attempt, LAUNCHES)?);
     }
     Ok(notes)
 }
@@ -485,16 +485,16 @@ mod tests {
         write_attempt(folder.path(), "n1", "k", "gpu");
         let attempts = Attempt::all(folder.path()).unwrap();
         assert!(damage(&attempts).unwrap().is_empty());
-        for journal in [SAMPLES, ROUNDS, ANCHORS, CONTROLS] {
+        for journal in [SAMPLES, ROUNDS, ANCHORS, CONTROLS, LAUNCHES] {
             std::fs::write(attempts[0].folder.join(journal), "nonsense\n").unwrap();
         }
         let notes = damage(&attempts).unwrap();
         let first =
             "raycl ignores 1 damaged line of parts/shard-00001.n1..r00/samples.jsonl; the first is line 1.";
-        assert!(notes.len() == 4 && notes[0].starts_with(first), "{notes:?}");
+        assert!(notes.len() == 5 && notes[0].starts_with(first), "{notes:?}");
         std::fs::write(attempts[0].folder.join(RECORDS), "nonsense\n").unwrap();
         let notes = damage(&attempts).unwrap();
-        assert!(notes.len() == 5 && notes[0].contains("n1..r00/records.jsonl"), "{notes:?}");
+        assert!(notes.len() == 6 && notes[0].contains("n1..r00/records.jsonl"), "{notes:?}");
     }
 
     #[test]
