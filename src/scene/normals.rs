@@ -3,7 +3,7 @@
 mod creases;
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, DVec4, Vec3};
 use rayon::prelude::*;
 
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
@@ -12,6 +12,10 @@ pub(super) const MISSING: u32 = u32::MAX;
 /// The largest number of threads that add the normals of triangles at their positions. More threads would
 /// gain little, because each reads all triangles.
 const MOST_READERS: usize = 16;
+
+/// A sum of plane normals counts as a rounding error if its length is at most this part of the root of the sum of the
+/// normals' squared lengths.
+const CANCELLED: f64 = 1e-9;
 
 /// Gives every corner a finite normal that is not zero. Generated normals are smooth, except at creases:
 /// edges whose faces' normals differ by more than `crease_degrees`. If `crease_degrees` is `None`, there are
@@ -110,14 +114,29 @@ fn generate(mesh: &mut Mesh) {
     triangles
         .filter(|triangle| triangle.normals.contains(&MISSING))
         .for_each(|triangle| triangle.normals = triangle.positions.map(|index| base + index));
-    mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
+    mesh.normals.par_extend(sums.into_par_iter().map(direction));
+}
+
+/// Returns a plane normal, whose length is twice the triangle's area, as a summand for [`direction`]: the fourth
+/// component is the square of the normal's length.
+fn summand(normal: DVec3) -> DVec4 {
+    normal.extend(normal.length_squared())
+}
+
+/// Returns the direction of a sum of [`summand`]s; zero if the plane normals cancel each other. If a sheet has two
+/// sides at the same positions, their normals cancel each other except for rounding errors, whose direction is
+/// arbitrary.
+fn direction(sum: DVec4) -> Vec3 {
+    let normal = sum.truncate();
+    let is_rounding = normal.length_squared() <= CANCELLED * CANCELLED * sum.w;
+    if is_rounding { Vec3::ZERO } else { normal.normalize_or_zero().as_vec3() }
 }
 
 /// Returns, for each position, the sum of the plane normals of the triangles at this position that lack a
-/// normal. A plane normal's length is twice the triangle's area.
-fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
+/// normal. Each plane normal is a [`summand`].
+fn sums_at_positions(mesh: &Mesh) -> Vec<DVec4> {
     // The sums are f64: in f32, the cross product of very short edges could round to zero.
-    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
+    let mut sums = vec![DVec4::ZERO; mesh.positions.len()];
     // Each thread computes the sums of a part of the positions, and reads all triangles. The summands of a
     // position are added by one thread, in the triangles' order, so the sums do not depend on the number of
     // threads.
@@ -133,10 +152,10 @@ fn sums_at_positions(mesh: &Mesh) -> Vec<DVec3> {
                 continue;
             }
             let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
-            let weighted = (b - a).cross(c - a);
+            let normal = summand((b - a).cross(c - a));
             for index in indices {
                 if let Some(sum) = sums.get_mut(index) {
-                    *sum += weighted;
+                    *sum += normal;
                 }
             }
         }
@@ -246,10 +265,11 @@ mod tests {
             normals: if rng.random_range(0..4) == 0 { [0; 3] } else { [MISSING; 3] },
             material: 0,
         });
-        let mut expected = vec![DVec3::ZERO; 50_000];
+        let mut expected = vec![DVec4::ZERO; 50_000];
         for triangle in mesh.triangles.iter().filter(|triangle| triangle.normals == [MISSING; 3]) {
             let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
-            triangle.positions.iter().for_each(|&at| expected[at as usize] += (b - a).cross(c - a));
+            let normal = summand((b - a).cross(c - a));
+            triangle.positions.iter().for_each(|&at| expected[at as usize] += normal);
         }
         for threads in [1, 2, 3, 40] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");

@@ -52,10 +52,16 @@ mod tests {
 
     /// Returns an octahedron without normals whose faces share no positions. In some positions, 0 is written as -0.
     fn octahedron() -> Mesh {
+        octahedron_of([Vec3::X, Vec3::Y, Vec3::Z])
+    }
+
+    /// Returns an octahedron without normals whose faces share no positions. Its corners are the ends of `axes`, in
+    /// both directions from the origin.
+    fn octahedron_of(axes: [Vec3; 3]) -> Mesh {
         let mut mesh = Mesh::default();
         for [x, y, z] in [0, 1, 2, 3, 4, 5, 6, 7].map(|face| [1, 2, 4].map(|bit| face & bit != 0)) {
             let corner = |axis: Vec3, is_negative: bool| if is_negative { -axis } else { axis };
-            let [a, b, c] = [corner(Vec3::X, x), corner(Vec3::Y, y), corner(Vec3::Z, z)];
+            let [a, b, c] = [corner(axes[0], x), corner(axes[1], y), corner(axes[2], z)];
             let first = mesh.positions.len() as u32;
             mesh.positions.extend([a, b, c].map(|corner| if x { corner + Vec3::ZERO } else { corner }));
             let positions =
@@ -77,6 +83,23 @@ mod tests {
         for triangle in &mesh.triangles {
             let mut pairs = mesh.corners(triangle).into_iter().zip(mesh.corner_normals(triangle));
             assert!(pairs.all(|(corner, normal)| corner.distance(normal) < 1e-6));
+        }
+    }
+
+    /// The normals at a position cancel each other, except for rounding errors.
+    #[test]
+    fn both_sides_of_a_sheet_have_the_normals_of_their_faces() {
+        let axes = [[0.9, 0.1, -0.03], [-0.2, 1.1, 0.07], [0.011, -0.3, 0.7]].map(Vec3::from_array);
+        let [mut mesh, mut back] = [(); 2].map(|()| octahedron_of(axes));
+        back.triangles.iter_mut().for_each(|triangle| triangle.positions.swap(1, 2));
+        mesh.append(back);
+        join_positions(&mut mesh);
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (6, 16));
+        normals::complete(&mut mesh, None);
+        for triangle in &mesh.triangles {
+            let [a, b, c] = mesh.corners(triangle);
+            let face = (b - a).cross(c - a).normalize();
+            assert!(mesh.corner_normals(triangle).iter().all(|normal| normal.distance(face) < 1e-6));
         }
     }
 
