@@ -4,9 +4,16 @@
 use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use crate::scene::normals::MISSING;
 use rayon::prelude::*;
+use std::ops::Add;
 
 /// The key of an element, by which elements are sorted, and the element's index.
 pub(super) type Sorted<K> = (K, u32);
+
+/// Returns the key by which equal positions are sorted and joined; `bits` returns the bits of a coordinate.
+pub(super) fn key<T: Add<Output = T> + Default, B>(position: [T; 3], bits: impl Fn(T) -> B) -> [B; 3] {
+    // Adding zero makes -0 and 0 equal.
+    position.map(|x| bits(x + T::default()))
+}
 
 /// Joins elements with equal keys. Returns the distinct elements, and the index among them of each element of `all`.
 pub(super) fn joined<T: Copy, K: Ord + Send>(all: &[T], key: impl Fn(&T) -> K) -> (Vec<T>, Vec<u32>) {
@@ -33,9 +40,7 @@ pub(super) fn join_positions(mesh: &mut Mesh) {
     if mesh.positions.len() <= mesh.triangles.len() || !mesh.triangles.iter().any(lacks_normal) {
         return;
     }
-    // Adding zero makes -0 and 0 equal.
-    let (positions, numbers) =
-        joined(&mesh.positions, |position| position.to_array().map(|x| (x + 0.0).to_bits()));
+    let (positions, numbers) = joined(&mesh.positions, |position| key(position.to_array(), f32::to_bits));
     if positions.len() == mesh.positions.len() {
         return;
     }

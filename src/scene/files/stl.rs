@@ -3,7 +3,7 @@
 
 use super::MeshFile;
 use super::flaw::{Flaw, Named};
-use super::joined::{Sorted, joined};
+use super::joined::{Sorted, joined, key};
 use super::origin::{invalid, is_valid, settle};
 use crate::error::Result;
 use crate::memory::Available;
@@ -56,7 +56,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             (corners, notes)
         }
     };
-    let (positions, numbers) = joined(&corners, key);
+    let (positions, numbers) = joined(&corners, |corner| -> Key { key(corner.to_array(), f64::to_bits) });
     let triangles = triangles_of(&numbers);
     let (positions, placement) = settle(&positions, &triangles).map_err(failed)?;
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
@@ -239,11 +239,6 @@ fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::r
     };
     let corner = DVec3::new(number()?, number()?, number()?);
     if is_valid(&corner) { Ok(corner) } else { Err(invalid("a vertex", &corner).at(line)) }
-}
-
-fn key(corner: &DVec3) -> Key {
-    // Adding zero makes -0 and 0 equal.
-    corner.to_array().map(|x| (x + 0.0).to_bits())
 }
 
 /// Returns one triangle for every three corners. `corners` has the index of each corner's position.
