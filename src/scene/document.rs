@@ -53,7 +53,7 @@ pub(super) struct Document {
 }
 
 /// In a bare mesh without normals, edges stay sharp if their faces meet at more than this angle.
-const BARE_CREASE_DEGREES: u32 = 40;
+pub(super) const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
     /// Reads a scene file, or makes the document of a bare mesh.

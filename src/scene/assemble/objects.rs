@@ -5,7 +5,7 @@ use crate::error::{Error, Result, nearest_file, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
-use crate::scene::document::Document;
+use crate::scene::document::{BARE_CREASE_DEGREES, Document};
 use crate::scene::files::{self, MeshFile, Placement, is_valid};
 use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS, WHITE_RADIANCE};
 use crate::scene::normals::{self, MISSING};
@@ -14,6 +14,7 @@ use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
 use crate::scene::wire::{MaterialWire, ObjectWire, Position, Whole};
 use crate::scene::{Material, MaterialKind, Mesh, Triangle, obj};
+use crate::words::counted_are;
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 use std::path::Path;
@@ -37,10 +38,12 @@ pub(super) fn make(
     let (wire, span) = (object.get_ref(), object.span());
     refuse_strays(document, wire)?;
     let made = |mesh| MeshFile { mesh, ..MeshFile::default() };
+    let crease = wire.crease.as_ref().map(|crease| crease.get_ref().0).or(crease);
+    let is_smooth = crease.is_none() && !wire.flat;
     let mut file = match (&wire.obj, &wire.shape, &wire.vertices) {
         (Some(file), None, None) => {
             let beyond = wire.outside_materials.as_ref().is_some_and(|allowed| *allowed.get_ref());
-            read_file(document, file, beyond, alone, notes)?
+            read_file(document, file, beyond, alone, is_smooth, notes)?
         }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
@@ -55,7 +58,7 @@ pub(super) fn make(
             return Err(document.error(span, message, "this object has none or several of them"));
         }
     };
-    normals::complete(&mut file.mesh, wire.crease.as_ref().map(|crease| crease.get_ref().0).or(crease));
+    normals::complete(&mut file.mesh, crease);
     if wire.flat {
         normals::flatten(&mut file.mesh);
     }
@@ -127,11 +130,13 @@ fn paint(base: &Material, wire: &MaterialWire) -> Material {
     Material { glossy, shininess, kind: MaterialKind::BlinnPhong, ..diffuse }
 }
 
+/// Reads an object's mesh. `is_smooth` is true if all edges will be smooth where the file has no normals.
 fn read_file(
     document: &Document,
     file: &Spanned<String>,
     beyond: bool,
     alone: bool,
+    is_smooth: bool,
     notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let path = document.folder.join(file.get_ref());
@@ -154,6 +159,13 @@ fn read_file(
     }
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
         read.notes.push("this file's cameras and lights are not used, only those of the scene".to_owned());
+    }
+    if is_smooth && read.joined > 0 {
+        read.notes.push(format!(
+            "{} joined with others at equal positions, so that edges are smooth; `crease = {BARE_CREASE_DEGREES}` \
+             keeps edges sharp",
+            counted_are(read.joined, "vertex")
+        ));
     }
     let named = |note: String| format!("{}: {note}", path.display());
     read.camera_notes = read.camera_notes.drain(..).map(named).collect();

@@ -214,6 +214,32 @@ fn the_crease_of_an_object_counts_before_that_of_the_scene() {
     }
 }
 
+/// Authors of low-poly meshes give faces vertices of their own to keep edges sharp.
+#[test]
+fn edges_that_become_smooth_since_vertices_are_joined_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let [mesh, scene] = ["a.obj", "a.toml"].map(|name| folder.path().join(name));
+    let corners = "v 0 0 0\nv 0 1 0\nv -1 0 -1\nv 0 1 0\nv 0 0 0\nv 1 0 -1\n";
+    std::fs::write(&mesh, format!("{corners}f 1 2 3\nf 4 5 6\n")).unwrap();
+    let notes = |path: &Path| {
+        let notes = load_scene_with(path, &[]).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("joined")).collect::<Vec<_>>()
+    };
+    let note = "2 vertices are joined with others at equal positions, so that edges are smooth; `crease = 40` keeps \
+                edges sharp";
+    let noted = vec![format!("{}: {note}", mesh.display())];
+    for (before, after, expected) in [
+        ("", "", noted),
+        ("crease = 60\n", "", vec![]),
+        ("", "crease = 60\n", vec![]),
+        ("", "flat = true\n", vec![]),
+    ] {
+        std::fs::write(&scene, format!("{before}[[object]]\nmesh = \"a.obj\"\n{after}")).unwrap();
+        assert_eq!(notes(&scene), expected, "{before}{after}");
+    }
+    assert_eq!(notes(&mesh), Vec::<String>::new());
+}
+
 #[test]
 fn without_textures_a_surface_emits_only_the_light_that_its_object_states() {
     let folder = tempfile::tempdir().unwrap();

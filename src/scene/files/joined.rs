@@ -34,19 +34,22 @@ pub(super) fn joined<T: Copy, K: Ord + Send>(all: &[T], key: impl Fn(&T) -> K) -
 /// Joins the equal positions of a mesh if normals will be generated for it, and if it has more positions than
 /// triangles. A closed mesh whose triangles share their positions has half as many positions as triangles, so this
 /// comparison finds the meshes whose faces share hardly any, and reading the others takes no longer. Colours and
-/// texture coordinates belong to the corners of triangles, so they do not change.
-pub(super) fn join_positions(mesh: &mut Mesh) {
+/// texture coordinates belong to the corners of triangles, so they do not change. Returns by how many the positions
+/// became fewer.
+pub(super) fn join_positions(mesh: &mut Mesh) -> usize {
     let lacks_normal = |triangle: &Triangle| triangle.normals.contains(&MISSING);
     if mesh.positions.len() <= mesh.triangles.len() || !mesh.triangles.iter().any(lacks_normal) {
-        return;
+        return 0;
     }
     let (positions, numbers) = joined(&mesh.positions, |position| key(position.to_array(), f32::to_bits));
-    if positions.len() == mesh.positions.len() {
-        return;
+    let fewer = mesh.positions.len() - positions.len();
+    if fewer == 0 {
+        return 0;
     }
     mesh.positions = positions;
     let triangles = mesh.triangles.par_iter_mut().with_min_len(PARALLEL_TRIANGLES);
     triangles.for_each(|triangle| triangle.positions = triangle.positions.map(|old| numbers[old as usize]));
+    fewer
 }
 
 #[cfg(test)]
@@ -79,8 +82,7 @@ mod tests {
     #[test]
     fn faces_with_positions_of_their_own_become_smooth() {
         let (apart, mut mesh) = (octahedron(), octahedron());
-        join_positions(&mut mesh);
-        assert_eq!(mesh.positions.len(), 6);
+        assert_eq!((join_positions(&mut mesh), mesh.positions.len()), (18, 6));
         for (own, shared) in apart.triangles.iter().zip(&mesh.triangles) {
             assert_eq!(apart.corners(own), mesh.corners(shared));
         }
@@ -122,7 +124,7 @@ mod tests {
         let distinct = Mesh { positions, triangles: vec![triangle], ..Mesh::default() };
         for mesh in [with_normals, shared, distinct] {
             let mut read = mesh.clone();
-            join_positions(&mut read);
+            assert_eq!(join_positions(&mut read), 0);
             assert_eq!(read, mesh);
         }
     }

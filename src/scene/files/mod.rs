@@ -39,6 +39,9 @@ const THIN: f64 = 1e-6;
 pub(in crate::scene) struct MeshFile {
     /// The mesh. Corners without a normal have the index [`MISSING`](super::normals::MISSING).
     pub mesh: Mesh,
+    /// Number of vertices that were joined with other vertices at equal positions, so that edges between faces with
+    /// vertices of their own can be smooth. The joined corners of an STL do not count.
+    pub joined: usize,
     /// How the mesh was moved and scaled, in double precision, before its positions were rounded to single
     /// precision.
     pub placement: Placement,
@@ -122,7 +125,7 @@ pub(in crate::scene) fn read(
         ))
         .with_help("a mesh needs triangles: point clouds and lines are not drawn; MeshLab, for example, makes triangles of points"));
     }
-    joined::join_positions(&mut file.mesh);
+    file.joined = joined::join_positions(&mut file.mesh);
     file.notes.extend(invisible(&file.mesh));
     Ok(file)
 }
