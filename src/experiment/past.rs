@@ -51,9 +51,9 @@ pub struct Past {
 }
 
 impl Past {
-    /// Reads the results that `--resume` continues. A journal that the folder lacks counts as empty. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
-    /// The caller need not hold the folder's lock: a run that writes to the folder at the same time only
-    /// appends lines to the journals.
+    /// Reads the results that `--resume` continues. A journal that the folder lacks counts as empty. Damaged lines are
+    /// reported and ignored; a point whose record is damaged is measured again. The caller need not hold the folder's
+    /// lock: a run that writes to the folder at the same time only appends lines to the journals.
     pub fn in_folder(folder: &Path) -> Result<Self> {
         let journal = folder.join(RECORDS);
         let records = if existing::exists(&journal)? { read_records(folder)? } else { Lines::default() };
