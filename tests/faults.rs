@@ -494,6 +494,7 @@ fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_conti
         }
     };
     resumes(&limited(1, &[]), "environment.json");
+    assert!(!ground.out.join("records.jsonl").exists(), "a new run would be refused");
     ground.resume();
     std::fs::remove_file(ground.out.join("report.html")).expect("a report");
     resumes(&limited(64, &["--resume"]), "report.html");

@@ -89,6 +89,12 @@ impl Results {
     /// results of earlier sessions, removes temporary files that killed processes left, and writes the environment of
     /// this session.
     pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
+        Self::begin(folder, |path| environment.write(path))
+    }
+
+    /// Continues in an existing folder, or makes the folder if it does not exist. `write_environment` writes the
+    /// file of the environment.
+    fn begin(folder: &Path, write_environment: impl Fn(&Path) -> Result<()>) -> Result<Self> {
         refuse_closed(folder, ELSEWHERE)?;
         let images = folder.join(IMAGES);
         own_folder(&images).map_err(|error| {
@@ -103,24 +109,29 @@ impl Results {
             [RECORDS, SAMPLES, LAUNCHES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         // No other run writes to the folder while this run holds the lock.
         remove_leftovers(folder, Duration::ZERO);
-        let results = Self {
+        let open_records = || JsonLines::append_to(&records);
+        let earlier_records = existing::is_entry(&records)?.then(open_records).transpose()?;
+        let (samples, launch_ends) = (JsonLines::append_to(&samples)?, JsonLines::append_to(&launch_ends)?);
+        let (rounds, anchors) = (JsonLines::append_to(&rounds)?, JsonLines::append_to(&anchors)?);
+        // A session that cannot open its journals does not begin, and leaves the environment of the last one.
+        keep_environment(folder, write_environment)?;
+        // A folder with a journal of records is refused by the next `create`, so this journal is made last.
+        let records = earlier_records.map_or_else(open_records, Ok)?;
+        sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
+        Ok(Self {
             folder: folder.to_owned(),
-            records: JsonLines::append_to(&records)?,
-            samples: JsonLines::append_to(&samples)?,
-            launch_ends: JsonLines::append_to(&launch_ends)?,
-            rounds: JsonLines::append_to(&rounds)?,
-            anchors: JsonLines::append_to(&anchors)?,
+            records,
+            samples,
+            launch_ends,
+            rounds,
+            anchors,
             controls: None,
             host: None,
             latencies: std::mem::take(&mut past.latencies),
             past,
             peak,
             _lock: lock,
-        };
-        // A session that cannot open its journals does not begin, and leaves the environment of the last one.
-        keep_environment(folder, |path| environment.write(path))?;
-        sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
-        Ok(results)
+        })
     }
 
     /// Returns the results of earlier sessions in the folder, or of earlier attempts.
@@ -357,14 +368,24 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn a_journal_that_is_a_link_is_the_users_mistake_and_leaves_the_environment() {
+        for name in [ANCHORS, RECORDS] {
+            let folder = tempfile::tempdir().unwrap();
+            drop(Results::create(folder.path(), &Environment::default()).unwrap());
+            let [journal, outer] = [name, "outer"].map(|name| folder.path().join(name));
+            std::fs::rename(&journal, &outer).unwrap();
+            std::os::unix::fs::symlink(&outer, &journal).unwrap();
+            let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
+            assert!(refused.exit_code() == 2 && refused.to_string().contains("it is a link"), "{refused}");
+            assert!(!folder.path().join(earlier_environment(1)).exists(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_run_that_cannot_write_its_environment_leaves_a_folder_in_which_a_new_run_can_begin() {
         let folder = tempfile::tempdir().unwrap();
-        drop(Results::create(folder.path(), &Environment::default()).unwrap());
-        let [anchors, outer] = [ANCHORS, "outer"].map(|name| folder.path().join(name));
-        std::fs::rename(&anchors, &outer).unwrap();
-        std::os::unix::fs::symlink(&outer, &anchors).unwrap();
-        let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
-        assert!(refused.exit_code() == 2 && refused.to_string().contains("it is a link"), "{refused}");
-        assert!(!folder.path().join(earlier_environment(1)).exists());
+        assert!(Results::begin(folder.path(), |_| Err(Error::run("the disk is full"))).is_err());
+        assert!(!folder.path().join(RECORDS).exists());
+        assert!(Results::create(folder.path(), &Environment::default()).is_ok());
     }
 
     #[test]
