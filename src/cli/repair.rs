@@ -8,6 +8,7 @@ use crate::peak::Peak;
 use crate::record::journals::RECORDS;
 use crate::record::{CurrentPlan, Repaired, no_results, refuse_closed, repair};
 use crate::shard::{Attempt, Kind, ShardPlan, State, status};
+use crate::words::counted_are;
 use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -38,21 +39,32 @@ pub struct Args {
 /// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
 /// twice, five seconds apart. An attempt whose counter has not increased was lost, so its journals are
-/// repaired.
+/// repaired. If the user's mistake, such as a link in the place of a file, prevents the repair of an attempt, the
+/// other attempts are repaired, and the command then ends with an error.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
-    if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }
+    if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }?;
+    findings.end()
 }
 
 /// The remedy for a folder in which this process may not create files.
 const CLOSED: &str = "change the folder's permissions, or repair a copy";
 
+/// The remedy for a lock whose file is a link, a pipe or a device.
+const NO_LOCK: &str = "remove this file, since raycl makes a new one";
+/// The remedy if another process holds the lock of the folder.
+const WAIT: &str = "wait until that run ends";
+
 /// What `raycl repair` found in a folder of results.
+#[derive(Default)]
 struct Findings {
     /// The journals that were damaged, with the paths of their folders.
     repaired: Vec<Repaired>,
-    /// The errors about unreadable files that are not journals, such as plan.json.
+    /// The errors about unreadable files that are not journals, such as plan.json, and about files that prevent the
+    /// repair of an attempt.
     unreadable: Vec<Error>,
+    /// Number of the attempts that could not be repaired because of the user's mistake.
+    refused: usize,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
 }
@@ -70,11 +82,12 @@ impl Findings {
         }
         let _lock = lock_of(folder)?;
         let mut findings =
-            Self { repaired: repair(folder)?, unreadable: unreadable(folder), running: Vec::new() };
+            Self { repaired: repair(folder)?, unreadable: unreadable(folder), ..Self::default() };
         if has_shards {
             let stopped = stopped(folder, between)?;
             for attempt in Attempt::all(folder)? {
-                findings.repair(attempt.folder, stopped.contains(&attempt.name))?;
+                let repaired = findings.repair(attempt.folder, stopped.contains(&attempt.name));
+                findings.keep_refusal(repaired)?;
             }
         }
         Ok(findings)
@@ -84,8 +97,7 @@ impl Findings {
     /// to `running` instead.
     fn repair(&mut self, attempt: PathBuf, is_stopped: bool) -> Result<()> {
         if is_stopped {
-            refuse_closed(&attempt, CLOSED)?;
-            Lock::refuse_link(&attempt)?;
+            refuse_lockless(&attempt)?;
         }
         match is_stopped.then(|| Lock::take(&attempt)) {
             Some(Ok(_lock)) => {
@@ -98,6 +110,28 @@ impl Findings {
             Some(Err(error)) => return Err(error),
         }
         Ok(())
+    }
+
+    /// Keeps the user's mistake that prevented the repair of an attempt, so that the other attempts are repaired.
+    /// Returns any other error.
+    fn keep_refusal(&mut self, repaired: Result<()>) -> Result<()> {
+        match repaired {
+            Err(error @ Error::Input(_)) => {
+                self.refused += 1;
+                self.unreadable.push(error);
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    /// Returns an error if the user's mistakes prevented the repair of attempts.
+    fn end(&self) -> Result<()> {
+        if self.refused == 0 {
+            return Ok(());
+        }
+        let message = format!("{} not repaired", counted_are(self.refused, "attempt"));
+        Err(Error::input(message).with_help("the output says what to do; then run the command again"))
     }
 
     /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each attempt that
@@ -148,8 +182,23 @@ fn unreadable(folder: &Path) -> Vec<Error> {
 /// Takes the lock of `folder`. Returns an error if this process may not create files in the folder, or if
 /// another process holds the lock.
 fn lock_of(folder: &Path) -> Result<Lock> {
+    refuse_lockless(folder)?;
+    Lock::take(folder).map_err(|error| advised(error, WAIT))
+}
+
+/// Returns an error if this process may not create files in `folder`, or if the file of the folder's lock is a link, a
+/// pipe or a device.
+fn refuse_lockless(folder: &Path) -> Result<()> {
     refuse_closed(folder, CLOSED)?;
-    Lock::take(folder)
+    Lock::refuse_link(folder).map_err(|error| advised(error, NO_LOCK))
+}
+
+/// Replaces the remedy of a user's mistake. The usual remedies name `--out`, which `raycl repair` lacks.
+fn advised(error: Error, remedy: &str) -> Error {
+    match error {
+        Error::Input(_) => error.with_help(remedy),
+        _ => error,
+    }
 }
 
 /// Returns the names of the attempts that have ended or were lost. The lock of an attempt's folder does not show
@@ -236,7 +285,7 @@ mod tests {
     fn a_folder_in_which_no_file_can_be_created_is_the_users_mistake() {
         // Not even the superuser can create files in /proc/sys.
         let closed = || PathBuf::from("/proc/sys");
-        let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
+        let mut findings = Findings::default();
         for error in [lock_of(&closed()).err().unwrap(), findings.repair(closed(), true).unwrap_err()] {
             assert_eq!((error.exit_code(), error.remedy()), (2, CLOSED));
             let message = error.to_string();
@@ -251,7 +300,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         // The test makes a folder with the name of the lock's file, so raycl cannot open the lock.
         std::fs::create_dir(folder.path().join(".lock")).unwrap();
-        let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
+        let mut findings = Findings::default();
         let error = findings.repair(folder.path().to_owned(), true).unwrap_err();
         assert_eq!(error.exit_code(), 1);
         assert!(error.to_string().starts_with("cannot write ") && findings.running.is_empty(), "{error}");
@@ -262,10 +311,48 @@ mod tests {
     fn an_attempt_whose_lock_is_a_link_is_an_error_and_not_taken_for_running() {
         let folder = tempfile::tempdir().unwrap();
         std::os::unix::fs::symlink("elsewhere", folder.path().join(".lock")).unwrap();
-        let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
+        let mut findings = Findings::default();
         let error = findings.repair(folder.path().to_owned(), true).unwrap_err();
         assert!(error.exit_code() == 2 && error.to_string().contains("it is a link"), "{error}");
         assert!(findings.running.is_empty() && !folder.path().join("elsewhere").exists());
+        assert_eq!(lock_of(folder.path()).err().unwrap().remedy(), NO_LOCK);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_attempt_that_is_refused_does_not_stop_the_repair_of_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        std::fs::write(out.join("shards.json"), serde_json::to_string(&ShardPlan::default()).unwrap())
+            .unwrap();
+        let attempts = [1, 2, 3].map(|shard| {
+            let attempt = Attempt::begin(out, &About { shard, of: 3, ..About::default() }).unwrap();
+            std::fs::write(attempt.folder.join(RECORDS), "rubbish\n").unwrap();
+            attempt.ended(&End::Interrupted).unwrap();
+            attempt.folder
+        });
+        std::os::unix::fs::symlink("elsewhere", attempts[0].join(".lock")).unwrap();
+        std::fs::rename(attempts[1].join(RECORDS), out.join("elsewhere")).unwrap();
+        std::os::unix::fs::symlink(out.join("elsewhere"), attempts[1].join(RECORDS)).unwrap();
+        let findings = Findings::of(out, Duration::ZERO).unwrap();
+        assert_eq!(findings.repaired.len(), 1, "{}", findings.text());
+        let messages: Vec<String> = findings.unreadable.iter().map(Error::to_string).collect();
+        assert!(messages.len() == 2 && messages.iter().all(|it| it.contains("it is a link")), "{messages:?}");
+        assert!(findings.unreadable.iter().any(|error| error.remedy() == NO_LOCK), "{messages:?}");
+        let end = findings.end().unwrap_err();
+        assert_eq!((end.exit_code(), end.to_string().as_str()), (2, "2 attempts are not repaired"));
+        std::fs::remove_file(attempts[0].join(".lock")).unwrap();
+        std::fs::remove_file(attempts[1].join(RECORDS)).unwrap();
+        let findings = Findings::of(out, Duration::ZERO).unwrap();
+        assert!(findings.repaired.len() == 1 && findings.end().is_ok(), "{}", findings.text());
+    }
+
+    #[test]
+    fn a_folder_to_which_another_run_writes_is_refused_with_a_remedy_that_repair_offers() {
+        let folder = tempfile::tempdir().unwrap();
+        let _held = Lock::take(folder.path()).unwrap();
+        let refused = lock_of(folder.path()).err().unwrap();
+        assert_eq!((refused.exit_code(), refused.remedy()), (2, WAIT));
     }
 
     /// On a file system without locks, only an attempt's counter shows that the attempt is running.

@@ -66,7 +66,8 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
 fn keep_copy(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;
-    while !write_new(&named(number), bytes)? {
+    // Most taken names are found before the copy is written, since writing a large journal to the disk takes long.
+    while existing::exists(&named(number))? || !write_new(&named(number), bytes)? {
         number += 1;
     }
     Ok(named(number))
@@ -167,6 +168,18 @@ mod tests {
         assert_eq!(error.exit_code(), 1, "{error}");
         assert!(error.to_string().starts_with("cannot write ") && error.to_string().contains(".damaged-1: "));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// A link that leads to nothing takes a name although no file seems to have this name.
+    #[cfg(unix)]
+    #[test]
+    fn a_copy_replaces_nothing_even_if_its_name_seems_to_be_free() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(SAMPLES);
+        std::os::unix::fs::symlink("nothing", folder.path().join("samples.jsonl.damaged-1")).unwrap();
+        let copy = keep_copy(&path, b"nonsense\n").unwrap();
+        assert_eq!(copy, folder.path().join("samples.jsonl.damaged-2"));
+        assert_eq!(std::fs::read_to_string(copy).unwrap(), "nonsense\n");
     }
 
     #[test]
