@@ -143,8 +143,8 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
         for (off, slid) in offs.into_iter().zip(&slid) {
             for caster in [caster, &leaning[0], &leaning[1]] {
                 sample.consider(moved_by(&hits.centre, caster, off));
-                sample.consider(moved_by(slid, caster, DVec3::ZERO));
             }
+            leaning.iter().for_each(|caster| sample.consider(moved_by(slid, caster, DVec3::ZERO)));
         }
     }
     let usual = |sight: &Sight<f64>| caster.reaches(sight, bias);
