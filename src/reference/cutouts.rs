@@ -46,7 +46,7 @@ impl<'a, R: Real> Solid<'a, R> {
     fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         let (mut found, mut far) = (Vec::new(), ray.far);
         self.finder.visit_larger(ray, &mut |one| {
-            if self.textures.is_none_or(|textures| self.has(textures, &one.hit)) {
+            if self.textures.is_none_or(|textures| is_solid(textures, &one.hit, Some(lean))) {
                 far = one.limit(far);
                 found.push(one);
             }
@@ -66,19 +66,21 @@ impl<'a, R: Real> Solid<'a, R> {
             }
         }
     }
+}
 
-    fn has(&self, textures: &Textures, hit: &Hit<R>) -> bool {
-        let Some(row) = textures.mapped.get(hit.triangle as usize) else { return true };
-        let Some(mask) = row.mask.map(|number| &textures.list[number as usize]) else { return true };
-        let texels = Texels::at(mask, 0, row, hit.weights);
-        let alpha = texels.mix(|texel| R::from((texel >> 24) as f32));
-        let alpha = match self.lean {
-            Some(Lean::Larger) => possible_alphas(mask, row, hit.weights, alpha)[1],
-            Some(Lean::Smaller) => possible_alphas(mask, row, hit.weights, alpha)[0],
-            None => alpha,
-        };
-        alpha >= R::of(mask.least_step())
-    }
+/// Returns true unless a hit is in a hole of its triangle's mask. `lean` is the direction in which rounding moves the
+/// edges of holes; `None` leaves the edges where they are.
+pub fn is_solid<R: Real>(textures: &Textures, hit: &Hit<R>, lean: Option<Lean>) -> bool {
+    let Some(row) = textures.mapped.get(hit.triangle as usize) else { return true };
+    let Some(mask) = row.mask.map(|number| &textures.list[number as usize]) else { return true };
+    let texels = Texels::at(mask, 0, row, hit.weights);
+    let alpha = texels.mix(|texel| R::from((texel >> 24) as f32));
+    let alpha = match lean {
+        Some(Lean::Larger) => possible_alphas(mask, row, hit.weights, alpha)[1],
+        Some(Lean::Smaller) => possible_alphas(mask, row, hit.weights, alpha)[0],
+        None => alpha,
+    };
+    alpha >= R::of(mask.least_step())
 }
 
 /// Returns the least and the greatest alpha that rounding may give the point of a triangle with these weights, whose
@@ -119,7 +121,7 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
         let Some(textures) = self.textures else { return self.finder.visit(ray, visitor) };
         let mut far = ray.far;
         self.finder.visit(ray, &mut |hit| {
-            if self.has(textures, &hit) {
+            if is_solid(textures, &hit, None) {
                 far = visitor(hit);
             }
             far

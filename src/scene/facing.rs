@@ -2,8 +2,9 @@
 //! since only the front of a surface is lit.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
-use super::{Camera, Scene, Textures};
-use crate::reference::texture::Texels;
+use super::{Camera, Scene};
+use crate::reference::cutouts::is_solid;
+use crate::reference::intersect::Hit;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -148,7 +149,11 @@ impl Grid {
             let sample = &mut nearest[y * self.size[0] + x];
             let is_nearest = distance > self.z_near && distance < sample.0;
             let is_hit = is_nearest && sides.iter().all(|side| *side >= 0.0);
-            if is_hit && !is_hole(&mesh.textures, number, sides) {
+            let hit = || {
+                let sum: f64 = sides.iter().sum();
+                Hit { t: distance, weights: sides.map(|side| side / sum), triangle: number as u32 }
+            };
+            if is_hit && is_solid(&mesh.textures, &hit(), None) {
                 *sample = (distance, averted);
             }
         }
@@ -178,20 +183,10 @@ impl Grid {
     }
 }
 
-/// Returns true if a point of the triangle with the index `number` is in a hole of the triangle's mask. The
-/// point's barycentric weights are `sides`, divided by their sum. The test is that of `reference/cutouts.rs`.
-fn is_hole(textures: &Textures, number: usize, sides: [f64; 3]) -> bool {
-    let Some(row) = textures.mapped.get(number) else { return false };
-    let Some(mask) = row.mask.map(|mask| &textures.list[mask as usize]) else { return false };
-    let sum: f64 = sides.iter().sum();
-    let texels = Texels::at(mask, 0, row, sides.map(|side| side / sum));
-    texels.mix(|texel| f64::from(texel >> 24)) < mask.least_step()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Mapped, Shape, Texture, Triangle, Wrap, generate};
+    use crate::scene::{Mapped, Shape, Texture, Textures, Triangle, Wrap, generate};
 
     #[test]
     fn a_ball_is_seen_from_its_front_and_its_inside_from_behind() {
