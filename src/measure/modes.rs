@@ -4,8 +4,8 @@ use super::MIN_SAMPLES;
 use super::summary::quantile;
 use std::collections::BTreeMap;
 
-/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds [`DIP_LIMIT`]
-/// - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips
+/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
+/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips
 /// (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, sets of 10
 /// to 200 times were drawn from the uniform distribution. The dips of 99.9% of these sets stayed below the threshold.
 /// Therefore, if the times of a point have one mode (they cluster around one value), their dip exceeds the threshold
