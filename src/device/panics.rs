@@ -39,7 +39,7 @@ thread_local! {
 
 /// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed. The process
 /// ends at once, without freeing OpenCL objects. Panics outside the crate `ocl` are handled as usual. A panic that
-/// [`caught`] catches does not end the process.
+/// `caught` catches does not end the process.
 pub fn report_panics() {
     let usual = take_hook();
     set_hook(Box::new(move |panic: &PanicHookInfo<'_>| match of_ocl(panic) {

@@ -29,7 +29,7 @@ pub struct BuildError {
     /// driver's error.
     pub log: String,
     /// True if the program contains a kernel file that the user added or changed. raycl then assumes that the mistake
-    /// is in such a file. False until [`Self::located`] has looked for such files.
+    /// is in such a file. False until `located` has looked for such files.
     pub has_own_file: bool,
     /// True if the same build may succeed later: the build failed for a reason that has nothing to do with
     /// the program, such as a lack of memory.
