@@ -302,6 +302,9 @@ fn who_wins(answers: &[Answer]) -> String {
         (most, all) if most == all => {
             format!("In all {all} comparisons, {whom} {verb} fastest or tied for fastest")
         }
+        (most, all) if best.len() > 1 => format!(
+            "{whom} {verb} fastest, or tied for fastest, in {most} of {all} comparisons (not necessarily the same ones)"
+        ),
         (most, all) => format!("In {most} of {all} comparisons, {whom} {verb} fastest or tied for fastest"),
     }
 }

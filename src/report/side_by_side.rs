@@ -96,7 +96,8 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let rows = devices.iter().map(row).collect();
     let caption = "Each cell belongs to the point (strategy and local size) that is the fastest on the row's device. The \
         value is this point's time on the column's device, divided by the best time on that device. The value is a geometric mean over the \
-        scenes and sizes that were measured on both devices.";
+        scenes and image sizes that were measured on both devices and in which this point has a time on the column's device. \
+        (3 of 5) means that the point has such a time in only 3 of 5.";
     plot(
         "losses-by-device",
         "Time of one device's fastest point on another device, relative to the other device's best time",

@@ -117,11 +117,11 @@ impl Reader<'_> {
     pub fn refuse_another(&self, path: &str, text: &str) -> Result<()> {
         match entries(text).find(|(_, key, _)| self.key_names().any(|own| own == *key)) {
             Some((line, key, _)) => Err(Error::input(format!(
-                "{path}, line {line}: '{key}' is a key of a header, but this value's header is in {}",
-                self.path
+                "{path}, line {line}: '{key}' is a key of a header, but the header for this value of the axis '{}' is in {}",
+                self.axis, self.path
             ))
             .with_help(
-                "a value has only one header: remove the line, or write it in the other file's header",
+                "a value of an axis has only one header: remove the line, or write it in the other file's header",
             )),
             None => Ok(()),
         }
