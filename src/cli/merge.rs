@@ -26,9 +26,10 @@ pub struct Args {
     /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (driver's name,
     /// common name, platform, driver and other properties that affect times), a kind (cpu, gpu, accelerator), or all.
     /// A NAME of digits matches only a whole number of the description: 1 does not match H100. Results of the baselines
-    /// (ray casters on the host) are always merged. If no device on which a shard has begun matches any NAME, raycl
-    /// merges nothing. If such devices match only some of several NAMEs, raycl reports all points of the other NAMEs
-    /// except the baselines as missing. Not with --status [default: all devices on which a shard has begun]
+    /// (ray casters on the host) are always merged; host merges only these. If no device on which a shard has begun
+    /// matches any NAME, raycl merges nothing. If such devices match only some of several NAMEs, raycl reports all
+    /// points of the other NAMEs except the baselines as missing. Not with --status [default: all devices on which a
+    /// shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state

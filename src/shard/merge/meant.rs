@@ -39,17 +39,22 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
 /// that match no kind. If `meant` has no words, all kinds of device are selected. The kinds of host, on which
 /// baselines run, are always selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a
 /// part of a kind's description. As with `raycl run --device`, a word that consists only of digits matches a
-/// whole number in the description, but not a part of a longer number.
+/// whole number in the description, but not a part of a longer number. A word that matches only the host, for example
+/// because the host's processor has the vendor of a GPU, counts as a word that matches no kind, unless it is `all` or
+/// `host`.
 ///
 /// # Errors
 ///
 /// Returns an input error if a word is blank, or if kinds of device took part, but no word matches any of them: a merge
 /// would then replace the results of an earlier merge by none.
 pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
-    let has =
-        |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());
+    let plain = |word: &String| word.trim().to_lowercase();
+    let has = |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &plain(word));
+    let names_host = |word: &String| ["all", HOST].contains(&plain(word).as_str());
+    let is_selected =
+        |kind: &Kind, word: &String| has(kind, word) && (kind.device != HOST || names_host(word));
     let not_begun: Vec<String> =
-        meant.iter().filter(|word| !all.iter().any(|kind| has(kind, word))).cloned().collect();
+        meant.iter().filter(|word| !all.iter().any(|kind| is_selected(kind, word))).cloned().collect();
     let matches_none = !all.is_empty() && not_begun.len() == meant.len();
     let blank = meant.iter().find(|word| word.trim().is_empty());
     if let Some(word) = blank.or(meant.first().filter(|_| matches_none)) {
@@ -165,6 +170,21 @@ mod tests {
         }
         assert!(error(&[], &[""]).remedy().ends_with("devices with results: none"));
         assert_eq!(selected(&[], &Types::new(), &["h200"]), (vec![], names(&["h200"])), "no shard has begun");
+    }
+
+    /// A merge of baselines alone replaces the results of all devices, so a word that is meant for a device must not
+    /// select it.
+    #[test]
+    fn a_word_that_matches_only_the_hosts_processor_selects_no_kind() {
+        let all = [kind("host", "AMD EPYC 9B45"), kind("NVIDIA H200", "CUDA")];
+        let selected = |all: &[Kind], words: &[&str]| selected(all, &Types::new(), words);
+        for kinds in [&all[..], &all[..1]] {
+            let error = meant_kinds(kinds, &Types::new(), &names(&["amd"])).unwrap_err();
+            assert_eq!(error.to_string(), "no device with results matches 'amd'");
+            assert_eq!(selected(kinds, &["Host "]), (names(&["host"]), vec![]));
+        }
+        assert_eq!(selected(&all, &["amd", "h200"]), (names(&["host", "NVIDIA H200"]), names(&["amd"])));
+        assert_eq!(selected(&all[..1], &["all"]), (names(&["host"]), vec![]));
     }
 
     #[test]

@@ -871,7 +871,9 @@ mod tests {
             (Some(2), &json!(names[1]))
         );
         assert!(["about", "end"].iter().all(|key| about["attempts"][1].get(key).is_some()), "{about}");
-        let of_host = merge(out, &["amd".to_owned()]).unwrap();
+        assert!(merge(out, &["amd".to_owned()]).is_err(), "only the host's processor matches");
+        assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 2);
+        let of_host = merge(out, &[HOST.to_owned()]).unwrap();
         assert_eq!((of_host.records, of_host.missing.count()), (1, 0), "a gpu is not selected");
     }
 }
