@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::existing;
 use crate::experiment::Lock;
 use crate::peak::Peak;
-use crate::record::journals::RECORDS;
+use crate::record::journals::{RECORDS, SHARDS};
 use crate::record::{CurrentPlan, Repaired, no_results, refuse_closed, repair};
 use crate::shard::{Attempt, Kind, ShardPlan, State, status};
 use crate::words::counted_are;
@@ -76,7 +76,8 @@ impl Findings {
     /// twice (a running attempt increases its counter once per second). `between` is the time from the first
     /// reading to the second.
     fn of(folder: &Path, between: Duration) -> Result<Self> {
-        let has_shards = ShardPlan::read(folder)?.is_some();
+        // A damaged plan does not prevent the repair of the attempts' journals.
+        let has_shards = existing::is_file(&folder.join(SHARDS))?;
         if !has_shards && !existing::is_file(&folder.join(RECORDS))? {
             return Err(no_results(folder));
         }
@@ -171,11 +172,16 @@ impl Findings {
 }
 
 /// Returns an error for each file of a folder, other than a journal, that cannot be read. The checked files
-/// are the plan, the peak rates and, for an experiment in shards, one file per kind of device. If several of
-/// the files for kinds of devices cannot be read, only the first of them is reported. Other commands refuse a
-/// folder with a file that cannot be read.
+/// are the plan, the peak rates and, for an experiment in shards, the shards' plan and one file per kind of device. If
+/// several of the files for kinds of devices cannot be read, only the first of them is reported. Other commands refuse
+/// a folder with a file that cannot be read.
 fn unreadable(folder: &Path) -> Vec<Error> {
-    let errors = [CurrentPlan::read(folder).err(), Peak::stored_in(folder).err(), Kind::all(folder).err()];
+    let errors = [
+        ShardPlan::read(folder).err(),
+        CurrentPlan::read(folder).err(),
+        Peak::stored_in(folder).err(),
+        Kind::all(folder).err(),
+    ];
     errors.into_iter().flatten().collect()
 }
 
@@ -213,6 +219,7 @@ fn stopped(folder: &Path, between: Duration) -> Result<HashSet<String>> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::record::journals::SAMPLES;
     use crate::shard::{About, End};
 
     /// A folder of shards that has not been merged yet has no journal of records.
@@ -256,7 +263,7 @@ mod tests {
         let of = || Findings::of(out, Duration::ZERO).unwrap();
         assert_eq!(of().text(), "no line is damaged");
         std::fs::create_dir(out.join("kinds")).unwrap();
-        let files = ["plan.json", "peak.json", "kinds/gpu-1.jsonl"].map(|file| out.join(file));
+        let files = ["shards.json", "plan.json", "peak.json", "kinds/gpu-1.jsonl"].map(|file| out.join(file));
         files.iter().for_each(|file| std::fs::write(file, "rubbish\n").unwrap());
         let (text, json) = (of().text(), of().json());
         let lines: Vec<&str> = text.lines().collect();
@@ -278,6 +285,21 @@ mod tests {
         std::fs::write(&rates, "rubbish\n").unwrap();
         let text = of().text();
         assert!(text.starts_with(&format!("{} does not contain", rates.display())), "{text}");
+    }
+
+    #[test]
+    fn a_plan_of_shards_that_violates_a_rule_does_not_prevent_the_repair_of_the_attempts() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let plan = ShardPlan { points: vec!["a point of no block".into()], ..ShardPlan::default() };
+        std::fs::write(out.join(SHARDS), serde_json::to_string(&plan).unwrap()).unwrap();
+        let attempt = Attempt::begin(out, &About { shard: 1, of: 1, ..About::default() }).unwrap();
+        std::fs::write(attempt.folder.join(RECORDS), "rubbish\n").unwrap();
+        attempt.ended(&End::Interrupted).unwrap();
+        let findings = Findings::of(out, Duration::ZERO).unwrap();
+        assert_eq!(findings.repaired.len(), 1, "{}", findings.text());
+        let messages: Vec<String> = findings.unreadable.iter().map(Error::to_string).collect();
+        assert!(messages.len() == 1 && messages[0].contains("shards.json is damaged: "), "{messages:?}");
     }
 
     #[cfg(target_os = "linux")]
@@ -332,19 +354,21 @@ mod tests {
             attempt.folder
         });
         std::os::unix::fs::symlink("elsewhere", attempts[0].join(".lock")).unwrap();
-        std::fs::rename(attempts[1].join(RECORDS), out.join("elsewhere")).unwrap();
-        std::os::unix::fs::symlink(out.join("elsewhere"), attempts[1].join(RECORDS)).unwrap();
+        std::fs::write(out.join("elsewhere"), "rubbish\n").unwrap();
+        std::os::unix::fs::symlink(out.join("elsewhere"), attempts[1].join(SAMPLES)).unwrap();
         let findings = Findings::of(out, Duration::ZERO).unwrap();
         assert_eq!(findings.repaired.len(), 1, "{}", findings.text());
+        // The error about the link replaces the report on the attempt's journals, so none of them was changed.
+        assert_eq!(std::fs::read_to_string(attempts[1].join(RECORDS)).unwrap(), "rubbish\n");
         let messages: Vec<String> = findings.unreadable.iter().map(Error::to_string).collect();
         assert!(messages.len() == 2 && messages.iter().all(|it| it.contains("it is a link")), "{messages:?}");
         assert!(findings.unreadable.iter().any(|error| error.remedy() == NO_LOCK), "{messages:?}");
         let end = findings.end().unwrap_err();
         assert_eq!((end.exit_code(), end.to_string().as_str()), (2, "2 attempts are not repaired"));
         std::fs::remove_file(attempts[0].join(".lock")).unwrap();
-        std::fs::remove_file(attempts[1].join(RECORDS)).unwrap();
+        std::fs::remove_file(attempts[1].join(SAMPLES)).unwrap();
         let findings = Findings::of(out, Duration::ZERO).unwrap();
-        assert!(findings.repaired.len() == 1 && findings.end().is_ok(), "{}", findings.text());
+        assert!(findings.repaired.len() == 2 && findings.end().is_ok(), "{}", findings.text());
     }
 
     #[test]

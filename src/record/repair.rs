@@ -21,25 +21,51 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals. Returns one `Repaired` for each journal that was damaged. The caller must
-/// hold the folder's lock, by which only one process at a time writes to the folder.
+/// Repairs a folder's journals. Returns one `Repaired` for each journal that was damaged. If a journal cannot be read,
+/// no journal is changed, since an error replaces the report on what was changed. The caller must hold the folder's
+/// lock, by which only one process at a time writes to the folder.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
-    let repaired = [
-        repair_file(&folder.join(RECORDS), is_a::<Record>)?,
-        repair_file(&folder.join(SAMPLES), is_a::<Sample>)?,
-        repair_file(&folder.join(LAUNCHES), is_a::<LaunchEnd>)?,
-        repair_file(&folder.join(ROUNDS), is_a::<RoundLoad>)?,
-        repair_file(&folder.join(ANCHORS), is_a::<AnchorSample>)?,
-        repair_file(&folder.join(CONTROLS), is_a::<Record>)?,
+    let damaged = [
+        damaged(&folder.join(RECORDS), is_a::<Record>)?,
+        damaged(&folder.join(SAMPLES), is_a::<Sample>)?,
+        damaged(&folder.join(LAUNCHES), is_a::<LaunchEnd>)?,
+        damaged(&folder.join(ROUNDS), is_a::<RoundLoad>)?,
+        damaged(&folder.join(ANCHORS), is_a::<AnchorSample>)?,
+        damaged(&folder.join(CONTROLS), is_a::<Record>)?,
     ];
-    Ok(repaired.into_iter().flatten().collect())
+    damaged.into_iter().flatten().map(Damaged::repair).collect()
+}
+
+/// A journal with damaged lines, before its repair.
+struct Damaged {
+    path: PathBuf,
+    /// The bytes of the journal.
+    bytes: Vec<u8>,
+    /// The bytes of the lines that remain.
+    whole: Vec<u8>,
+    /// Number of damaged lines.
+    damaged: usize,
+    /// Number of lines that remain.
+    kept: usize,
+}
+
+impl Damaged {
+    /// Keeps a copy of the journal, and removes the damaged lines from it.
+    fn repair(self) -> Result<Repaired> {
+        let Self { path, bytes, whole, damaged, kept } = self;
+        let copy = keep_copy(&path, &bytes)?;
+        write_whole(&path, &whole)?;
+        Ok(Repaired { file: path, copy, damaged, kept })
+    }
 }
 
 fn is_a<T: DeserializeOwned>(line: &[u8]) -> bool {
     serde_json::from_slice::<T>(line).is_ok()
 }
 
-fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repaired>> {
+/// Reads a journal; returns `None` if no line is damaged, or if there is no such journal. `is_whole` returns true for a
+/// line that is not damaged.
+fn damaged(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Damaged>> {
     if !existing::exists(path)? {
         return Ok(None);
     }
@@ -56,9 +82,8 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     if damaged.is_empty() {
         return Ok(None);
     }
-    let copy = keep_copy(path, &bytes)?;
-    write_whole(path, &kept.concat())?;
-    Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
+    let (whole, damaged, kept) = (kept.concat(), damaged.len(), kept.len());
+    Ok(Some(Damaged { path: path.to_owned(), bytes, whole, damaged, kept }))
 }
 
 /// Writes a copy of a journal to the disk, in the same folder and under an unused name. Returns the copy's
@@ -187,6 +212,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join(SAMPLES)).unwrap();
         assert_eq!(repair(folder.path()).unwrap_err().exit_code(), 2);
+    }
+
+    /// The journal that cannot be read is the last one that a repair reads.
+    #[test]
+    fn a_journal_that_cannot_be_read_leaves_the_others_unchanged() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join(CONTROLS)).unwrap();
+        std::fs::write(folder.path().join(RECORDS), "nonsense\n").unwrap();
+        assert!(repair(folder.path()).is_err());
+        assert_eq!(std::fs::read_to_string(folder.path().join(RECORDS)).unwrap(), "nonsense\n");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "there is no copy");
     }
 
     #[cfg(unix)]

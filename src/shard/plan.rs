@@ -9,6 +9,9 @@ use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+/// The remedy for a plan that cannot be read. It names no option, since some commands that read plans lack `--out`.
+const RESTORE: &str = "restore the file from a copy, or start the shards again in a new folder";
+
 /// The data by which each shard checks that its inputs equal those of the other shards. The number of shards,
 /// the config, its overrides, the scenes and the kernels must be equal for all shards; the config's path and
 /// the version of raycl may differ.
@@ -83,16 +86,14 @@ impl ShardPlan {
             return Ok(None);
         }
         let unreadable = |error: &dyn std::fmt::Display| {
-            Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "give the path of a folder that `raycl run --shard` wrote, or choose another folder with --out",
-            )
+            Error::input(format!("cannot read {}: {error}", path.display())).with_help(RESTORE)
         };
         let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
         let plan: Self = serde_json::from_slice(&text).map_err(|error| unreadable(&error))?;
         match plan.damage() {
-            Some(damage) => Err(Error::input(format!("{} is damaged: {damage}", path.display())).with_help(
-                "copy the file again from the machine that wrote it, or choose another folder with --out",
-            )),
+            Some(damage) => {
+                Err(Error::input(format!("{} is damaged: {damage}", path.display())).with_help(RESTORE))
+            }
             None => Ok(Some(plan)),
         }
     }
@@ -282,8 +283,10 @@ mod tests {
         ] {
             let error = read(&damaged).unwrap_err();
             let message = format!("{} is damaged: {rule}", path(folder.path()).display());
-            assert_eq!((error.to_string(), error.exit_code()), (message, 2));
+            assert_eq!((error.to_string(), error.exit_code(), error.remedy()), (message, 2, RESTORE));
         }
+        std::fs::write(path(folder.path()), "rubbish").unwrap();
+        assert_eq!(ShardPlan::read(folder.path()).unwrap_err().remedy(), RESTORE);
     }
 
     #[test]
