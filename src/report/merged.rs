@@ -23,8 +23,8 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
 pub struct Origins<'a> {
     folders: &'a [Folder],
     labels: Vec<String>,
-    /// Each folder's records, with the names that [`merged`] gives them.
-    records: Vec<Vec<Record>>,
+    /// Each folder's baselines, with the names that [`merged`] gives them.
+    baselines: Vec<Vec<Record>>,
     /// Maps the point of each merged record ([`point`]) to the index of the record's folder.
     folder_indices: HashMap<String, usize>,
 }
@@ -40,7 +40,13 @@ impl<'a> Origins<'a> {
         // If several folders have a point, the index of the last of these folders is stored, since `merged`
         // uses the last folder's record.
         let folder_indices = records.iter().enumerate().flat_map(points).collect();
-        Self { folders, labels, records, folder_indices }
+        let baselines_of = |records: Vec<Record>| -> Vec<Record> {
+            records.into_iter().filter(Record::is_baseline).collect()
+        };
+        // The other records are not kept: a second copy of all records would need much memory, and `baselines`
+        // would search them for each group.
+        let baselines = records.into_iter().map(baselines_of).collect();
+        Self { folders, labels, baselines, folder_indices }
     }
 
     /// Returns the path of a merged record's folder; `None` if the record is not among the merged records.
@@ -69,7 +75,7 @@ impl<'a> Origins<'a> {
         let Some(index) = best.and_then(|best| self.index(best)) else { return all };
         // A baseline has the same key in all folders of a machine, and `groups` has only the last folder's record of
         // it. The folder's own record was measured together with the point.
-        let own = group.baselines(&crate::record::groups(&self.records[index]));
+        let own = group.baselines(&crate::record::groups(&self.baselines[index]));
         if !own.is_empty() {
             return own;
         }
@@ -419,6 +425,8 @@ mod tests {
         let folders = [folder("gpu", 400.0), folder("cpu", 800.0)];
         let (records, origins) = (merged(&folders), Origins::of(&folders));
         assert_eq!(records.len(), 3, "the two records of the baseline have one key");
+        let copied: Vec<usize> = origins.baselines.iter().map(Vec::len).collect();
+        assert_eq!(copied, [1, 1], "only baselines are copied");
         let groups = groups(&records);
         let times = |device: &str| -> Vec<Option<f64>> {
             let group = groups.iter().find(|group| group.device == device).expect("a group");
