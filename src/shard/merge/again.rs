@@ -5,29 +5,46 @@ use super::lines;
 use crate::error::Result;
 use crate::record::Sample;
 use crate::record::journals::SAMPLES;
-use crate::shard::Attempt;
+use crate::shard::{Attempt, End};
 use crate::words::few;
 use std::collections::BTreeMap;
 
-/// Returns a note that names the attempts at each shard with several attempts that took samples on the same devices;
-/// `None` if there is no such shard.
+/// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there is no
+/// such shard. Attempts that had nothing to measure are left out.
 pub fn attempted_again(attempts: &[Attempt]) -> Result<Option<String>> {
-    let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&str>> = BTreeMap::new();
+    let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&Attempt>> = BTreeMap::new();
     for attempt in attempts {
-        if !took_samples(attempt)? {
-            continue;
-        }
         let Some(about) = attempt.about()? else { continue };
-        of_shards.entry((about.shard, about.devices)).or_default().push(&attempt.name);
+        of_shards.entry((about.shard, about.devices)).or_default().push(attempt);
     }
-    let texts: Vec<String> = of_shards
-        .iter()
-        .filter(|(_, names)| names.len() > 1)
-        .map(|((shard, _), names)| format!("{} attempts at shard {shard} ({})", names.len(), few(names)))
-        .collect();
+    let mut texts = Vec::new();
+    // The samples of a shard with one attempt are not read: the journals of samples are the largest files.
+    for ((shard, _), attempts) in of_shards.iter().filter(|(_, attempts)| attempts.len() > 1) {
+        let names = names_of_busy(attempts)?;
+        if names.len() > 1 {
+            texts.push(format!("{} attempts at shard {shard} ({})", names.len(), few(&names)));
+        }
+    }
     Ok((!texts.is_empty()).then(|| {
         format!("There were {}. Attempts that ran at the same time may have slowed each other.", few(&texts))
     }))
+}
+
+/// Returns the names of those attempts that may have slowed other attempts.
+fn names_of_busy<'a>(attempts: &[&'a Attempt]) -> Result<Vec<&'a str>> {
+    let mut names = Vec::new();
+    for attempt in attempts {
+        if may_have_slowed(attempt)? {
+            names.push(attempt.name.as_str());
+        }
+    }
+    Ok(names)
+}
+
+/// Returns true unless an attempt had nothing to measure. An attempt that took no samples, but has not finished, may
+/// have compiled programs or cast pictures of the reference for a long time.
+fn may_have_slowed(attempt: &Attempt) -> Result<bool> {
+    Ok(attempt.end()? != Some(End::Done) || took_samples(attempt)?)
 }
 
 /// Returns true if an attempt took samples. An attempt at a shard that an earlier attempt has finished takes none, and
@@ -59,16 +76,18 @@ mod tests {
                 |origin: &Option<&str>| Sample { origin: origin.map(str::to_owned), ..Sample::default() };
             let samples: Vec<Sample> = samples.iter().map(sample).collect();
             JsonLines::append_to(&attempt.folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
+            attempt
         };
+        let finish = |attempt: Attempt| attempt.ended(&End::Done).unwrap();
         begin(1, "n1", "gpu", &[None]);
         begin(1, "n1", "cpu", &[None]);
-        begin(3, "n3", "cpu", &[None]);
-        // Attempts that measured nothing did not slow the others.
-        begin(3, "n1", "cpu", &[]);
-        begin(3, "n2", "cpu", &[Some("shard-00003.n3..r00 launch 0")]);
+        finish(begin(3, "n3", "cpu", &[None]));
+        // Attempts that had nothing to measure did not slow the others.
+        finish(begin(3, "n1", "cpu", &[]));
+        finish(begin(3, "n2", "cpu", &[Some("shard-00003.n3..r00 launch 0")]));
         let note = || attempted_again(&Attempt::all(folder.path()).unwrap()).unwrap();
         assert_eq!(note(), None);
-        begin(3, "n4", "cpu", &[Some("shard-00003.n3..r00 launch 0"), None]);
+        finish(begin(3, "n4", "cpu", &[Some("shard-00003.n3..r00 launch 0"), None]));
         assert_eq!(
             note().as_deref(),
             Some(
@@ -76,5 +95,8 @@ mod tests {
                  same time may have slowed each other."
             )
         );
+        // An attempt that was killed before its first sample may have compiled programs during the other attempts.
+        begin(3, "n5", "cpu", &[]);
+        assert!(note().unwrap().contains("There were 3 attempts at shard 3 (shard-00003.n3..r00, "));
     }
 }
