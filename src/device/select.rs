@@ -148,17 +148,20 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     if KINDS.contains(&pattern.as_str()) {
         return None;
     }
-    let kinds = KINDS.into_iter().chain(["all"]).map(str::to_owned);
+    let is_there = |kind: &&str| infos.iter().any(|info| info.kind.name() == *kind);
+    let (present, missing): (Vec<&str>, Vec<&str>) = KINDS.into_iter().partition(is_there);
+    // Of equally similar words, the first is suggested, so the kinds that no device has come last.
+    let kinds = [present, vec!["all"], missing.clone()].concat();
     let names: Vec<String> = infos.iter().flat_map(|info| names(info)).collect();
     let words = names.iter().flat_map(|name| name.split_whitespace());
     // The parts of a hyphenated word can be suggested, too, such as "pthread" in the name "pthread-skylake".
     let parts = words.clone().flat_map(|word| word.split(|c: char| !c.is_alphanumeric()));
     let words = words.chain(parts);
-    let mut candidates: Vec<_> = words.map(str::to_owned).chain(kinds).collect();
+    let mut candidates: Vec<_> =
+        words.map(str::to_owned).chain(kinds.into_iter().map(str::to_owned)).collect();
     candidates.retain(|word| word.len() > 2);
-    let is_missing = |word: &str| KINDS.contains(&word) && !infos.iter().any(|info| info.kind.name() == word);
     let nearest = nearest(&pattern, candidates.iter().map(String::as_str));
-    nearest.filter(|word| !is_missing(word)).map(str::to_owned)
+    nearest.filter(|word| !missing.contains(word)).map(str::to_owned)
 }
 
 fn listing(infos: &[&DeviceInfo]) -> String {
@@ -291,6 +294,15 @@ mod tests {
         assert!(remedy("cpuu").starts_with("did you mean 'cpu'?"));
         assert!(remedy("al").starts_with("did you mean 'all'?"));
         assert!(message(&["gpus"]).contains("did you mean 'gpu'?"));
+    }
+
+    #[test]
+    fn of_equally_similar_kinds_one_that_some_device_has_is_suggested() {
+        for (kind, meant) in [(DeviceKind::Gpu, "gpu"), (DeviceKind::Cpu, "cpu")] {
+            let device = example("P", "H200", kind, 132);
+            let error = selected(&[&device], &["xpu".to_owned()]).expect_err("a mistake");
+            assert!(error.remedy().starts_with(&format!("did you mean '{meant}'?")), "{error:?}");
+        }
     }
 
     #[test]
