@@ -19,7 +19,9 @@ use crate::error::{Error, Result};
 use crate::existing;
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, CurrentPlan, LaunchEnd, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
+use crate::record::{
+    AnchorSample, CurrentPlan, LaunchEnd, MERGE, Record, RoundLoad, Sample, read_lines_if_any,
+};
 use crate::record::{remove_leftovers, write_json, write_whole_by};
 use crate::words::counted;
 use choice::{Chosen, choose};
