@@ -5,7 +5,7 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
     Lanes column[FLOATS_OF_SURFACE];
     IntLanes id;
     id.all = triangle;
-    for (int i = 0; i < FLOATS_OF_SURFACE; i++) column[i].all = (varying)(0.0f);
+    for (int i = 0; i < FLOATS_OF_SURFACE; i++) column[i].all = (varying)(0.0f); // for lanes without a hit
     for (int lane = 0; lane < WIDTH; lane++)
         if (id.each[lane] != NO_HIT) gather_surface(geometry, id.each[lane], lane, column);
     return surface_of(column);
@@ -26,7 +26,7 @@ void move_hits(const Geometry *geometry, varying_int triangle, const Surface *su
     Lanes column[9];
     IntLanes id;
     id.all = triangle;
-    for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
+    for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f); // no lane computes with undefined numbers
     for (int lane = 0; lane < WIDTH; lane++)
         if (id.each[lane] != NO_HIT) gather_corners(geometry, id.each[lane], lane, column);
     const Vec3 corner[3] = {vec3(column[0].all, column[1].all, column[2].all),
@@ -56,7 +56,7 @@ Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin
     // edge from a to b, and columns 6 to 8 the edge from a to c.
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
-        if (id.each[lane] == NO_HIT) continue;
+        if (id.each[lane] == NO_HIT) continue; // NO_HIT is no triangle's number, so its address is not valid
         const Corners own = corners(geometry, id.each[lane]);
         const Uniform3 e1 = uniform_difference(own.b, own.a);
         const Uniform3 e2 = uniform_difference(own.c, own.a);

@@ -1,6 +1,6 @@
 // The pixels and rays of a work-item. The ray through the point (x, y) of the image, in pixels, starts at eye.xyz in
-// the direction corner + x * step_x + y * step_y. The direction has depth 1: its component along the view direction is
-// 1. Pixel centres lie at half-integers. eye.w is z_near: hits at this depth or nearer are ignored.
+// the direction corner + x * step_x + y * step_y (from src/scene/camera.rs). This direction has depth 1 (its component
+// along the view direction). Pixel centres lie at half-integers. eye.w is z_near: hits up to this depth are ignored.
 
 #ifndef CAMERA_PARAMETERS
 #error "CAMERA_PARAMETERS: the parameters eye, corner, step_x and step_y of kernels, with their types"
@@ -66,7 +66,7 @@ Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     const varying length = sqrt(dot3(d, d));
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
-    ray.direction = scale(d, 1.0f / length);
+    ray.direction = scale(d, 1.0f / length); // so that t is a distance
     // z_near (eye.w) is a depth. Along the ray, the depth grows by 1 / length per unit of t.
     ray.t_min = eye.w * length;
     return ray;
@@ -77,7 +77,7 @@ Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
 Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
-    ray.direction = vec3(RAY_X(*pixels), RAY_Y(*pixels), (varying)(1.0f));
-    ray.t_min = (varying)(eye.w);
+    ray.direction = vec3(RAY_X(*pixels), RAY_Y(*pixels), (varying)(1.0f)); // no square root is needed
+    ray.t_min = (varying)(eye.w); // z_near, since t is the depth
     return ray;
 }

@@ -65,11 +65,11 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
     return along(along(own, -part, both), 2.0f * vector.z, normal);
 }
 
-// Returns an estimate of the radiance that a surface's highlight reflects from the picture of the sky to the eye. The
-// estimate ignores surfaces that block the sky. One half vector h is chosen, with a probability density proportional to
-// (n . h)^s, where n is the normal and s the shininess. Let w_o be the direction to the eye, and w_i the direction w_o
-// mirrored at h. The estimate is the product of k_G (surface->glossy), the radiance from the direction w_i, the cosines
-// w_o . h and w_i . n, and (s + 8) / (s + 1).
+// Estimates the radiance that a surface's highlight reflects from the picture of the sky to the eye, as if nothing
+// blocked the sky. A half vector h is chosen with the density (s + 1) / (2 pi) (n . h)^s (n: normal, s: shininess). The
+// direction to the eye, w_o, mirrored at h is w_i. Its density is that of h, divided by 4 w_o . h. The highlight
+// k_G (s + 8) / (8 pi) (n . h)^s, times n . w_i, divided by the density of w_i, is k_G (s + 8) / (s + 1) (w_o . h)
+// (n . w_i), with k_G = surface->glossy. The estimate is this product, times the radiance from the direction w_i.
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);

@@ -1,7 +1,7 @@
 // Computes the planes through the edges of triangles and the common origin of rays (the eye, or a light).
 
-// Returns the normal of the plane through the origin and an edge. The edge's ends p and q are relative to the origin;
-// `edge` is p - q. Swapping p and q changes the signs of the normal's components, and nothing else.
+// Returns the normal of the plane through the origin and an edge: edge x (p + q) = 2 p x q. The edge's ends p and q are
+// relative to the origin; `edge` is p - q. Swapping p and q changes only the signs of the normal's components.
 Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
@@ -13,7 +13,7 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 // shared edge therefore differ only by the sign and by a power of two.
 float per_overlap(float slack, float shortest, float longer) {
     const float overlap = max(slack * min(longer, OVERLAP_EDGES * shortest), FLT_MIN);
-    return 1.0f / as_float(as_int(overlap) & 0x7f800000);
+    return 1.0f / as_float(as_int(overlap) & 0x7f800000); // the mask keeps only the exponent, bits 30 to 23
 }
 
 // Returns the row (the planes) of a triangle that no ray hits. A ray with a component along x lies on the outer side of

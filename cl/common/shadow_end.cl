@@ -1,7 +1,7 @@
 // The end of a shadow ray that is cast from a light to a hit, not from the hit to the light.
 
-// A bound of the rounding error of the hit's distance from the light, relative to this distance. The bound allows for
-// four roundings, like AT_DISTANCE in src/reference/cast.rs.
+// A bound of the rounding error of the hit's distance from the light, relative to this distance: twice the error of
+// four roundings (of at most 6e-8 each), rounded up, like AT_DISTANCE in src/reference/cast.rs.
 #define ROUNDING_AT_DISTANCE 5e-7f
 // The largest 1 / cosine that gap_before_hit uses. At cosines (of ray and normal) below 1/50, a surface receives so
 // little light that it does not matter if rounding shadows a pixel by mistake. Because of MOST_PER_COSINE,

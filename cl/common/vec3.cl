@@ -16,7 +16,7 @@ Vec3 vec3(varying x, varying y, varying z) {
     return v;
 }
 
-Vec3 splat(Uniform3 u) { return vec3((varying)(u.x), (varying)(u.y), (varying)(u.z)); }
+Vec3 splat(Uniform3 u) { return vec3((varying)(u.x), (varying)(u.y), (varying)(u.z)); } // the same in all lanes
 Vec3 add(Vec3 a, Vec3 b) { return vec3(a.x + b.x, a.y + b.y, a.z + b.z); }
 Vec3 subtract(Vec3 a, Vec3 b) { return vec3(a.x - b.x, a.y - b.y, a.z - b.z); }
 Vec3 multiply(Vec3 a, Vec3 b) { return vec3(a.x * b.x, a.y * b.y, a.z * b.z); }

@@ -12,7 +12,7 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
         if (!ANY(lit)) continue;
         LightDirection direction;
         find_light_direction(lighting, light, once->mean + part, &direction);
-        lit &= direction.cosine > 0.0f;
+        lit &= direction.cosine > 0.0f; // shade_alike has already compared the light's distance with the bias
         open |= LANE_BITS16(lit) << (16 * part);
         // All hits of a pixel get the same t, `reach`, which is at least their distance from the light. The directions
         // of the pixel's rays therefore need no square root, and are at most 1 long.
@@ -45,7 +45,7 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
     const Vec3 from = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), origin = splat(LOAD3((const float *)&eye));
     varying per_reach[PARTS], end[PARTS];
     const uint open = bound_rays_once(once, lighting, light, slices, per_reach, end);
-    const int several = lighting->light_count > 1;
+    const int several = lighting->light_count > 1; // later lights then need the hits of all pixels shaded once
     for (uint left = several && light == 0 ? once->vectors : open; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         Vec3 *hit = &shaded[several ? vector : 0].point; // with a single light, no hit is needed later
@@ -56,7 +56,7 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
                                   d.z * VALUE_OF(once->inverse_depth[2], vector);
             *hit = along(origin, 1.0f / inv_t, d);
         }
-        if (!(open >> vector & 1u)) continue;
+        if (!(open >> vector & 1u)) continue; // only later lights need these hits
         const Vec3 direction = scale(subtract(*hit, from), (varying)(VALUE_OF(per_reach, vector)));
         bundle->x[vector] = direction.x, bundle->y[vector] = direction.y, bundle->z[vector] = direction.z;
         bundle->inv_t[vector] = SELECT(samples->filled, (varying)(VALUE_OF(end, vector)), (varying)(FAR));
@@ -88,21 +88,21 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
 // light reaches only some of the samples, the radiance of each reached sample is added to `sum`.
 void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
-    const uint all = LANE_BITS16(samples->filled);
+    const uint all = LANE_BITS16(samples->filled); // lanes without a sample have no ray
     uint whole = 0;
     for (uint left = open & once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         const Mask reached = bundle->inv_t[vector] < FAR; // the rays of all other lanes are blocked, or were not cast
         const uint bits = LANE_BITS16(reached);
         if (bits == all) whole |= 1u << vector;
-        if (bits == all || !bits) continue;
+        if (bits == all || !bits) continue; // the second loop shades pixels in full light, up to 16 together
         once->split |= 1u << vector;
         add_to_samples(samples, bundle, tree, lighting, light, eye, corner, step_x, step_y, image_size, vector, reached,
                        sum + vector);
     }
     for (int part = 0; part < PARTS; part++) {
         const Mask pixels = LANES_OF(whole, part);
-        if (!ANY(pixels)) continue;
+        if (!ANY(pixels)) continue; // shading costs the same for one pixel as for 16
         const Shaded *mean = once->mean + part;
         LightDirection direction;
         find_light_direction(lighting, light, mean, &direction);
@@ -123,7 +123,7 @@ uint sum_once(const OncePixels *once, const FrameSamples *samples, float4 *sums,
         const Uniform3 mean = uniform3(VALUE_OF(once->sum[0], vector), VALUE_OF(once->sum[1], vector),
                                        VALUE_OF(once->sum[2], vector));
         if (once->split >> vector & 1u) sum[vector] = add(sum[vector], splat(mean));
-        else sums[vector] = (float)samples->count * (float4)(mean.x, mean.y, mean.z, 1.0f);
+        else sums[vector] = (float)samples->count * (float4)(mean.x, mean.y, mean.z, 1.0f); // all samples are equal
     }
     return once->vectors & ~once->split;
 }

@@ -19,7 +19,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
     uint hit = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
         sum[vector] = splat(uniform3(0.0f, 0.0f, 0.0f));
-        hit |= ANY(bundle->leaf_index[vector] != NO_HIT) ? 1u << vector : 0;
+        hit |= ANY(bundle->leaf_index[vector] != NO_HIT) ? 1u << vector : 0; // other vectors need no light
     }
 #if SOFT || EMISSIVE
     // Soft light and emitted light need the hits, so the hits are computed once here, before the loop over lights.
@@ -39,7 +39,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #if SOFT
         if (radius_of(&lighting->soft, light) > 0.0f) {
             add_soft_light(CAST_ARGUMENTS bundle, tree, lighting, light, image_size, shaded, sum);
-            continue;
+            continue; // rays to an extended light have no common origin, so they need another traversal
         }
 #endif
         Slices slices;
@@ -57,7 +57,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         {
             const TileInterval interval = interval_of_tile(&slices);
             finish_slices(bundle, &slices);
-            walk(bundle, &slices, &interval, tree, open, 1);
+            walk(bundle, &slices, &interval, tree, open, 1); // 1: any hit blocks the light, not only the nearest
         }
 #if SHADES_ONCE
         add_light_once(&once, samples, bundle, tree, lighting, light, eye, corner, step_x, step_y, image_size, open,
@@ -76,7 +76,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #if SAMPLED
     if (IS_PIXEL_A_VECTOR(samples)) {
         float4 sums[VECTORS];
-        uint left = samples->cast;
+        uint left = samples->cast; // not the pixels that already have enough samples
 #if SHADES_ONCE
         left &= ~sum_once(&once, samples, sums, sum);
 #endif
@@ -85,7 +85,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
             sums[vector] = sum_of_samples(samples, background, sum + vector, bundle->leaf_index[vector] != NO_HIT);
         }
         store_sums(samples, sums, image, image_size);
-        return;
+        return; // each vector was one pixel, so there are no blocks of pixels to store
     }
 #endif
     EACH_CAST(vector) {

@@ -21,7 +21,7 @@
 // The positions of a frame's samples in their pixel, in units of a pixel's side.
 typedef struct {
     float x, y;                     // the mean position
-    float variance;                 // an upper bound of the variance along any line
+    float variance;                 // an upper bound of the variance along any line: max(xx, yy) + |xy| (Gershgorin)
     float left, right, top, bottom; // bounds of the positions, relative to the mean position
     float reach;                    // the largest distance of the four bounds from the mean position
 } SamplePositions;
@@ -111,7 +111,7 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     right->depth = -t * dot3(across, m), below->depth = -t * dot3(down, m);
     right->point = scale(along(across, right->depth, d), t), below->point = scale(along(down, below->depth, d), t);
     right->eye = length_of(across) / length, below->eye = length_of(down) / length;
-    // If the hit moves by p, the weights of the second and third corner change by p . g1 / (n . n), p . g2 / (n . n).
+    // If the hit moves by p, w1 changes by p . g1 / (n . n), since e1 . g1 = n . n and e2 . g1 = 0; w2 likewise by g2.
     const Vec3 g1 = cross3(e2, n), g2 = cross3(n, e1);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
@@ -181,10 +181,10 @@ varying half_turn(const LightAtPixel *light, const PixelStep *step) {
 // the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
 varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
-    // `first` and `second` are upper bounds of the derivatives of cosine / r^2, relative to its value. If only the
-    // normal turns, the second derivative is the square of step->turn, and more if the interpolated normal's length
-    // changes too. The term with step->depth is needed because a hit is not a linear function of the pixel where depth
-    // changes. The factors 3, 8 and 4 in `first` and `second` are upper bounds.
+    // `first` and `second` bound |g'| / g and |g''| / g for g = n . v / r^3 (v: hit to light). Per length, v / r^3 has
+    // derivatives of at most 2 / r^3 and 6 / r^4. A step is r to_light long. With b = step->turn, first is at most
+    // b + 2 to_light, and second b^2 + 2 b (stretch + depth) + 4 depth to_light + 4 b to_light + 6 to_light^2, all but
+    // b^2 per cosine. (The hit's path p bends where depth changes: |p''| = 2 depth |p'|.) The factors 3, 8, 4 suffice.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
     const varying second = step->turn * (step->turn + 2.0f * step->stretch * light->per_cosine) +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;

@@ -97,8 +97,8 @@ TileInterval interval_of_tile(const Slices *directions) {
 // normal, and of the bound that largest_product computes.
 #define PRODUCT_ROUNDING 2e-6f
 
-// Converts `slices` from intervals of directions to intervals of reciprocals. First, the function stores the middles
-// and half widths of the intervals of directions in the bundle.
+// Converts `slices` from intervals of directions to intervals of reciprocals. First, stores the intervals' middles and
+// half widths in the bundle. (In lanes without rays, high - low would overflow, so each end is halved first.)
 void finish_slices(Bundle *bundle, Slices *slices) {
     for (int axis = 0; axis < 3; axis++) {
         for (int part = 0; part < PARTS; part++) {
@@ -136,8 +136,8 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
-            // A mixed axis, along which rays run in both directions, limits the t at which rays enter the box only if
-            // the origin does not lie between the box's two sides.
+            // Along a mixed axis, rays with 1/d >= high enter at `near`, those with 1/d <= low at `far`. Only the
+            // product of the side that faces the origin is positive; none is if the origin lies between the sides.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
             // A ray crosses a side at t = side * (1 / d). The earliest entry and the latest exit occur at ends of the
@@ -161,7 +161,7 @@ uint slices_overlap(const Slices *slices, const TileInterval *interval, const Bo
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
-            if (interval->mixed[axis]) { // either side may be the near one, even within one vector
+            if (interval->mixed[axis]) { // mixed vectors as in children_overlap; others may run either way
                 const int16 mixed = (low < 0.0f) & (high > 0.0f);
                 first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
                 last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));

@@ -25,7 +25,7 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
         const SurfacePoint surface_point =
             surface_point_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, leaf_index);
         // Computes the ray from the light to the hit again. This ray is the only one in its shaft, so the box around
-        // the slopes of the shaft's rays is a point.
+        // the slopes of the shaft's rays is a point. The ray ends at t = 1, where 1/z is `per_depth`.
         const Vec3 direction = direction_to_hit(surface_point, subtract(load_vec3(at), surface_point.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(direction.x, direction.y, direction.z), &shaft);

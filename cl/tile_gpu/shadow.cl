@@ -22,7 +22,7 @@
 //     ray        1  0  1  0  1  0
 //
 // BITS_OF_PIXEL(word, 1) returns the pixel's word of ray 1: it shifts the bits of ray 1 to bits 0, 2, 4, ... and clears
-// all other bits.
+// all other bits: 0xffffffff / 3 is 0x55555555, in which every second bit is set.
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
@@ -160,7 +160,7 @@ INLINED uint light_directions(Group *group, const Tree *tree, const __global flo
                               Directions *directions) {
     uint cast = 0;
     directions->per_begin = FAR;
-    directions->per_end = 1.0f;
+    directions->per_end = 1.0f; // a direction reaches to the ray's end (direction_to_hit), so the ray ends at t = 1
     EACH_RAY(ray) { // no branch, so that the loads of all rays overlap
         const EyeRay eye_ray = tile_ray(group, ray, grid);
         const int hit = HAS(wanted, ray) != 0;

@@ -76,10 +76,10 @@ INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, Vec
     return solid_on_rays(&tree->masks, leaf_triangle(tree, index), corners, point, vec3(x, y, 1.0f), 1);
 }
 #define SOLID_IN_PACKET(tree, shaft, index, point, x, y, hit) (hit && solid_in_packet(tree, shaft, index, point, x, y))
-#define USES_LANES(any) 1
+#define USES_LANES(any) 1 // whether candidates->lanes is read: here, for a triangle's mask or index
 #else
 #define SOLID_IN_PACKET(tree, shaft, index, point, x, y, hit) hit
-#define USES_LANES(any) !any
+#define USES_LANES(any) !any // candidates->lanes is read only for the nearest triangle's index
 #endif
 
 // A leaf's triangles against which a group's rays are tested, stored without gaps, and the lanes that prepared them.
@@ -147,7 +147,7 @@ INLINED int is_looking(const RayPacket *packet) {
     return looking;
 }
 
-// Returns the z beyond which no hit matters. `worst` is the smallest 1/z at which a hit matters.
+// Returns the z beyond which no hit matters, rounded up. `worst` is the smallest 1/z at which a hit matters.
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
 // Walks the tree with the rays of a pass, and finds the nearest hit of each ray or, with `any`, any hit. With `any`,

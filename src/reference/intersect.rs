@@ -26,7 +26,7 @@ pub fn moller_trumbore<R: Real>(
 ) -> Option<(R, [R; 3])> {
     let (e1, e2) = (v1 - v0, v2 - v0);
     let q = ray.direction.cross(e2);
-    let a = e1.dot(q); // the determinant: positive if the ray hits the front
+    let a = e1.dot(q); // a = -direction . (e1 x e2) is positive if the ray runs against the front's normal
     let culled = culling == Culling::Back && a < R::ZERO;
     if a == R::ZERO || culled {
         return None;

@@ -4,8 +4,9 @@
 //!
 //! The algorithm comes from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
 //! 3rd ed., chapter 15. The code is generic over `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
-//! [`shade`] and [`cast`] in this order. On devices, the files in `cl/common/` and `cl/cast/` cast rays by
-//! the same algorithm.
+//! [`shade`] and [`cast`] in this order. Skip `visit_larger` in [`traverse`], and `Grazing`, `leaning`, `rivals`,
+//! `off_plane`, `grazing` and `grazed` in [`cast`]: they serve only [`certainty`]. On devices, the files in
+//! `cl/common/` and `cl/cast/` cast rays by the same algorithm.
 
 pub mod cast;
 pub mod certainty;

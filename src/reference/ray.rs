@@ -20,7 +20,8 @@ pub struct Ray<R: Real> {
     pub is_shadow: bool,
 }
 
-/// The rays of an image, with one type of numbers.
+/// The rays of an image, with one type of numbers. [`PixelFrame`] explains the fields; `src/scene/camera.rs` computes
+/// them.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<R: Real> {
     eye: R::Vector,
@@ -44,15 +45,17 @@ impl<R: Real> Frame<R> {
         }
     }
 
-    /// Returns the width of a pixel's cone at distance `t` along a ray from the eye.
+    /// Returns the width of a pixel's cone at distance `t` along a ray from the eye: the width at depth 1 times the
+    /// depth. (The vector `cone` has the direction of the camera's forward axis, and the cone's width at depth 1 as its
+    /// length.)
     pub fn cone_width(&self, ray: &Ray<R>, t: R) -> R {
         self.cone.dot(ray.direction) * t
     }
 
     /// Returns the ray through pixel coordinates (x, y); a pixel's centre is at half-integers.
     pub fn primary(&self, x: R, y: R) -> Ray<R> {
-        // The direction has depth 1, so its length converts the depth z_near to a distance along the ray. Hits then
-        // count from the near plane on, where the book's rays start.
+        // The direction has depth 1, so its length converts the depth z_near to a distance along the ray. Only
+        // hits behind the near plane count: the book's rays start at this plane.
         let towards = self.corner + self.step_x * x + self.step_y * y;
         let length = towards.dot(towards).sqrt();
         Ray {

@@ -100,7 +100,9 @@ pub fn shade<R: Real>(
     shade_at(scene, seen, (ray, width), (hit, surface_at(scene, ray, hit)), reaches)
 }
 
-/// Returns the radiance like [`shade`], with the point at which the hit is lit, and the unit normal there.
+/// Returns the radiance like [`shade`], with the point at which the hit is lit, and the unit normal there. Without
+/// a sky, the radiance is L_o = emitted + sum over visible lights of share power / (4 pi r^2) f(w_i, w_o) (n . w_i),
+/// after Hughes et al., chapter 15. The share is 1 for a point light (see [`share_towards`]), and f is the reflectance.
 pub fn shade_at<R: Real>(
     scene: &Scene,
     seen: &Seen<'_>,
@@ -145,7 +147,10 @@ pub fn share_towards<R: Real>(light: &Light, w_i: R::Vector) -> R {
 }
 
 /// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, regardless of occluders.
-/// The result is an estimate from one half vector, which is chosen with a probability proportional to the highlight.
+/// The result is an estimate from one half vector w_h, chosen with a probability proportional to the highlight. The
+/// half vector w_h has the density (s + 1) / (2 pi) (n . w_h)^s, and w_i has this density divided by 4 w_o . w_h.
+/// The highlight k_G (s + 8) / (8 pi) (n . w_h)^s, times n . w_i, divided by the density of w_i, is
+/// k_G (s + 8) / (s + 1) (w_o . w_h) (n . w_i). (w_i is w_o mirrored at w_h.)
 fn mirrored_sky<R: Real>(
     seen: &Seen<'_>,
     material: &Material,
@@ -162,7 +167,9 @@ fn mirrored_sky<R: Real>(
     R::Vector::of(material.glossy) * radiance_of_sky::<R>(sky, w_i) * share
 }
 
-/// Returns the reflectance of a surface with this k_L, from `w_i` to `w_o`, per steradian.
+/// Returns the reflectance of a surface with this k_L, from `w_i` to `w_o`, per steradian. With a highlight, it is
+/// f = k_L / pi + k_G (s + 8) / (8 pi) max(0, n . w_h)^s, where w_h is the unit vector halfway between w_i and w_o (as
+/// in cl/common/reflectance.cl). Without a highlight, it is k_L / pi.
 fn reflectance<R: Real>(
     (material, lambertian): (&Material, R::Vector),
     w_i: R::Vector,

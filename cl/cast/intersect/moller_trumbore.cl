@@ -97,7 +97,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying least = max(max(slack1, slack2), EDGE_ON(row));
     hit->lanes = inside & (size > least) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
-    hit->lanes &= a > 0.0f;
+    hit->lanes &= a > 0.0f; // a = -direction . (e1 x e2) is positive if the ray runs against the front's normal
 #endif
     return 1;
 }

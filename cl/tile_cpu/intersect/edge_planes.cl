@@ -5,9 +5,9 @@
 // operations: 9
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// Triangles are prepared once for all rays of a tile, eight at a time, each in one lane. P and Q are the ends of an
-// edge, relative to the rays' origin. The plane through the origin and the edge has the normal (P - Q) x (P + Q). A ray
-// with the direction d lies on the edge's inner side if the dot product of d and the plane's normal has the right sign.
+// Triangles are prepared once for all rays of a tile, eight at a time, each in one lane. Let P be the corner after Q,
+// relative to the rays' origin. The plane through both and the origin has the normal (P - Q) x (P + Q) = 2 P x Q. A ray
+// with the direction d lies on the edge's inner side if d . normal has the same sign as the triangle's height.
 // The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the last bit. (Embree's
 // robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so neighbouring triangles
 // overlap a little: after the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where
@@ -43,11 +43,11 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// Returns, for each of eight triangles, the factor by which the plane of one edge is multiplied. `size` is the edge's
-// size, `longer` that of the longer of the edges e1 and e2, and `slack` the overlap of neighbouring triangles (see
-// SHARED_EDGE_SLACK) divided by an edge's size, in the unit of the edges' dot products. The overlap is rounded down to
-// a power of two. Edges' planes are divided by the rounded overlap, so that the overlap of triangles becomes 1. This
-// division does not round, because the divisor is a power of two.
+// Returns, for each of eight triangles, 1 / overlap, with the sign bit `sign`: the factor for the plane of one edge.
+// `size` is the edge's size, `longer` that of the longer of e1 and e2, `slack` the overlap (see SHARED_EDGE_SLACK) per
+// size, in the unit of dot products. A float is | sign: bit 31 | exponent: 30 to 23 | digits: 22 to 0 |. The mask
+// 0x7f800000 keeps the exponent: it rounds the overlap down to a power of two, and dividing by it does not round. At
+// FLT_MIN or more, the exponent is not 0, so no division is by 0. The factor makes the rounded overlap 1.
 float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);

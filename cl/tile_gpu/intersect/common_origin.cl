@@ -1,9 +1,9 @@
 // Prepares a leaf's triangle for the rays of a pass (rays that run mainly along one axis: see entry.cl), and tests rays
-// against it. The test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but
-// loads these planes from a table. The kernel tile_prepare computes the table: once per frame for the eye, and once per
-// round of lights (see shadow.cl) for the round's lights. For each origin, the table has three arrays, one for each
-// axis. For each triangle, an array has a quad (float4): the components, along the array's axis, of three planes and of
-// 1/z. Three loads, one per array, read all planes of a triangle, whatever the axes of the pass.
+// against it. The test needs the planes through the rays' origin and the triangle's edges, as in
+// tile_gpu/intersect/edge_planes.cl, but loads them from a table. The kernel tile_prepare computes the table: once per
+// frame for the eye, and once per round of lights (see shadow.cl) for the round's lights. For each origin, the table
+// has three arrays, one for each axis. For each triangle, an array has a quad (float4): the components, along the
+// array's axis, of three planes and of 1/z. Three loads, one per array, read all planes, whatever the pass's axes.
 
 // The table of planes for one origin (the eye or a light). In each array, the triangles are in leaf order, so that
 // neighbouring lanes load neighbouring quads:
@@ -17,7 +17,7 @@
 #include "common/planes_of_origin.cl"
 
 // The overlap of neighbouring triangles, in units of the usual overlap, which planes_of scales to 1. As in
-// edge_planes.cl, triangles overlap half as much as in other ray-triangle tests.
+// tile_gpu/intersect/edge_planes.cl (which has the reason), triangles overlap half as much as in other tests.
 #define OVERLAP 0.5f
 
 // Bounds four linear functions at once: a triangle's three planes and 1/z. `plane` has the four functions' coefficients
@@ -54,7 +54,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
     // If all rays of the pass (the shaft) are outside the same edge, no ray hits. If the triangle is behind the nearest
-    // hits of all rays, its own hits do not matter.
+    // hits of all rays, its own hits do not matter. (The factor 1.00001 allows for the rounding of 1/z.)
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 

@@ -23,7 +23,7 @@ INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale
 // longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size.
 INLINED float per_overlap(float slack, float size, float longer) {
     const float overlap = slack * min(longer, OVERLAP_EDGES * size);
-    return as_float(0x7f000000 - (as_int(overlap) & 0x7f800000));
+    return as_float(0x7f000000 - (as_int(overlap) & 0x7f800000)); // the exponent e + 127 becomes 127 - e: 1 / 2^e
 }
 
 // Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
@@ -59,7 +59,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
     // If all rays of the pass (the shaft) are outside the same edge, no ray hits. If the triangle is behind the nearest
-    // hits of all rays, its hits do not matter.
+    // hits of all rays, its hits do not matter. (The factor 1.00001 allows for the rounding of 1/z.)
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
