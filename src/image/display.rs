@@ -182,8 +182,8 @@ mod tests {
     fn pixels_are_displayed_alike_whatever_their_neighbours_and_other_channels_are() {
         let channels = [0.0, 0.01, 0.05, f32::NAN, -1.0, f32::INFINITY];
         let three = |index: usize| [index / 36, index / 6 % 6, index % 6].map(|channel| channels[channel]);
-        // Each pixel occurs twice in a row, and the order of the pixels has no pattern.
-        let pixels: Vec<[f32; 3]> = (0..2 * 216).map(|index| three(index / 2 * 85 % 216)).collect();
+        // Each pixel occurs twice in a row. Neighbours that differ often have the same red and green.
+        let pixels: Vec<[f32; 3]> = (0..2 * 216).map(|index| three(index / 2)).collect();
         let expected: Vec<u8> =
             pixels.iter().flatten().map(|channel| transform(*channel, Display::default())).collect();
         let image = Radiance { width: 432, height: 1, pixels, coverage: Vec::new() };
