@@ -12,6 +12,7 @@ pub mod completions;
 pub mod devices;
 pub mod figures;
 mod guarded;
+mod guesses;
 pub mod kernel;
 pub mod man;
 mod measured;
@@ -274,9 +275,7 @@ impl Cli {
         // read before clap parses the arguments.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words);
-        let explained =
-            |error| blanks::explain(renamed::explain(shown(error, words.iter().cloned())), &words);
-        let read = read.or_else(|error| end(&explained(error)))?;
+        let read = read.or_else(|error| end(&explained(shown(error, words.iter().cloned()), &words)))?;
         colour::choose(read.color, settings::colour());
         if !matches!(read.command, Command::Worker { .. }) {
             settings?;
@@ -363,6 +362,11 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         false => arg,
     };
     command.mut_args(allow).mut_subcommands(with_negative_numbers)
+}
+
+/// Returns clap's error for the arguments `words` with tips about mistakes that raycl recognises.
+fn explained(error: clap::Error, words: &[OsString]) -> clap::Error {
+    blanks::explain(renamed::explain(guesses::explain(error)), words)
 }
 
 /// Returns clap's error for the arguments `words` with a message that contains no control characters. clap

@@ -1,35 +1,32 @@
-//! Recognises old names of commands and options on the command line. The error message then suggests the new
-//! name.
+//! Recognises old names of commands and options on the command line, and names that other programs use. The error
+//! message then suggests raycl's name.
 
 use super::Cli;
+use super::guesses::with_tip;
 use clap::CommandFactory as _;
-use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 
 /// For each renamed word: the context in which clap (the library that parses the arguments) reports the old word, then
-/// the old word and the new word.
-const RENAMED: [(ContextKind, &str, &str); 2] = [
+/// the old word and the new word. Of several new options, a command has all or none.
+const RENAMED: [(ContextKind, &str, &str); 3] = [
     (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
     (ContextKind::InvalidArg, "--limits", "--peak"),
+    (ContextKind::InvalidArg, "--size", "--width and --height"),
 ];
 
 /// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the error suggests
 /// the new name, unless the new name is an option that the subcommand does not have.
-pub fn explain(mut error: clap::Error) -> clap::Error {
+pub fn explain(error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),
         _ => false,
     };
     let Some((_, _, new)) = RENAMED.iter().find(|(kind, old, _)| typed(*kind, old)) else { return error };
-    if new.strip_prefix("--").is_some_and(|option| !has_option(&error, option)) {
+    let option = new.strip_prefix("--").and_then(|options| options.split(' ').next());
+    if option.is_some_and(|option| !has_option(&error, option)) {
         return error;
     }
-    for guessed in [ContextKind::SuggestedSubcommand, ContextKind::SuggestedArg] {
-        error.remove(guessed);
-    }
-    let tip = StyledStr::from(format!("did you mean `{new}`?"));
-    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip]));
-    error
+    with_tip(error, format!("did you mean `{new}`?"))
 }
 
 /// Returns true if the subcommand in the error's usage line has the option `option`.
@@ -52,6 +49,7 @@ mod tests {
             (vec!["raycl", "limits", "--device", "cpu"], "did you mean `raycl peak`?"),
             (vec!["raycl", "run", "a.toml", "--limits"], "did you mean `--peak`?"),
             (vec!["raycl", "run", "a.toml", "--limits=limits.json"], "did you mean `--peak`?"),
+            (vec!["raycl", "render", "a.toml", "--size", "64x40"], "did you mean `--width and --height`?"),
         ] {
             let error = explain(Cli::try_parse_from(&words).expect_err("an old word"));
             assert_eq!(error.exit_code(), 2);
@@ -63,6 +61,8 @@ mod tests {
         let other =
             explain(Cli::try_parse_from(["raycl", "render", "a.toml", "--limits"]).expect_err("no option"));
         assert!(!other.to_string().contains("--peak"), "{other}");
+        let other = explain(Cli::try_parse_from(["raycl", "devices", "--size"]).expect_err("no option"));
+        assert!(!other.to_string().contains("--width"), "{other}");
         let other = explain(Cli::try_parse_from(["raycl", "peek"]).expect_err("a misspelt word"));
         assert!(other.to_string().contains("'peak'"), "{other}");
     }
