@@ -6,9 +6,14 @@ mod results;
 
 use serde_json::{Value, json};
 
-use super::choice::parse_size;
+use super::choice::{number, parse_size};
 use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, capabilities, multiprocessor, occupancy};
 use crate::error::{Error, Result};
+
+/// The words of messages about text that is no number of registers.
+const REGISTERS: &str = "a whole number of registers, such as 32";
+/// The words of messages about text that is no number of bytes.
+const BYTES: &str = "a whole number of bytes, such as 4096";
 
 /// Arguments of `raycl occupancy`.
 #[derive(Debug, clap::Args)]
@@ -21,14 +26,14 @@ pub struct Args {
     #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper", help = help_of_capability())]
     compute_capability: Option<String>,
     /// Number of registers that each work-item uses
-    #[arg(long, value_name = "N", default_value_t = 32, conflicts_with = "paper")]
+    #[arg(long, value_name = "N", default_value_t = 32, conflicts_with = "paper", value_parser = number::<u32>(REGISTERS))]
     registers: u32,
     /// Bytes of __local memory that each work-group uses
-    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper", value_parser = number::<u32>(BYTES))]
     local_bytes: u32,
     /// Bytes of __local memory per work-item, added to those per work-group (optimisation 1 of the student
     /// paper that raycl repeats uses 108)
-    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper", value_parser = number::<u32>(BYTES))]
     local_bytes_per_item: u32,
     /// Local sizes (work-items per work-group, across and down), such as 8x8,64x1; 8 stands for 8x8
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values = LOCAL_SIZES, value_parser = parse_size)]

@@ -1,6 +1,7 @@
-//! Parsers of arguments for clap: a local size, a whole number, a time, `KEY=VALUE`.
+//! Parsers of arguments for clap: a local size, a number, a whole number, a time, `KEY=VALUE`.
 
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 use std::time::Duration;
 
 /// Parses a local size: `WIDTHxHEIGHT`, or one number for both the width and the height. Each number is from
@@ -31,6 +32,12 @@ pub fn whole<T: TryFrom<u32>>(
             }
         })
     }
+}
+
+/// Returns a parser that accepts text that is a `T`. All error messages of this parser say what the text should be, such
+/// as "a number of degrees, such as 30".
+pub fn number<T: FromStr>(what: &'static str) -> impl Fn(&str) -> std::result::Result<T, String> + Clone {
+    move |text| text.parse::<T>().map_err(|_| format!("'{text}' is not {what}"))
 }
 
 /// Parses a positive number of seconds.
@@ -74,6 +81,16 @@ mod tests {
         let count = whole::<u32>(1..=u32::MAX);
         assert_eq!(count("4294967295"), Ok(u32::MAX));
         assert_eq!(count("0"), Err("'0' is not a whole number of at least 1".to_owned()));
+    }
+
+    #[test]
+    fn text_that_is_not_a_number_is_refused_with_what_it_should_be() {
+        let degrees = number::<f64>("a number of degrees, such as 30");
+        assert_eq!(degrees("-30.5"), Ok(-30.5));
+        assert_eq!(degrees("left"), Err("'left' is not a number of degrees, such as 30".to_owned()));
+        let bytes = number::<u32>("a whole number of bytes, such as 4096");
+        assert_eq!(bytes("0"), Ok(0));
+        assert_eq!(bytes("4KiB"), Err("'4KiB' is not a whole number of bytes, such as 4096".to_owned()));
     }
 
     #[test]

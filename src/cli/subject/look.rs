@@ -1,12 +1,17 @@
 //! Options for the view of a mesh or a scene. Each of these options except `--plain` sets a value of the
 //! scene.
 
+use crate::cli::choice::number;
 use crate::scene::{Setting, Tone};
 use toml::Value;
 
 /// The help lists the options of [`Look`] under this heading. Every option names the heading itself: if the group of
 /// options had the heading, the heading would also apply to the options after the group.
 const HEADING: &str = "View of the scene";
+/// The words of messages about text that is no angle.
+const DEGREES: &str = "a number of degrees, such as 30";
+/// The words of messages about text that is no factor.
+const FACTOR: &str = "a number, such as 15";
 
 /// The view of a scene: direction, background and normals.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -16,11 +21,11 @@ pub struct Look {
     up: Option<String>,
     /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh
     /// without a camera: about 31, unless the mesh is open on one side]
-    #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a
     /// camera: about 21, unless the mesh is open on one side]
-    #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or
     /// transparent. With a transparent background, a PNG, APNG or EXR that `raycl render` writes has an alpha
@@ -29,7 +34,7 @@ pub struct Look {
     background: Option<String>,
     /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed
     /// [default: 15, as in the student paper that raycl repeats; a scene file may set another]
-    #[arg(long, help_heading = HEADING, value_name = "FACTOR")]
+    #[arg(long, help_heading = HEADING, value_name = "FACTOR", value_parser = number::<f64>(FACTOR))]
     exposure: Option<f64>,
     /// The tone curve: clip cuts what is brighter than white; filmic has more contrast in dark parts, and keeps shades
     /// in bright ones [default: clip; a scene file may set another]
@@ -37,7 +42,7 @@ pub struct Look {
     tone: Option<String>,
     /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than DEGREES, 0 to 180
     /// [default for a bare mesh: 40]
-    #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     crease: Option<f64>,
     /// Reverse the normals of faces that show their back to the viewer, so that back faces are lit like front
     /// faces. `raycl view` and --turntable reverse either all normals of the scene or none. For a bare mesh, the
