@@ -279,6 +279,14 @@ impl Error {
         Self::cannot_read(("folder", path), error, nearest_folder, otherwise)
     }
 
+    /// Returns an error for a folder that does not exist. If a folder with a similar name exists beside it, the
+    /// remedy names the existing folder; otherwise, the remedy is the text `otherwise`.
+    pub fn no_folder(path: &Path, otherwise: &str) -> Self {
+        let meant = nearest_folder(path).map(|meant| format!("did you mean `{}`?", meant.display()));
+        Self::input(format!("there is no folder {}", path.display()))
+            .with_help(meant.unwrap_or_else(|| otherwise.to_owned()))
+    }
+
     fn cannot_read(
         (what, path): (&str, &Path),
         error: &std::io::Error,

@@ -284,7 +284,7 @@ fn a_journal_with_damaged_lines_is_shown_reported_and_repaired() {
     let repaired = folder.output(&["repair", "out"]);
     has(&repaired, &damaged);
     assert!(!repaired.contains("no line is damaged"), "{repaired}");
-    has(&folder.mistake(&["repair", "nowhere"], 2), &["nowhere holds no results", "help:"]);
+    has(&folder.mistake(&["repair", "nowhere"], 2), &["there is no folder nowhere", "help:"]);
 }
 
 #[test]

@@ -165,13 +165,15 @@ pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
     read_within(path, Available::read)
 }
 
+/// The remedy for a file that cannot be read as a picture.
+const READABLE: &str = "raycl reads .png, .jpg, .exr and .hdr pictures";
+
 /// Reads a picture, as [`read_picture`] does. `available` returns the memory that is free when it is called.
 fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radiance, Values)> {
     let unreadable = |why: &dyn std::fmt::Display| {
-        Error::input(format!("cannot read the picture '{}': {why}", path.display()))
-            .with_help("raycl reads .png, .jpg, .exr and .hdr pictures")
+        Error::input(format!("cannot read the picture '{}': {why}", path.display())).with_help(READABLE)
     };
-    let file = reader::open(path).map_err(|error| unreadable(&error))?;
+    let file = reader::open(path).map_err(|error| Error::unreadable("picture", path, &error, READABLE))?;
     let length = file.metadata().map_err(|error| unreadable(&error))?.len();
     available().hold(length, &format!("reading the picture '{}'", path.display()), "the file's length")?;
     let bytes = reader::rest(file, Vec::new(), reader::Kind::Picture).map_err(|error| unreadable(&error))?;
@@ -639,6 +641,14 @@ mod tests {
                 "{error}"
             );
         }
+    }
+
+    #[test]
+    fn a_misspelt_picture_is_answered_with_the_picture_beside_it() {
+        let (folder, there) = saved("picture.png", &gradient(2, 2));
+        let remedy = |name: &str| read_picture(&folder.path().join(name)).unwrap_err().remedy().to_owned();
+        assert_eq!(remedy("picture.pgn"), format!("did you mean `{}`?", there.display()));
+        assert_eq!(remedy("other.exr"), READABLE);
     }
 
     #[test]

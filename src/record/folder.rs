@@ -126,9 +126,14 @@ impl Folder {
     }
 }
 
-/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, the error
-/// says so.
+/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, or nothing is
+/// at the path, the error says so.
 pub fn no_results(path: &Path) -> Error {
+    match existing::exists(path) {
+        Ok(true) => {}
+        Ok(false) => return Error::no_folder(path, FOLDER),
+        Err(error) => return error,
+    }
     if path.join(SHARDS).is_file() {
         return Error::input(format!("{} holds shards that are not merged yet", path.display()))
             .with_help(format!("first merge them: raycl merge {}", quote(&path_word(path))));
@@ -406,6 +411,17 @@ mod tests {
         let error = Folder::read(folder.path()).expect_err("it has no journal").to_string();
         let expected = format!("{} holds no results: records.jsonl is missing", folder.path().display());
         assert_eq!(error, expected);
+    }
+
+    #[test]
+    fn a_misspelt_folder_of_results_is_answered_with_the_folder_beside_it() {
+        let parent = tempfile::tempdir().unwrap();
+        let [there, missing] = ["quick", "quik"].map(|name| parent.path().join(name));
+        std::fs::create_dir(&there).unwrap();
+        let error = Folder::read(&missing).expect_err("it is missing");
+        assert_eq!(error.to_string(), format!("there is no folder {}", missing.display()));
+        assert_eq!(error.remedy(), format!("did you mean `{}`?", there.display()));
+        assert_eq!(no_results(&parent.path().join("other")).remedy(), FOLDER);
     }
 
     #[test]

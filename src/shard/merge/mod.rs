@@ -118,15 +118,18 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     Ok(Merged { attempts: attempts.len(), records: records.len(), samples, notes, missing })
 }
 
+/// The remedy if a path does not name a folder of shards.
+const OF_SHARDS: &str = "give the path of the folder that `raycl run --shard` wrote (its --out)";
+
 /// Returns the error for a folder that has no shards.
 pub fn no_shards(out: &Path) -> Error {
     let what = match existing::is_folder(out) {
         Ok(true) => "holds no experiment that is divided into shards",
-        Ok(false) => "is not a folder",
+        Ok(false) if out.exists() => "is not a folder",
+        Ok(false) => return Error::no_folder(out, OF_SHARDS),
         Err(error) => return error,
     };
-    Error::input(format!("{} {what}", out.display()))
-        .with_help("give the path of the folder that `raycl run --shard` wrote (its --out)")
+    Error::input(format!("{} {what}", out.display())).with_help(OF_SHARDS)
 }
 
 /// Refuses a folder with the results of a run without shards, which a merge would overwrite.
@@ -330,6 +333,24 @@ mod tests {
         let header = crate::shard::Header { shards: 1, ..Default::default() };
         let plan = ShardPlan { header: header.clone(), ..plan };
         ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+    }
+
+    #[test]
+    fn a_path_without_shards_is_answered_with_what_is_there() {
+        let parent = tempfile::tempdir().unwrap();
+        let [folder, missing, file] = ["shards", "shrads", "file"].map(|name| parent.path().join(name));
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(&file, "").unwrap();
+        let misspelt = no_shards(&missing);
+        assert_eq!(misspelt.to_string(), format!("there is no folder {}", missing.display()));
+        assert_eq!(misspelt.remedy(), format!("did you mean `{}`?", folder.display()));
+        for (path, what) in
+            [(folder, "holds no experiment that is divided into shards"), (file, "is not a folder")]
+        {
+            let error = no_shards(&path);
+            assert_eq!(error.to_string(), format!("{} {what}", path.display()));
+            assert_eq!(error.remedy(), OF_SHARDS);
+        }
     }
 
     #[test]
