@@ -218,7 +218,7 @@ fn mistakes_are_reported_before_anything_is_cast() {
     for (options, message) in [
         (vec!["--turntable", "0"], "0"),
         (vec!["--turntable", "4", "--frames", "3..5"], "but there are 4 frames"),
-        (vec!["--turntable", "4", "--frames", "3..1"], "such as 1..30"),
+        (vec!["--turntable", "4", "--frames", "3..1"], "write 1..3"),
         (vec!["--frames", "1..2"], "--turntable"),
         (vec!["--turntable", "4", "-o", "a.jpg"], "'a.jpg' is not a valid name for moving pictures"),
         (vec!["--turntable", "4", "-o", "nowhere/a.png"], "there is no folder"),

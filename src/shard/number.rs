@@ -82,7 +82,9 @@ impl FromStr for Asked {
             ("auto", of) => Ok(Self::Auto(of)),
             (number, Some(of)) => {
                 let number = number.parse().map_err(|_| wrong())?;
-                Shard::new(number, of).map(Self::Given).map_err(|error| error.to_string())
+                // Clap (the library that parses the arguments) prints only the message, so it contains the remedy.
+                let with_remedy = |error: Error| format!("{error}; {}", error.remedy());
+                Shard::new(number, of).map(Self::Given).map_err(with_remedy)
             }
             _ => Err(wrong()),
         }
@@ -103,5 +105,8 @@ mod tests {
         {
             assert!(wrong.parse::<Asked>().is_err(), "{wrong}");
         }
+        let expected = "there is no shard 5 of 4; the number of shards may be 1 to 100000; a shard's number may be 1 to \
+                        the number of shards";
+        assert_eq!("5/4".parse::<Asked>(), Err(expected.to_owned()));
     }
 }

@@ -27,6 +27,9 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
     let number = |part: &str| part.parse::<u32>().ok().filter(|number| *number > 0);
     match (number(first), number(last)) {
         (Some(first), Some(last)) if first <= last => Ok(Frames { first, last }),
+        (Some(first), Some(last)) => {
+            Err(format!("the first frame, {first}, is after the last, {last}; write {last}..{first}"))
+        }
         _ => Err("expected the first and last frame number, such as 1..30; numbers start at 1".to_owned()),
     }
 }
@@ -260,5 +263,7 @@ mod tests {
         for wrong in ["", "0..4", "5..3", "..", "a..b", "1..", "-1..2", "3..==5", "=3..5", "=3"] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
+        let turned = "the first frame, 5, is after the last, 3; write 3..5";
+        assert_eq!(parse("5..3"), Err(turned.to_owned()));
     }
 }
