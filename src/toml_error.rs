@@ -30,6 +30,8 @@ const MESH_READS: &str = "`mesh` reads OBJ, PLY, STL, glTF and GLB files; ";
 
 /// The message about a table in place of a list.
 pub const NO_LIST: &str = "wrong type: table, expected a list";
+/// The message about a list in place of a table.
+pub const NO_TABLE: &str = "wrong type: list, expected a table";
 
 /// A mistake in a TOML document, in words for a user.
 pub struct Mistake {
@@ -50,7 +52,7 @@ impl Mistake {
     }
 
     /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of
-    /// another table, or if a list of tables is expected in place of a single table. `schema` is the JSON
+    /// another table, or if a list of tables stands in place of a single table, or the reverse. `schema` is the JSON
     /// schema of the file.
     pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
         if let Some(key) = self.unknown_key.take()
@@ -59,9 +61,7 @@ impl Mistake {
             self.message = format!("unknown key `{key}`");
             self.remedy = self.remedy.map(|keys| format!("{place}; {keys}"));
         }
-        if self.message == NO_LIST {
-            self.remedy = double_brackets(schema, text, at).or(self.remedy);
-        }
+        self.remedy = other_brackets(&self.message, schema, text, at).or(self.remedy);
         self
     }
 
@@ -149,14 +149,20 @@ pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<Str
 }
 
 /// Returns the remedy if the byte `at` of `text` is in a line such as `[light]`, although the file needs a
-/// list of tables, with double brackets (`[[light]]`). `schema` is the JSON schema of the file.
-pub fn double_brackets(schema: &Value, text: &str, at: usize) -> Option<String> {
+/// list of tables, with double brackets (`[[light]]`), or in a line such as `[[camera]]`, although the file needs a
+/// single table. `message` is the message about the mistake, and `schema` is the JSON schema of the file.
+pub fn other_brackets(message: &str, schema: &Value, text: &str, at: usize) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());
     let begin = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
-    let line = text.get(begin..)?.lines().next()?.split('#').next()?.trim();
-    let double = format!("[{line}]");
-    tables.iter().any(|(header, _)| *header == double).then(|| format!("write {double} with double brackets"))
+    let line = text.get(begin..)?.lines().next()?.split('#').next()?.replace([' ', '\t'], "");
+    let (meant, brackets) = match message {
+        NO_LIST => (format!("[{line}]"), "double"),
+        NO_TABLE => (format!("[{}]", line.strip_prefix("[[")?.strip_suffix("]]")?), "single"),
+        _ => return None,
+    };
+    let is_table = tables.iter().any(|(header, _)| *header == meant);
+    is_table.then(|| format!("write {meant} with {brackets} brackets"))
 }
 
 /// Adds the table that `schema` describes, and the tables inside it. `path` is the table's dotted path, and `header` is
@@ -273,18 +279,29 @@ mod tests {
     }
 
     #[test]
-    fn a_table_in_place_of_a_list_of_tables_is_answered_with_double_brackets() {
+    fn a_table_in_place_of_a_list_of_tables_or_the_reverse_is_answered_with_the_brackets() {
         let schema = serde_json::json!({ "properties": {
             "entry": { "items": { "properties": { "preset": {} } } },
             "timing": { "properties": { "seed": {} } },
         } });
-        let remedy = |text: &str| double_brackets(&schema, text, text.rfind('[').unwrap_or_default());
+        let of =
+            |message, text: &str| other_brackets(message, &schema, text, text.find('[').unwrap_or_default());
+        let remedy = |text: &str| of(NO_LIST, text);
         let double = Some("write [[entry]] with double brackets".to_owned());
         assert_eq!(
             [remedy("[entry]"), remedy("seed = 1\n[entry] # One.\npreset = 1")],
             [double.clone(), double]
         );
         assert_eq!([remedy("[timing]"), remedy("entry = 1"), remedy("[other]")], [None, None, None]);
+        let single = Some("write [timing] with single brackets".to_owned());
+        assert_eq!(
+            [of(NO_TABLE, "[[timing]]"), of(NO_TABLE, "a = 1\n [[ timing ]] # b")],
+            [single.clone(), single]
+        );
+        for text in ["[[entry]]", "[[other]]", "timing = [1]", "timing = [[\n]]", "[]"] {
+            assert_eq!(of(NO_TABLE, text), None, "{text}");
+        }
+        assert_eq!(of("wrong type: string, expected a table", "[[timing]]"), None);
     }
 
     #[test]

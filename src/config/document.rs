@@ -9,7 +9,7 @@ use toml::{Spanned, Value};
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
-use crate::toml_error::{NO_LIST, double_brackets, elsewhere, in_plain_words};
+use crate::toml_error::{NO_LIST, NO_TABLE, elsewhere, in_plain_words, other_brackets};
 use crate::toml_read::from_table;
 use crate::words::counted;
 
@@ -162,13 +162,13 @@ impl Document {
         }
     }
 
-    /// Returns the remedy for the value at `span` if `message` says that this value must be a list; `None` for another
-    /// message, or if the list's key is not in the same line.
+    /// Returns the remedy for the value at `span` if `message` says that this value must be a list, or a table instead of
+    /// a list; `None` for another message, or if the list's key is not in the same line.
     fn list_instead(&self, span: &Range<usize>, message: &str) -> Option<String> {
         let (_, text, start) = self.part(span);
         let at = span.start - start;
-        if message == NO_LIST {
-            return double_brackets(&super::schema(), text, at);
+        if [NO_LIST, NO_TABLE].contains(&message) {
+            return other_brackets(message, &super::schema(), text, at);
         }
         if !message.ends_with("expected a list") {
             return None;

@@ -280,6 +280,8 @@ fn a_table_that_is_one_of_a_list_needs_double_brackets() {
         refuses(&text, &["wrong type: table, expected a list", "test.toml:7:1", &help]);
     }
     refuses(&format!("{GOOD}strategy = {{ }}\n"), &["expected a list", "docs/experiments.md"]);
+    let text = format!("{GOOD}[[timing]]\nseed = 3\n");
+    refuses(&text, &["wrong type: list, expected a table", "write [timing] with single brackets"]);
 }
 
 #[test]

@@ -411,6 +411,8 @@ mod tests {
         assert!(bias.remedy().starts_with(place), "{}", bias.remedy());
         let light = error_of("[light]\nposition = [0, 9, 0]\npower = 9\n");
         assert_eq!(light.remedy(), "write [[light]] with double brackets");
+        let camera = error_of("[[camera]]\nz_near = 0.1\n");
+        assert_eq!(camera.remedy(), "write [camera] with single brackets");
         let position = error_of("[[object]]\nshape = \"sphere\"\nposition = [0, 0, 0]\n");
         assert_eq!(position.to_string(), "unknown key `position`");
         let place = "`position` is a key of [camera] and [[light]]; the valid keys here are ";
