@@ -175,11 +175,11 @@ impl Error {
 
     /// Returns an error for a mistake in a file whose text must not be shown, since the file may belong to
     /// another user. A file may belong to another user if it is not named on the command line, but by a file
-    /// in another folder.
-    pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
-        Self::input(format!("{name}:{line}: expected {expected}")).with_help(
+    /// in another folder. The text `mistake` must not quote the file.
+    pub fn withheld(name: &str, line: usize, mistake: &str) -> Self {
+        Self::input(format!("{name}:{line}: {mistake}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \
-             the file to see the line; if the file is a scene, `raycl render FILE` shows the line",
+             the file to see the line",
         )
     }
 
@@ -471,7 +471,7 @@ mod tests {
                 "free up space on the file's",
             ),
             (unwritable(&forbidden.into()), 1, "cannot write a.csv: permission denied", "`--out DIR` writes"),
-            (Error::withheld("a.mtl", 7, "b"), 2, "a.mtl:7: expected b", "the file's text is not shown"),
+            (Error::withheld("a.mtl", 7, "b"), 2, "a.mtl:7: b", "the file's text is not shown"),
         ] {
             assert_eq!((error.exit_code(), error.to_string().as_str()), (code, words));
             assert!(error.remedy().starts_with(remedy), "{words}: {}", error.remedy());

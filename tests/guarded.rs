@@ -130,7 +130,7 @@ fn text_of_a_scene_elsewhere_is_not_shown() {
         (format!("name = 1\n= {SECRET} =\n"), "2"),
         (
             format!("[[object]]\nshape = \"{SECRET}\"\n"),
-            "2: expected a key or value that a scene may have there (not a shape)",
+            "2: a mistake in this line (not a shape); `raycl render ",
         ),
     ];
     for (text, line) in [key, value, syntax, shape] {

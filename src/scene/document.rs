@@ -6,6 +6,7 @@ use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{MeshFormat, Opened, Wanted, is_standard_input, unpacked_name};
 use crate::reader::{self, Kind, NotUtf8};
 use crate::toml_error::{expectation, mistake};
+use crate::words::{path_word, quote};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,8 @@ use toml::{Spanned, Table, Value};
 pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
 /// The words with which a message that must not quote the scene file describes the expected input.
 const PERMITTED: &str = "a key or value that a scene may have there";
+/// The words with which a message that must not quote the scene file says that a line contains a mistake.
+const IN_LINE: &str = "a mistake in this line";
 /// The help in an error about a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 /// The help in an error about a scene that is a pipe or a device.
@@ -206,11 +209,6 @@ impl Document {
     /// Returns the error for a text that cannot be parsed as a scene. `error` is the parser's error.
     pub fn misread(&self, error: &toml::de::Error) -> Error {
         let mistake = mistake(error);
-        let expected = || {
-            let expected = expectation(error).unwrap_or(PERMITTED);
-            let is_key = error.message().starts_with("unknown field");
-            format!("{expected}{}", if is_key { ", but found another key" } else { "" })
-        };
         let span = error.span().unwrap_or(0..0);
         let located = match self.origin(&span) {
             // The setting is the user's own text, so the message may quote its value.
@@ -220,17 +218,24 @@ impl Document {
             Origin::File(span) if self.quotes => mistake
                 .with_table(&super::schema(), self.original(), span.start)
                 .in_file(&self.name, self.original(), span, KEYS),
-            Origin::File(span) => {
-                Error::withheld(&self.name, line_of(self.original(), span.start), &expected())
-            }
+            Origin::File(span) => self.withheld(span, &unquoted(error).unwrap_or_else(|| IN_LINE.to_owned())),
             Origin::Unknown if self.quotes => {
                 Error::input(format!("{}: {}", self.name, mistake.message)).with_help(mistake.remedy(KEYS))
             }
             Origin::Unknown => {
-                Error::input(format!("{}: expected {}", self.name, expected())).with_help(KEYS)
+                let mistake = unquoted(error).unwrap_or_else(|| format!("expected {PERMITTED}"));
+                Error::input(format!("{}: {mistake}", self.name)).with_help(KEYS)
             }
         };
         self.with_settings(&span, located)
+    }
+
+    /// Returns an error for a mistake in the part `span` of a file whose text must not be shown. The advice that shows
+    /// the line is in the message, since a caller may replace the help.
+    fn withheld(&self, span: Range<usize>, mistake: &str) -> Error {
+        let file = quote(&path_word(Path::new(&self.name)));
+        let mistake = format!("{mistake}; `raycl render {file}` shows the line");
+        Error::withheld(&self.name, line_of(self.original(), span.start), &mistake)
     }
 
     /// Adds a location in this document to an error that has no location.
@@ -249,10 +254,9 @@ impl Document {
         // Labels contain only raycl's own words, so messages may show labels even if the file must not be
         // quoted.
         let why = if label == "here" { String::new() } else { format!(" ({label})") };
-        let expected = format!("{PERMITTED}{why}");
         let message = match self.quotes {
             true => message.into(),
-            false => format!("expected {expected}"),
+            false => format!("expected {PERMITTED}{why}"),
         };
         let located = match self.origin(&span) {
             Origin::Setting(setting) => return error_in(&setting, message).with_help(KEYS),
@@ -260,15 +264,24 @@ impl Document {
                 let message = self.at_this_frame(message);
                 Error::in_file(&self.name, self.original(), span, message, label).with_help(KEYS)
             }
-            Origin::File(span) => {
-                Error::withheld(&self.name, line_of(self.original(), span.start), &expected)
-            }
+            Origin::File(span) => self.withheld(span, &format!("{IN_LINE}{why}")),
             Origin::Unknown => {
                 Error::input(format!("{}: {}", self.name, self.at_this_frame(message))).with_help(KEYS)
             }
         };
         self.with_settings(&span, located)
     }
+}
+
+/// Returns the part of a parser's message that contains no text of the file; `None` if there is no such part.
+fn unquoted(error: &toml::de::Error) -> Option<String> {
+    let message = error.message();
+    // The name of a missing key is one of raycl's own names.
+    if message.starts_with("missing field `") {
+        return Some(message.trim_end().to_owned());
+    }
+    let other = if message.starts_with("unknown field") { ", but found another key" } else { "" };
+    expectation(error).map(|expected| format!("expected {expected}{other}"))
 }
 
 /// Returns a file's name without its extension and without the extension of a compressed file (`.gz`); for
@@ -423,17 +436,22 @@ mod tests {
     #[test]
     fn a_mistake_in_another_folders_file_is_reported_without_its_text() {
         let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n";
-        let may = "expected a key or value that a scene may have there";
+        let shown = "`raycl render a.toml` shows the line";
         for (text, expected) in [
-            (format!("{object}faces = [[0, 1]]\n"), format!("a.toml:3: {may}")),
-            (object.to_owned(), format!("a.toml:2: {may} (these vertices are in no face)")),
+            (format!("{object}faces = [[0, 1]]\n"), "a.toml:3: a mistake in this line"),
+            (object.to_owned(), "a.toml:2: a mistake in this line (these vertices are in no face)"),
+            ("[[light]]\nposition = [0, 9, 0]\n".to_owned(), "a.toml:1: missing field `power`"),
         ] {
-            assert_eq!(notes_or_error("a.toml", &text, false).unwrap_err(), expected, "{text}");
-            assert!(!notes_or_error("a.toml", &text, true).unwrap_err().contains("may have there"), "{text}");
+            assert_eq!(
+                notes_or_error("a.toml", &text, false).unwrap_err(),
+                format!("{expected}; {shown}"),
+                "{text}"
+            );
+            assert!(!notes_or_error("a.toml", &text, true).unwrap_err().contains("this line"), "{text}");
         }
         let unknown = notes_or_error("a.toml", &format!("{object}secret = 1\n"), false).unwrap_err();
         assert!(unknown.starts_with("a.toml:3: expected one of `mesh`, "), "{unknown}");
-        assert!(unknown.ends_with(", but found another key") && !unknown.contains("secret"), "{unknown}");
+        assert!(unknown.contains(", but found another key; ") && !unknown.contains("secret"), "{unknown}");
         let number = notes_or_error("a.toml", &format!("{object}flat = 1\n"), false).unwrap_err();
         assert!(number.starts_with("a.toml:3: expected ") && !number.contains("another key"), "{number}");
     }

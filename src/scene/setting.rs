@@ -339,7 +339,7 @@ mod tests {
         let (message, marked) = message_and_mark(&wrong, &crease, true);
         assert_eq!((message.as_str(), marked), ("-9 is not a number from 0 to 1e28", Some((8, "-9".into()))));
         let (message, _) = message_and_mark(&wrong, &crease, false);
-        assert_eq!(message, "a.toml:8: expected a key or value that a scene may have there");
+        assert_eq!(message, "a.toml:8: a mistake in this line; `raycl render a.toml` shows the line");
         let unknown = SCENE.replace("shape", "shap");
         assert_eq!(message_and_mark(&unknown, &crease, true).1, Some((4, "shap".into())));
     }

@@ -107,7 +107,7 @@ impl Source<'_> {
         let expected = mistake.expected(rest);
         let line_number = self.line(mistake.offset);
         if !self.quotes {
-            return Error::withheld(self.name, line_number, &expected);
+            return Error::withheld(self.name, line_number, &format!("expected {expected}"));
         }
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
