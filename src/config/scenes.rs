@@ -1,5 +1,6 @@
 //! The scenes of a config: scene files, and scene files with changed values.
 
+use std::ffi::OsString;
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
@@ -10,8 +11,9 @@ use super::numbers::whole;
 use super::types::SceneChoice;
 use super::wire::{Experiment, Numbers, SceneEntry, SceneValues};
 use crate::error::{Error, Result, nearest_file};
-use crate::filetype::{Opened, Wanted};
+use crate::filetype::{FileType, Opened, Wanted, experiment_instead};
 use crate::printer::line;
+use crate::reader::Kind;
 use crate::scene::Setting;
 
 /// The allowed range of the number of samples per pixel.
@@ -49,18 +51,42 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     }
     let message = format!("there is no scene file '{}'", name.get_ref());
     let error = document.error(name.span(), message, format!("{} is not a file", path.display()));
-    Err(match nearest_file(&path) {
-        Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
+    Err(match nearest_scene(&path) {
+        // The file is in the folder of the misspelt one, so the path in the config differs only in the file's name.
+        Some(meant) => {
+            let meant = Path::new(name.get_ref()).with_file_name(meant);
+            error.with_help(format!("did you mean {}?", meant.display()))
+        }
         None if Path::new(name.get_ref()).is_absolute() => error.with_help("name the file of a scene"),
         None => error.with_help("paths are relative to the config file"),
     })
 }
 
-/// Returns an error if the file is of a type that raycl recognises but does not read as a scene, such as a picture;
-/// otherwise `None`.
+/// Returns the name of the file with the most similar name in the folder of a missing scene; `None` if no name is
+/// similar enough, or if that file is an experiment.
+fn nearest_scene(missing: &Path) -> Option<OsString> {
+    let meant = nearest_file(missing)?;
+    let is_experiment = Opened::at(&meant).is_ok_and(|opened| experiment_in(opened, &meant).is_some());
+    meant.file_name().filter(|_| !is_experiment).map(OsString::from)
+}
+
+/// Returns an error if the file is an experiment, or of a type that raycl recognises but does not read as a scene, such
+/// as a picture; otherwise `None`.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
-    let filetype = Opened::at(path).ok()?.filetype;
-    filetype.refusal(&format!("{}: {}", document.location_of(name.span()), path.display()), Wanted::Scene)
+    let opened = Opened::at(path).ok()?;
+    let location = format!("{}: {}", document.location_of(name.span()), path.display());
+    opened.filetype.refusal(&location, Wanted::Scene).or_else(|| {
+        let experiment = experiment_in(opened, path)?;
+        Some(document.located(name.span(), experiment, "not a scene"))
+    })
+}
+
+/// Returns the error for an experiment in place of a scene; `None` if the file `opened` is no experiment.
+fn experiment_in(opened: Opened, path: &Path) -> Option<Error> {
+    // A mesh may be large, so it is not read here.
+    let may_be = matches!(opened.filetype, FileType::Toml | FileType::Unclear);
+    let text = may_be.then(|| opened.text(Kind::Toml))?.ok()?;
+    experiment_instead(path, &text)
 }
 
 /// Returns a scene for every combination of the values and the numbers of samples in a `[[scene]]` entry.

@@ -367,8 +367,11 @@ fn unknown_names_are_refused_with_the_nearest() {
     );
     refuses(
         &GOOD.replace("teapot", "teepot"),
-        &["no scene file '../scenes/teepot.toml'", "3:11", "did you mean ", "teapot.toml?"],
+        &["no scene file '../scenes/teepot.toml'", "3:11", "did you mean ../scenes/teapot.toml?"],
     );
+    // The config itself has the most similar name, but it is no scene.
+    let text = GOOD.replace("../scenes/teapot.toml", "tent.toml");
+    refuses(&text, &["no scene file 'tent.toml'", "paths are relative to the config file"]);
 }
 
 #[test]
@@ -756,6 +759,14 @@ fn a_file_of_another_type_is_named() {
     let error = load(&path, &[]).expect_err("a picture");
     let start = format!("{}:3: {}", path.display(), scene.display());
     assert_eq!(error.to_string(), format!("{start} is a GIF picture, which raycl does not read"));
+    std::fs::write(&scene, GOOD).unwrap();
+    let error = load(&path, &[]).expect_err("an experiment");
+    assert_eq!(
+        error.in_a_line(),
+        format!("{}:3: {} is an experiment, not a scene", path.display(), scene.display())
+    );
+    assert!(error.remedy().starts_with("`raycl run "), "{}", error.remedy());
+    std::fs::write(&scene, "GIF89a").unwrap();
     let named = [
         ("timing.seed".to_owned(), "3".to_owned()),
         ("scenes".to_owned(), "[\"../scenes/teapot.toml\"]".to_owned()),
