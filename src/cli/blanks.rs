@@ -1,6 +1,6 @@
 //! Recognises values that a shell split or cut: a strategy or a value of `--set` that the user wrote with blanks, such
-//! as `--strategy deferred, width=4`, the value of an option that needs `=`, after a blank, and a colour after `#`, where
-//! a comment of the shell begins. Clap (the library that parses the arguments) does not expect the words after a blank.
+//! as `--strategy deferred, width=4`; a value after a blank if the option needs `=`; and a colour after `#`, at which
+//! the shell begins a comment. Clap (the library that parses the arguments) does not expect the words after a blank.
 
 use super::Cli;
 use super::guesses::with_tip;

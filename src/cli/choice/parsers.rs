@@ -34,8 +34,8 @@ pub fn whole<T: TryFrom<u32>>(
     }
 }
 
-/// Returns a parser that accepts text that is a `T`. All error messages of this parser say what the text should be, such
-/// as "a number of degrees, such as 30".
+/// Returns a parser of a `T`. Its error messages say what the text should be (`what`), such as "a number of degrees,
+/// such as 30".
 pub fn number<T: FromStr>(what: &'static str) -> impl Fn(&str) -> std::result::Result<T, String> + Clone {
     move |text| text.parse::<T>().map_err(|_| format!("'{text}' is not {what}"))
 }
