@@ -51,18 +51,17 @@ impl Movie {
     }
 
     /// Writes each frame as soon as it arrives, with the frame's own display settings. An animated PNG appears at its
-    /// path only when it is complete.
-    pub fn write(&self, frames: impl Iterator<Item = Frame>) -> Result<()> {
+    /// path only when it is complete. Returns true if the reader of a stream closed the stream before the last frame
+    /// was written.
+    pub fn write(&self, frames: impl Iterator<Item = Frame>) -> Result<bool> {
         match self.format {
-            Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),
+            Format::Apng(count) => {
+                self.target.write(|file| self.write_apng(file, frames, count)).map(|()| false)
+            }
             Format::Y4m => {
                 let frames = frames.map(|frame| frame.into_8_bits().into_rgb8());
                 let mut out = BufWriter::new(std::io::stdout().lock());
-                match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
-                    // The video encoder has closed the pipe because it needs no more frames.
-                    Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-                    other => other.map_err(|error| crate::Error::unwritable_output(&error)),
-                }
+                was_closed(write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()))
             }
         }
     }
@@ -91,6 +90,15 @@ impl Movie {
         }
         writer.finish().map_err(Error::other)?;
         out.flush()
+    }
+}
+
+/// Returns true if a stream was not written to its end because its reader has closed it. This is no error: a video
+/// encoder closes the stream if it needs no more frames.
+fn was_closed(written: IoResult<()>) -> Result<bool> {
+    match written {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(true),
+        other => other.map(|()| false).map_err(|error| crate::Error::unwritable_output(&error)),
     }
 }
 
@@ -211,9 +219,17 @@ mod tests {
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
 
+    #[test]
+    fn a_stream_that_its_reader_has_closed_is_distinguished_from_a_complete_one() {
+        let of = |kind: ErrorKind| was_closed(Err(Error::from(kind)));
+        assert!(matches!((was_closed(Ok(())), of(ErrorKind::BrokenPipe)), (Ok(false), Ok(true))));
+        let error = of(ErrorKind::StorageFull).unwrap_err().to_string();
+        assert!(error.starts_with("cannot write to standard output: "), "{error}");
+    }
+
     /// Writes an animated PNG of two frames, 25 per second. Only the first `count` of the two frames are
     /// given to the writer.
-    fn write_frames(path: &std::path::Path, count: usize) -> Result<()> {
+    fn write_frames(path: &std::path::Path, count: usize) -> Result<bool> {
         let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
         let frames = frames.into_iter().take(count).map(|frame| Frame::Radiance(frame, Display::default()));
         Movie::apng(Target::of_results(path), [2, 1], 25, 2).write(frames)

@@ -191,9 +191,9 @@ pub fn run(args: &Args) -> Result<()> {
         show,
         ready: None,
     };
-    let (frame_ms, seconds) = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
+    let (frame_ms, seconds, closed) = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
     let frames = frame_ms.len() as u32;
-    let notes = notes.into_iter().chain(closed_early(frames, missing.len()));
+    let notes = notes.into_iter().chain(closed_early(closed, frames, missing.len()));
     let report = Report {
         scene: first.name.clone(),
         triangles: first.mesh.triangles.len(),
@@ -239,13 +239,11 @@ fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) ->
     }
 }
 
-/// Returns a note if the reader of a stream closed the stream before all frames were cast. The reader is
-/// usually an encoder that needs no more frames, so this is no error.
-fn closed_early(cast: u32, wanted: usize) -> Option<String> {
-    let cast = cast as usize;
-    let message =
-        || format!("the reader closed the stream after {} cast", counted_of_were(cast, wanted, "frame"));
-    (cast < wanted).then(message)
+/// Returns a note if the reader of a stream closed the stream before all frames were written, even if all frames of a
+/// short stream had been cast by then. The reader is usually an encoder that needs no more frames, so this is no error.
+fn closed_early(closed: bool, cast: u32, wanted: usize) -> Option<String> {
+    let were_cast = || counted_of_were(cast as usize, wanted, "frame");
+    closed.then(|| format!("the reader closed the stream after {} cast", were_cast()))
 }
 
 /// Prints the report; to standard error if the frames go to standard output.
@@ -254,20 +252,21 @@ fn tell(args: &Args, report: &Report) -> Result<()> {
     crate::cli::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
 
-/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds,
-/// and the seconds from the first upload to the last write. Only the calling thread uses the driver.
+/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds, the
+/// seconds from the first upload to the last write, and whether the reader of a stream closed the stream early. Only
+/// the calling thread uses the driver.
 fn cast_into(
     mut stage: Stage<'_>,
     sink: Sink,
     (film, keys): (&mut Film, &mut Keys),
     frames: &[u32],
-) -> Result<(Vec<f64>, f64)> {
+) -> Result<(Vec<f64>, f64, bool)> {
     let start = Instant::now();
     let has_keys = matches!(sink, Sink::Numbered(_));
     let size = stage.args.subject.size();
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(1);
-        let write = move || if frames.is_empty() { Ok(()) } else { sink.write(size, receiver) };
+        let write = move || if frames.is_empty() { Ok(false) } else { sink.write(size, receiver) };
         let writer = Builder::new().spawn_scoped(scope, write).map_err(|error| Error::no_thread(&error))?;
         let mut times = Vec::with_capacity(frames.len());
         let mut cast = || -> Result<()> {
@@ -292,7 +291,7 @@ fn cast_into(
         drop(sender);
         let written = writer.join().map_err(|_| Error::fault("writing the frames panicked"))?;
         done?;
-        written.map(|()| (times, start.elapsed().as_secs_f64()))
+        written.map(|closed| (times, start.elapsed().as_secs_f64(), closed))
     })
 }
 
@@ -365,6 +364,15 @@ mod tests {
         let motion = |rate| Motion { turntable: None, animate: true, frames: None, shard: None, rate };
         let rates = |rate| [Some(24), None].map(|of_scene| motion(rate).frames_per_s(of_scene));
         assert_eq!([rates(Some(60)), rates(None)], [[60, 60], [24, USUAL_RATE]]);
+    }
+
+    #[test]
+    fn a_closed_stream_is_noted_even_if_all_frames_were_cast() {
+        assert_eq!([closed_early(false, 2, 2), closed_early(false, 1, 1)], [None, None]);
+        for (cast, wanted, were) in [(1, 5, "1 of 5 frames was"), (2, 2, "2 of 2 frames were")] {
+            let expected = format!("the reader closed the stream after {were} cast");
+            assert_eq!(closed_early(true, cast, wanted), Some(expected));
+        }
     }
 
     #[test]

@@ -99,12 +99,14 @@ impl Sink {
             .with_help("`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture"))
     }
 
-    /// Writes frames as they arrive from `frames`, up to the last.
-    pub fn write(self, size: [u32; 2], frames: Receiver<Cast>) -> Result<()> {
+    /// Writes frames as they arrive from `frames`, up to the last. Returns true if the reader of a stream closed
+    /// the stream before the last frame was written.
+    pub fn write(self, size: [u32; 2], frames: Receiver<Cast>) -> Result<bool> {
         match self {
             Self::Numbered(numbered) => {
                 let others = (1..writers(size)).map(|_| Builder::new());
-                each_of(frames, others, |(number, key, frame)| numbered.save(number, &key, frame))
+                let save = |(number, key, frame): Cast| numbered.save(number, &key, frame);
+                each_of(frames, others, save).map(|()| false)
             }
             Self::Movie(movie) => movie.write(frames.iter().map(|(_, _, frame)| frame)),
         }
