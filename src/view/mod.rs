@@ -70,6 +70,9 @@ pub struct Viewer<S: Screen> {
     /// The size of the largest picture for which the screen had room when the input was last read, in pixels
     /// across and down; `None` if the size is not known.
     room: Option<[u32; 2]>,
+    /// True if a change has succeeded since the screen's size was last compared with the picture's size. If the device
+    /// refused the screen's size before the change, this size may now be possible.
+    refits: bool,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
     /// The mistake in the files that were read last; `None` if these files have no mistake, or if a key has
@@ -106,6 +109,7 @@ impl<S: Screen> Viewer<S> {
             shown: None,
             picker: Picker::default(),
             room: None,
+            refits: false,
             pointer: None,
             picked: None,
             mistake: None,
@@ -289,14 +293,16 @@ impl<S: Screen> Viewer<S> {
         self.redraws = true;
     }
 
-    /// If the screen has become larger or smaller, casts pictures of the screen's new size from now on.
+    /// If the screen has become larger or smaller, casts pictures of the screen's new size from now on. If the device
+    /// refuses this size, the size is tried again after the next change that succeeds.
     fn fit(&mut self, room: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.room, room);
+        let refits = std::mem::take(&mut self.refits);
         // A window system may clear a window when the window's size changes, so the picture is shown again.
         self.redraws |= known.is_some() && known != room;
-        let changed = room.filter(|size| known != room && *size != self.live.size());
+        let changed = room.filter(|size| (known != room || refits) && *size != self.live.size());
         if let Some(size) = changed {
-            // A resize reads no files, so a mistake in the files remains.
+            // A resize does not read the scene again, so a mistake in the files remains.
             let mistake = self.mistake.take();
             self.tried(|live| live.resize(size));
             self.mistake = mistake;
@@ -351,6 +357,7 @@ impl<S: Screen> Viewer<S> {
             Ok(()) => {
                 (self.mistake, self.answer, self.note) = (None, None, None);
                 self.rate.switched();
+                self.refits = true;
             }
             Err(error) => self.answer = Some(error.in_a_line()),
         }

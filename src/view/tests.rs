@@ -283,6 +283,23 @@ fn pictures_have_the_screens_size_if_the_device_can_cast_them() {
 }
 
 #[test]
+fn a_size_that_the_device_refused_is_tried_again_after_each_change_that_succeeds() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    let is_tried = |viewer: &mut Viewer<&mut Script>| {
+        viewer.answer = None;
+        viewer.fit(Some([1 << 20, 1 << 20]));
+        viewer.answer.is_some()
+    };
+    assert_eq!([is_tried(&mut viewer), is_tried(&mut viewer)], [true, false]);
+    viewer.tried(|_| Err(Error::input("it does not fit")));
+    assert!(!is_tried(&mut viewer), "nothing has changed");
+    viewer.tried(|_| Ok(()));
+    assert_eq!([is_tried(&mut viewer), is_tried(&mut viewer)], [true, false]);
+    assert_eq!(viewer.live.size(), [40, 20]);
+}
+
+#[test]
 fn a_change_that_fails_is_shown_until_the_next_change() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
