@@ -92,6 +92,7 @@ impl Rate {
     pub fn switched(&mut self) {
         self.times_ms.clear();
         self.rays = 0.0;
+        (self.recent.rays, self.recent.ms, self.shown[1]) = (0.0, 0.0, 0.0);
     }
 
     /// Returns frames per second and rays per second of device time. The returned `bool` is true if these
@@ -179,6 +180,25 @@ mod tests {
         let total = rate.total();
         assert_eq!((total.frames, total.timed_frames, total.frame_ms), (7, 2, Some(2.0)));
         assert!(total.rays_per_s.is_some_and(|rate| (rate - 1e9).abs() < 1.0), "{total:?}");
+    }
+
+    #[test]
+    fn recent_rays_before_a_switch_are_forgotten_and_frames_are_not() {
+        let mut rate = Rate::new();
+        let shown_after_a_period = |rate: &mut Rate| {
+            rate.recent.since = Instant::now().checked_sub(PERIOD).expect("the clock is older");
+            rate.recent().0
+        };
+        rate.count_rays(1e6, 2.0);
+        assert_eq!(shown_after_a_period(&mut rate)[1], 5e8);
+        rate.count_rays(1e6, 2.0);
+        rate.count();
+        rate.switched();
+        assert_eq!(rate.shown[1], 0.0, "no frame has been cast since the switch");
+        rate.count_rays(2e6, 2.0);
+        let [frames_per_s, rays_per_s] = shown_after_a_period(&mut rate);
+        assert!(frames_per_s > 0.0);
+        assert_eq!(rays_per_s, 1e9, "the frame before the switch does not count");
     }
 
     #[test]
