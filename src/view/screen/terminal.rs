@@ -304,9 +304,20 @@ fn pressed(input: &mut Input, key: KeyEvent) {
     if key.kind == KeyEventKind::Release {
         return;
     }
+    input.keys.extend(follows_escape(&key).then_some(Key::Escape));
     let control = key.modifiers.contains(KeyModifiers::CONTROL);
     input.closed |= control && key.code == KeyCode::Char('c');
     input.keys.extend(meant(key.code).filter(|_| !control));
+}
+
+/// Returns true if a key may have been pressed after Escape. If both wait to be read, their bytes are those of the key
+/// with Alt, as which the crate crossterm reports them. raycl uses no key with Alt, so Escape is not lost. Only a key
+/// of one character is meant: Alt and, for example, an arrow key have bytes of their own. On systems other than Unix,
+/// crossterm reads no bytes, so Alt means Alt.
+fn follows_escape(key: &KeyEvent) -> bool {
+    let is_one_character =
+        matches!(key.code, KeyCode::Char(_) | KeyCode::Enter | KeyCode::Tab | KeyCode::Backspace);
+    cfg!(unix) && is_one_character && key.modifiers.contains(KeyModifiers::ALT)
 }
 
 /// Returns the key that a code of the terminal means; `None` for keys that raycl does not use.
@@ -353,6 +364,27 @@ mod tests {
         assert_eq!(input(&[of_kind(KeyEventKind::Release)]), (false, vec![]));
         let released = KeyEvent { kind: KeyEventKind::Release, ..key('c', control) };
         assert_eq!(input(&[released]), (false, vec![]));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn escape_is_not_lost_if_another_key_follows_before_raycl_reads() {
+        let keys = |code, modifiers| {
+            let mut input = Input::default();
+            pressed(&mut input, KeyEvent::new(code, modifiers));
+            input.keys
+        };
+        let (alt, control) = (KeyModifiers::ALT, KeyModifiers::CONTROL);
+        let letter = KeyCode::Char('s');
+        assert_eq!(keys(letter, alt), [Key::Escape, Key::Char('s')]);
+        assert_eq!(keys(letter, alt | control), [Key::Escape]);
+        assert_eq!(keys(KeyCode::Enter, alt), [Key::Escape]);
+        assert_eq!(keys(letter, KeyModifiers::SHIFT), [Key::Char('s')]);
+        assert_eq!(
+            keys(KeyCode::Left, alt),
+            [Key::Left],
+            "Alt and an arrow key are not Escape and an arrow key"
+        );
     }
 
     /// Returns a terminal of 80 x 24 characters, of 10 x 20 pixels each, in which no user presses keys.
