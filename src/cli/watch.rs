@@ -48,6 +48,9 @@ pub struct Watched {
     /// The folders of files that raycl has read. Each of these folders is watched by itself, or is covered by
     /// the watch on a folder that was given to [`Watched::new`].
     of_inputs: BTreeSet<PathBuf>,
+    /// The time when raycl last began to watch the folders of the files that it had read until then. Files that were
+    /// read after this time may lie in folders that are not watched yet.
+    since: SystemTime,
     inputs: &'static Inputs,
 }
 
@@ -89,8 +92,8 @@ impl Watched {
         for folder in &mut folders {
             folder.watch(&mut watcher).map_err(unwatchable)?;
         }
-        let (given, of_inputs) = (folders.len(), BTreeSet::new());
-        Ok(Self { changes, changed_at: None, watcher, folders, given, of_inputs, inputs })
+        let (given, of_inputs, since) = (folders.len(), BTreeSet::new(), SystemTime::now());
+        Ok(Self { changes, changed_at: None, watcher, folders, given, of_inputs, since, inputs })
     }
 
     /// Returns true if a file has changed since the function last returned true, and no file has changed for
@@ -103,7 +106,7 @@ impl Watched {
 
     /// Begins to watch again the folders that have been replaced since the last call; each replacement counts
     /// as a change. The function also begins to watch the folders of files that have been read since the last
-    /// call.
+    /// call. A file that was read and then modified before its folder was watched counts as a change too.
     fn follow(&mut self) {
         for folder in &mut self.folders {
             if folder.identity != identity(&folder.path) {
@@ -123,9 +126,12 @@ impl Watched {
                 // If a folder cannot be watched, the other folders are still watched.
                 let _ = folder.watch(&mut self.watcher);
                 self.folders.push(folder);
+                if self.inputs.modified_since(path, self.since) {
+                    self.changed_at = Some(Instant::now());
+                }
             }
         }
-        self.of_inputs = of_inputs;
+        (self.of_inputs, self.since) = (of_inputs, SystemTime::now());
     }
 
     /// Waits for a change, then waits until no file has changed for the time `QUIET`, and returns true.
@@ -410,6 +416,33 @@ mod tests {
         let other = other.path().canonicalize().expect("a folder");
         assert_eq!(watched.folders.iter().skip(1).map(|folder| &folder.path).collect::<Vec<_>>(), [&other]);
         assert_eq!((watched.given, watched.of_inputs.len()), (1, 2));
+    }
+
+    #[test]
+    fn a_file_that_was_modified_before_its_folder_was_watched_has_changed() {
+        static INPUTS: Inputs = Inputs::new();
+        let folders = [0; 2].map(|_| tempfile::tempdir().expect("a folder"));
+        let mut watched = Watched::new(&[], &[], &INPUTS).expect("it watches");
+        let (start, day) = (watched.since, Duration::from_secs(86_400));
+        for (folder, modified, counts) in
+            [(&folders[0], start - day, false), (&folders[1], start + day, true)]
+        {
+            let path = folder.path().join("wood.png");
+            let file = std::fs::File::create(&path).expect("a file");
+            file.set_modified(modified).expect("its time is set");
+            INPUTS.add(&path);
+            for expected in [counts, false] {
+                watched.follow();
+                assert_eq!(watched.changed_at.take().is_some(), expected, "{modified:?} {start:?}");
+            }
+        }
+        watched.since = SystemTime::UNIX_EPOCH;
+        watched.follow();
+        assert_ne!(
+            watched.since,
+            SystemTime::UNIX_EPOCH,
+            "older changes of the next folder's files do not count"
+        );
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::threads::locked;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
+use std::time::SystemTime;
 
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
@@ -35,6 +36,14 @@ impl Inputs {
         self.held().iter().filter_map(|path| path.parent()).map(Path::to_owned).collect()
     }
 
+    /// Returns true if a file of this folder was added and has been modified at or after the time `since`. The path of
+    /// the folder must be canonical.
+    pub fn modified_since(&self, folder: &Path, since: SystemTime) -> bool {
+        let modified = |path: &PathBuf| path.metadata().and_then(|metadata| metadata.modified());
+        let is_later = |path: &PathBuf| modified(path).is_ok_and(|at| at >= since);
+        self.held().iter().any(|path| path.parent() == Some(folder) && is_later(path))
+    }
+
     fn held(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
         locked(&self.0)
     }
@@ -45,6 +54,7 @@ impl Inputs {
 mod tests {
     use super::*;
     use crate::scene::load_scene;
+    use std::time::Duration;
 
     #[test]
     fn every_file_of_a_scene_is_added_even_if_it_is_missing() {
@@ -62,6 +72,25 @@ mod tests {
         }
         assert!(!INPUTS.contains(&path("part/other.png")));
         assert!(INPUTS.folders().is_superset(&BTreeSet::from([path(""), path("part")])));
+    }
+
+    #[test]
+    fn only_modified_files_that_were_added_and_lie_in_the_folder_count() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().canonicalize().unwrap().join(name);
+        std::fs::create_dir(path("part")).unwrap();
+        let inputs = Inputs::new();
+        ["a.obj", "missing.obj"].iter().for_each(|name| inputs.add(&path(name)));
+        for name in ["a.obj", "other.obj", "part/a.obj"] {
+            std::fs::write(path(name), "").unwrap();
+        }
+        let modified = path("a.obj").metadata().unwrap().modified().unwrap();
+        let later = modified + Duration::from_nanos(1_000);
+        for (name, at, expected) in [("", modified, true), ("", later, false), ("part", modified, false)] {
+            assert_eq!(inputs.modified_since(&path(name), at), expected, "{name} {at:?}");
+        }
+        inputs.add(&path("part/a.obj"));
+        assert!(inputs.modified_since(&path("part"), SystemTime::UNIX_EPOCH));
     }
 
     #[test]
