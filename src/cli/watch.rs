@@ -56,6 +56,9 @@ pub struct Watched {
 
 /// A folder that is watched.
 struct Folder {
+    /// The path as it was given, which may contain links.
+    named: PathBuf,
+    /// The canonical path of the folder to which `named` led when the watch began.
     path: PathBuf,
     depth: RecursiveMode,
     /// The identity of the folder when the watch began; `None` if the folder did not exist then.
@@ -73,7 +76,9 @@ impl Watched {
     ) -> Result<Self> {
         let mut folders: Vec<_> = folders
             .iter()
-            .map(|(folder, depth)| Ok(Folder::new(resolved(folder)?, *depth)))
+            .map(|(folder, depth)| {
+                Ok(Folder { path: resolved(folder)?, ..Folder::new(folder.clone(), *depth) })
+            })
             .collect::<Result<_>>()?;
         let (sender, changes) = channel();
         let written: Vec<PathBuf> = written.iter().filter_map(|path| in_canonical_folder(path)).collect();
@@ -105,11 +110,12 @@ impl Watched {
     }
 
     /// Begins to watch again the folders that have been replaced since the last call; each replacement counts
-    /// as a change. The function also begins to watch the folders of files that have been read since the last
-    /// call. A file that was read and then modified before its folder was watched counts as a change too.
+    /// as a change. A folder also counts as replaced if a link in its path now leads to another folder. The
+    /// function also begins to watch the folders of files that have been read since the last call. If one of
+    /// these files was modified before its folder was watched, this counts as a change too.
     fn follow(&mut self) {
         for folder in &mut self.folders {
-            if folder.identity != identity(&folder.path) {
+            if folder.identity != identity(&folder.named) {
                 // The watch on the replaced folder may have ended together with that folder. If the folder is
                 // missing now, watching fails, and a later call watches the folder once it exists.
                 let _ = self.watcher.unwatch(&folder.path);
@@ -150,14 +156,18 @@ impl Watched {
 
 impl Folder {
     /// Returns a folder that is not watched yet.
-    fn new(path: PathBuf, depth: RecursiveMode) -> Self {
-        Self { path, depth, identity: None }
+    fn new(named: PathBuf, depth: RecursiveMode) -> Self {
+        Self { path: named.clone(), named, depth, identity: None }
     }
 
-    /// Begins to watch the folder that now exists at the stored path.
+    /// Begins to watch the folder to which the path `named` now leads. If there is no such folder, the last known path
+    /// stays.
     fn watch(&mut self, watcher: &mut notify::RecommendedWatcher) -> notify::Result<()> {
         // If the folder is replaced after this line, the next comparison of identities detects the replacement.
-        self.identity = identity(&self.path);
+        self.identity = identity(&self.named);
+        if let Ok(path) = self.named.canonicalize() {
+            self.path = path;
+        }
         watcher.watch(&self.path, self.depth)
     }
 
@@ -382,6 +392,28 @@ mod tests {
                 change_until(&path.join("scene.toml"), || seen.try_recv().is_ok());
             }
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_leads_to_another_folder_is_followed() {
+        static INPUTS: Inputs = Inputs::new();
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().canonicalize().expect("it exists").join(name);
+        let link_to = |name| std::os::unix::fs::symlink(path(name), path("link")).expect("a link");
+        ["a", "b"].iter().for_each(|name| std::fs::create_dir(path(name)).expect("a folder"));
+        link_to("a");
+        let given = [(path("link"), RecursiveMode::NonRecursive)];
+        let mut watched = Watched::new(&given, &[], &INPUTS).expect("it watches");
+        let mut followed = || {
+            watched.follow();
+            (watched.folders[0].path.clone(), watched.changed_at.take().is_some())
+        };
+        assert_eq!(followed(), (path("a"), false));
+        std::fs::remove_file(path("link")).expect("the link goes away");
+        assert_eq!(followed(), (path("a"), true));
+        link_to("b");
+        assert_eq!([followed(), followed()], [(path("b"), true), (path("b"), false)]);
     }
 
     #[test]
