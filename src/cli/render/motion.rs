@@ -252,9 +252,9 @@ fn tell(args: &Args, report: &Report) -> Result<()> {
     crate::cli::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
 
-/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds, the
-/// seconds from the first upload to the last write, and whether the reader of a stream closed the stream early. Only
-/// the calling thread uses the driver.
+/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds,
+/// the seconds from the first upload to the last write, and true if the reader of a stream closed the stream early.
+/// Only the calling thread uses the driver.
 fn cast_into(
     mut stage: Stage<'_>,
     sink: Sink,
