@@ -68,7 +68,7 @@ fn set(unexpected: &str, words: &[OsString]) -> Option<String> {
 /// Returns the number of brackets that `word` opens, less the number of brackets that it closes.
 fn brackets(word: &str) -> i64 {
     let change = |c| match c {
-        '[' | '{' => 1_i32,
+        '[' | '{' => 1_i64,
         ']' | '}' => -1,
         _ => 0,
     };
