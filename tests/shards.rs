@@ -367,7 +367,7 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
         &refused(&["run", "test.toml", "--out", "out", "--asleep", "1"]),
         &["holds an experiment that is divided into 2 shards"],
     );
-    has(&refused(&["merge", "elsewhere"]), &["elsewhere is not a folder"]);
+    has(&refused(&["merge", "elsewhere"]), &["there is no folder elsewhere"]);
     has(&refused(&["merge", "."]), &["holds no experiment that is divided into shards"]);
     has(&refused(&["merge", "out", "--status", "--quiet"]), &["--quiet", "cannot be used with"]);
     has(&refused(&["merge", "out", "--status", "--device", "gpu"]), &["--device", "cannot be used with"]);
