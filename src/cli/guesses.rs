@@ -4,6 +4,7 @@
 
 use super::Cli;
 use crate::filetype::experiment_instead;
+use crate::reader;
 use crate::words::{path_word, quote};
 use clap::CommandFactory as _;
 use clap::builder::StyledStr;
@@ -46,7 +47,7 @@ fn command_of(path: &Path) -> Option<String> {
     let is_toml = || path.extension().is_some_and(|extension| extension == "toml");
     let is_experiment = |text: String| experiment_instead(path, &text).is_some();
     path.is_file().then(|| {
-        let runs = is_toml() && std::fs::read_to_string(path).is_ok_and(is_experiment);
+        let runs = is_toml() && reader::text(path, reader::Kind::Toml).is_ok_and(is_experiment);
         format!("raycl {} {}", if runs { "run" } else { "render" }, quote(&path_word(path)))
     })
 }

@@ -7,11 +7,11 @@ use clap::CommandFactory as _;
 use clap::error::{ContextKind, ContextValue};
 
 /// For each renamed word: the context in which clap (the library that parses the arguments) reports the old word, then
-/// the old word and the new word. Of several new options, a command has all or none.
+/// the old word and the new words, in backticks. Of several new options, a command has all or none.
 const RENAMED: [(ContextKind, &str, &str); 3] = [
-    (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
-    (ContextKind::InvalidArg, "--limits", "--peak"),
-    (ContextKind::InvalidArg, "--size", "--width and --height"),
+    (ContextKind::InvalidSubcommand, "limits", "`raycl peak`"),
+    (ContextKind::InvalidArg, "--limits", "`--peak`"),
+    (ContextKind::InvalidArg, "--size", "`--width` and `--height`"),
 ];
 
 /// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the error suggests
@@ -22,11 +22,11 @@ pub fn explain(error: clap::Error) -> clap::Error {
         _ => false,
     };
     let Some((_, _, new)) = RENAMED.iter().find(|(kind, old, _)| typed(*kind, old)) else { return error };
-    let option = new.strip_prefix("--").and_then(|options| options.split(' ').next());
+    let option = new.strip_prefix("`--").and_then(|options| options.split('`').next());
     if option.is_some_and(|option| !has_option(&error, option)) {
         return error;
     }
-    with_tip(error, format!("did you mean `{new}`?"))
+    with_tip(error, format!("did you mean {new}?"))
 }
 
 /// Returns true if the subcommand in the error's usage line has the option `option`.
@@ -49,7 +49,7 @@ mod tests {
             (vec!["raycl", "limits", "--device", "cpu"], "did you mean `raycl peak`?"),
             (vec!["raycl", "run", "a.toml", "--limits"], "did you mean `--peak`?"),
             (vec!["raycl", "run", "a.toml", "--limits=limits.json"], "did you mean `--peak`?"),
-            (vec!["raycl", "render", "a.toml", "--size", "64x40"], "did you mean `--width and --height`?"),
+            (vec!["raycl", "render", "a.toml", "--size", "64x40"], "did you mean `--width` and `--height`?"),
         ] {
             let error = explain(Cli::try_parse_from(&words).expect_err("an old word"));
             assert_eq!(error.exit_code(), 2);
