@@ -131,14 +131,28 @@ fn the_picture_gets_the_size_of_the_window() {
         });
     };
     shows(SIZE);
+    let page_bytes = 4096;
+    assert_eq!(server.shared_bytes(), [(4 * 96 * 60_u64).next_multiple_of(page_bytes)]);
     // If the window has one of the following sizes, the picture's horizontal field of view stays the same, as
     // in the pictures that `render` writes.
     for size in [[120, 80], [60, 40]] {
         server.user().resize(size);
         shows(size);
     }
+    assert_eq!(server.shared_bytes(), [(4 * 60 * 40_u64).next_multiple_of(page_bytes)]);
     let report = quit(child, &server);
     assert_eq!(report["image_size"], serde_json::json!([60, 40]));
+}
+
+#[test]
+fn a_server_that_shares_no_memory_is_sent_the_pictures() {
+    let folder = new_folder();
+    let expected = rendered(&folder, &[]);
+    let server = Server::without_shared_memory(SIZE);
+    let child = start(&folder, &server, &["--samples", "1", "--json"]);
+    server.until_shown("it shows the picture", |shown| differences(shown, &expected) == 0);
+    assert!(server.shared_bytes().is_empty());
+    quit(child, &server);
 }
 
 /// All samples are cast before the window is hidden, so only the lost picture is a reason to show the picture again.

@@ -23,13 +23,23 @@ impl Server {
     }
 
     /// Starts a server with one screen of this size, whose pixels have this many bits.
-    pub fn with_depth([width, height]: [u32; 2], bits: u32) -> Self {
+    pub fn with_depth(size: [u32; 2], bits: u32) -> Self {
+        Self::with(size, bits, &[])
+    }
+
+    /// Starts a server that cannot share memory with programs, with one screen of this size.
+    pub fn without_shared_memory(size: [u32; 2]) -> Self {
+        Self::with(size, 24, &["-extension", "MIT-SHM"])
+    }
+
+    fn with([width, height]: [u32; 2], bits: u32, options: &[&str]) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let screen = format!("{width}x{height}x{bits}");
         let mut process = Command::new("Xvfb")
             .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &screen])
             .arg("-fbdir")
             .arg(folder.path())
+            .args(options)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -58,6 +68,17 @@ impl Server {
             let at = (first + y * line_bytes + 4 * x) as usize;
             image::Rgb([bytes[at + 2], bytes[at + 1], bytes[at]])
         })
+    }
+
+    /// Returns the sizes of the memories that programs and the server share, in bytes.
+    pub fn shared_bytes(&self) -> Vec<u64> {
+        let maps = std::fs::read_to_string(format!("/proc/{}/maps", self.process.id())).expect("the maps");
+        let shared = maps.lines().filter(|line| line.contains("-s ") && line.ends_with("(deleted)"));
+        let bytes = |line: &str| {
+            let (from, to) = line.split_once(' ')?.0.split_once('-')?;
+            Some(u64::from_str_radix(to, 16).ok()? - u64::from_str_radix(from, 16).ok()?)
+        };
+        shared.map(|line| bytes(line).expect("an address range")).collect()
     }
 
     /// Waits until the only window exists, and returns a simulated user of this window.

@@ -4,6 +4,8 @@ mod blocks;
 mod graphics;
 #[cfg(unix)]
 mod pointer;
+#[cfg(unix)]
+mod shared_memory;
 mod terminal;
 mod text;
 mod typed;

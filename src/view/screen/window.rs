@@ -3,6 +3,8 @@
 
 #[cfg(unix)]
 use super::pointer::{Moves, Pointer};
+#[cfg(unix)]
+use super::shared_memory::SharedMemory;
 use super::typed::{Focus, Typed};
 #[cfg(unix)]
 use super::x_server::{MOST_PIXELS, Pixels, XServer};
@@ -45,6 +47,9 @@ pub struct Window {
     /// position.
     #[cfg(unix)]
     events: Option<Pointer>,
+    /// The memory that raycl shares with the X server; `None` if minifb shows the pictures.
+    #[cfg(unix)]
+    shared: Option<SharedMemory>,
     /// True if the call that showed the last picture has also read the user's input.
     looked: bool,
 }
@@ -77,7 +82,9 @@ impl Window {
         window.update();
         Ok(Self {
             #[cfg(unix)]
-            events: pointer_events(&window),
+            events: x11_window(&window).and_then(Pointer::over),
+            #[cfg(unix)]
+            shared: x11_window(&window).and_then(SharedMemory::of),
             window,
             size,
             keys,
@@ -124,14 +131,34 @@ impl Window {
         ([[0.0; 2]; 2], 0.0, false)
     }
 
-    /// Shows the pixels. The call of minifb that shows the pixels also reads the user's input, and sends the
-    /// window's title to the display.
+    /// Shows the pixels. minifb also reads the user's input, and sends the window's title to the display.
     fn present(&mut self) -> Result<()> {
-        let [width, height] = self.size.map(|side| side as usize);
         self.looked = true;
+        if self.share() {
+            self.window.update();
+            return Ok(());
+        }
+        let [width, height] = self.size.map(|side| side as usize);
         self.window
             .update_with_buffer(&self.pixels, width, height)
             .map_err(|error| Error::run(format!("the window cannot show a picture: {error}")))
+    }
+
+    /// Shows the pixels through memory that raycl shares with the X server. Returns false if this is not possible; then
+    /// it is not tried again.
+    #[cfg(unix)]
+    fn share(&mut self) -> bool {
+        let shown = self.shared.as_mut().and_then(|shared| shared.show(&self.pixels, self.size));
+        if shown.is_none() {
+            self.shared = None;
+        }
+        shown.is_some()
+    }
+
+    /// Returns false: only on Unix can raycl share memory with an X server.
+    #[cfg(not(unix))]
+    fn share(&mut self) -> bool {
+        false
     }
 
     fn is_down(&self, button: MouseButton) -> bool {
@@ -211,12 +238,12 @@ fn in_heights(by: [f64; 2], size: [u32; 2]) -> [f64; 2] {
     by.map(|pixels| pixels / f64::from(size[1]))
 }
 
-/// Returns the events of the pointer in a window; `None` without an X server.
+/// Returns the number of a window on its X server; `None` without an X server.
 #[cfg(unix)]
-fn pointer_events(window: &minifb::Window) -> Option<Pointer> {
+fn x11_window(window: &minifb::Window) -> Option<u32> {
     // The handle of a window of X11 is its number on the server.
     let number = u32::try_from(window.get_window_handle() as usize).ok()?;
-    if cfg!(target_os = "macos") { None } else { Pointer::over(number) }
+    if cfg!(target_os = "macos") { None } else { Some(number) }
 }
 
 /// Returns the movement of a drag as `[orbit, pan]`: one of the two is zero, depending on the button.
