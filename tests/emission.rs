@@ -130,7 +130,11 @@ fn every_family_with_textures_multiplies_emitted_light_by_a_texture() {
     folder
         .write("room.mtl", &TEXTURED.replace("newmtl wall\nKd 0.7 0.6 0.5\nmap_Kd wall.png", "newmtl wall"));
     folder.write("room.obj", &ROOM.replace("f 7/1 8/2 9/3 10/4", "f 7/1 8/2 9/3\nf 7 9 10"));
-    has(&folder.picture(&["--verify"]).1, &["1 triangle has a texture but no texture coordinates"]);
+    let (_, said) = folder.picture(&["--verify"]);
+    has(
+        &said,
+        &["1 triangle has a texture but no texture coordinates", "the emission texture gives no light on it"],
+    );
 }
 
 #[test]

@@ -103,14 +103,16 @@ impl Mesh {
     }
 
     /// Assigns a copy of their material, which emits no light, to triangles that have an emission texture but
-    /// no texture coordinates. `triangles` has the indices of the triangles without texture coordinates.
-    pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) {
-        let mut copies = HashMap::new();
+    /// no texture coordinates. `triangles` has the indices of the triangles without texture coordinates. Returns the
+    /// number of triangles that have an emission texture but no texture coordinates.
+    pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) -> usize {
+        let (mut copies, mut dark) = (HashMap::new(), 0);
         for &number in triangles {
             let own = self.triangles[number].material;
             if self.materials[own as usize].emission_texture.is_none() {
                 continue;
             }
+            dark += 1;
             self.triangles[number].material = *copies.entry(own).or_insert_with(|| {
                 let mut copy = self.materials[own as usize];
                 copy.set_emission_texture(None);
@@ -118,6 +120,7 @@ impl Mesh {
                 self.materials.len() as u32 - 1
             });
         }
+        dark
     }
 
     /// Returns one value for each position: true if the position is the corner of a triangle.
@@ -226,7 +229,12 @@ mod tests {
     fn triangles_without_texture_coordinates_share_a_copy_of_their_material_and_emit_no_light() {
         let mut mesh = lamp();
         mesh.triangles.push(mesh.triangles[0]);
-        mesh.leave_out_emission_textures(&[0, 2]);
+        assert_eq!(mesh.leave_out_emission_textures(&[0, 2]), 2);
+        assert_eq!(
+            mesh.leave_out_emission_textures(&[0, 2]),
+            0,
+            "their material has no emission texture now"
+        );
         let numbers: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.material).collect();
         assert_eq!((numbers, mesh.materials.len()), (vec![1, 0, 1], 2));
         assert_eq!([0, 1].map(|i: usize| mesh.materials[i].emission_texture), [Some(0), None]);

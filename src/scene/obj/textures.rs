@@ -319,9 +319,9 @@ pub(super) fn apply(
     }
     mesh.textures = Textures::of(pictures.list, rows, &mesh.materials);
     whiten(mesh, &loaded, &without);
-    mesh.leave_out_emission_textures(&without);
+    let dark = mesh.leave_out_emission_textures(&without);
     if !without.is_empty() {
-        notes.push(unmapped(without.len()));
+        notes.push(unmapped(without.len(), dark));
     }
 }
 
@@ -362,11 +362,19 @@ pub(in crate::scene) fn finite(row: Mapped) -> Option<Mapped> {
     row.corners.as_flattened().iter().all(|value| value.is_finite()).then_some(row)
 }
 
-/// Returns a note on `count` triangles that have a texture but no texture coordinates.
-pub(in crate::scene) fn unmapped(count: usize) -> String {
-    let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
+/// Returns a note on `count` triangles that have a texture but no texture coordinates. `dark` of these triangles have an
+/// emission texture.
+pub(in crate::scene) fn unmapped(count: usize, dark: usize) -> String {
+    let (have, their, on_them) = match count {
+        1 => ("has", "its material's", "on it".to_owned()),
+        _ => ("have", "their materials'", format!("on {dark} of them")),
+    };
+    let light = match dark {
+        0 => String::new(),
+        _ => format!("; the emission texture gives no light {on_them}"),
+    };
     format!(
-        "{} {have} a texture but no texture coordinates: {their} own colour is used",
+        "{} {have} a texture but no texture coordinates: {their} own colour is used{light}",
         counted(count, "triangle")
     )
 }

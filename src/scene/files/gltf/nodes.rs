@@ -310,12 +310,12 @@ impl<'a> Walk<'a> {
         };
         let mut notes = Vec::new();
         note_materials(&mesh, &mut notes);
-        mesh.leave_out_emission_textures(&self.unmapped);
+        let dark = mesh.leave_out_emission_textures(&self.unmapped);
         if self.coloured > 0 {
             colours::paint(&mut mesh, &self.colours);
             notes.extend(colours::note_outside(self.outside, "vertex"));
         }
-        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len())));
+        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), dark)));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));

@@ -490,6 +490,26 @@ fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_
 }
 
 #[test]
+fn triangles_on_which_an_emission_texture_gives_no_light_are_counted_in_the_note() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let library = "newmtl lamp\nKe 1 1 1\nmap_Ke dot.png\nnewmtl wall\nmap_Kd dot.png\n";
+    std::fs::write(folder.path().join("m.mtl"), library).unwrap();
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
+    let notes = |faces: &str| {
+        let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\n{faces}usemtl lamp\nf 1/1 2/1 3/1\n");
+        parse("test.obj", reach, text.as_bytes()).unwrap().notes
+    };
+    let one = "1 triangle has a texture but no texture coordinates: its material's own colour is used; the emission \
+               texture gives no light on it";
+    assert_eq!(notes("usemtl lamp\nf 1 2 3\n"), [one]);
+    let three = "3 triangles have a texture but no texture coordinates: their materials' own colour is used; the \
+                 emission texture gives no light on 2 of them";
+    assert_eq!(notes("usemtl wall\nf 1 2 3\nusemtl lamp\nf 1 2 3\nf 1 2 3\n"), [three]);
+}
+
+#[test]
 fn of_many_files_that_are_missing_the_first_are_noted_and_the_others_counted() {
     let folder = tempfile::tempdir().unwrap();
     let all = |of: fn(usize) -> String| (0..1_000).map(of).collect::<String>();
