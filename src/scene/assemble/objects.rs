@@ -97,9 +97,9 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
 pub(super) fn placed(wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> MeshFile {
     let from = file.placement.origin;
     let mut transform = transform(wire);
-    if origin == DVec3::ZERO {
-        // The scene has no origin of its own. The translation is then rounded to single precision, in which the
-        // positions of cameras and lights are stored, too.
+    if origin == DVec3::ZERO && from == DVec3::ZERO {
+        // Neither the scene nor the mesh has an origin of its own. The translation is then rounded to single precision,
+        // in which the positions of the mesh, of cameras and of lights are stored, too.
         transform.translation = transform.translation.as_vec3().as_dvec3();
     }
     transform.apply(&mut file.mesh, from, origin);

@@ -554,10 +554,27 @@ fn a_scene_keeps_its_coordinates_if_its_centre_is_up_to_16_radii_away() {
     };
     assert_eq!(positions(&path)[0], Vec3::new(-0.25, -0.25, 0.0));
     assert_eq!(of_scene("")[0], Vec3::new(-0.25, -0.25, 0.0));
-    assert_eq!(of_scene("translation = [-4095.9, 0, 0]\n")[0], Vec3::X * (4096.0 - 4095.9_f32));
+    assert_eq!(of_scene("translation = [-4095.9, 0, 0]\n")[0], Vec3::X * (4096.0 - 4095.9_f64) as f32);
     // If the scene also contains a sphere at the origin, the scene's centre is not far from the origin.
     let both = of_scene("[[object]]\nshape = \"sphere\"\ntriangles = 8\n");
     assert_eq!(both[0], Vec3::X * 4096.0);
+    // A mesh without an origin of its own is stored in single precision, and its translation is rounded likewise.
+    std::fs::write(&path, "v -4096 0 0\nv 4096 0 0\nv 4096 0.5 0\nf 1 2 3\n").unwrap();
+    assert_eq!(of_scene("translation = [4095.9, 0, 0]\n")[0], Vec3::X * (4095.9_f32 - 4096.0));
+}
+
+/// Near 5e6, the numbers of single precision are 0.5 apart.
+#[test]
+fn a_far_mesh_that_its_translation_moves_back_to_the_origin_lies_exactly_there() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.obj"), "v 5e6 5e6 0\nv 5000001 5e6 0\nv 5e6 5000001 0\nf 1 2 3\n")
+        .unwrap();
+    let scene = folder.path().join("a.toml");
+    let text = "[[object]]\nmesh = \"a.obj\"\ntranslation = [-4999999.9, -5000000.4, 0]\n";
+    std::fs::write(&scene, text).unwrap();
+    let positions = load_scene_with(&scene, &[]).unwrap().scene.mesh.positions.clone();
+    let expected = Vec3::new(0.1, -0.4, 0.0);
+    assert!(positions[0].distance(expected) < 1e-6, "{positions:?}");
 }
 
 #[test]
