@@ -56,9 +56,7 @@ impl Transform {
             mesh.corner_colours.iter_mut().for_each(|corners| corners.swap(1, 2));
         }
     }
-}
 
-impl Transform {
     fn rotation(&self) -> DMat3 {
         let [x, y, z] = self.rotation_degrees.as_dvec3().to_array().map(f64::to_radians);
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x)
