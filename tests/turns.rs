@@ -80,6 +80,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
         spread: false,
         blocks: None,
         ahead: None,
+        caches_programs: true,
     };
     let mut results = Results::create(folder.path(), &Environment::default()).expect("results");
     let mut spawner = Noting { run, log: Arc::clone(log), reply: Reply::Started };

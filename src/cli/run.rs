@@ -20,6 +20,7 @@ pub(crate) use resume::deciding_variables;
 use super::choice::{parse_assignment, parse_seconds, whole};
 use super::measured::{MEASURE_AGAIN, refuse_failed};
 use super::progress::observer;
+use crate::cache::Cache;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, matching_indices};
 use crate::device_lock::Locks;
@@ -229,6 +230,7 @@ fn run_of<'a>(
         spread: args.spread,
         blocks: None,
         ahead: None,
+        caches_programs: Cache::of_user().is_usable(),
     })
 }
 

@@ -61,9 +61,9 @@ pub struct Expected {
 struct Known {
     /// Time of one sample of the point.
     sample_ms: f64,
-    /// Time of a check in a later launch, which loads the program and only hashes the picture. Then the time
-    /// of the check in the first launch, which also compiles the program if it is in no cache, and compares
-    /// the picture with the reference.
+    /// Time of a check in a later launch, which loads the program (without a cache, compiles it) and only hashes the
+    /// picture. Then the time of the check in the first launch, which also compiles the program if it is in no cache,
+    /// and compares the picture with the reference.
     check_ms: [f64; 2],
     /// Number of samples of the point per launch. `None` if the earlier record's key differs from the point's
     /// key, because the rule that ends the sampling may differ too.
@@ -191,17 +191,27 @@ impl Run<'_> {
         }
         let larger = draft.pixels() / earlier.pixels();
         let sample_ms = larger * earlier.host_median_ms? * f64::from(earlier.batch.unwrap_or(1));
-        // If the earlier run compiled the program, `build_ms` is the time to compile it. raycl's cache is
-        // assumed to hold the program since then. The short time to load the program is unknown.
-        let is_compiled = earlier.build_from_cache == Some(false);
-        let load_ms = earlier.build_ms.filter(|_| !is_compiled).unwrap_or(0.0);
-        let again_ms = load_ms + sample_ms;
+        let again_ms = self.load_ms(earlier) + sample_ms;
         let first_ms = earlier.check_ms.map_or(again_ms, |ms| (ms * larger.max(1.0)).max(again_ms));
         let launches = self.launches();
         let left_out = earlier.preempted_samples.unwrap_or(0) + earlier.moved_samples.unwrap_or(0);
         let samples = earlier.samples_ms.len() + left_out as usize;
         let rounds = (earlier.key == draft.key).then_some(samples / launches);
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
+    }
+
+    /// Returns the expected time, in milliseconds, in which a later launch gets the program of a point. `earlier` is a
+    /// record of the point.
+    fn load_ms(&self, earlier: &Record) -> f64 {
+        let build_ms = earlier.build_ms.unwrap_or(0.0);
+        match (self.caches_programs, earlier.build_from_cache) {
+            // The earlier run compiled the program in `build_ms`. raycl's cache is assumed to hold the program since
+            // then. The short time to load the program is unknown.
+            (true, Some(false)) => 0.0,
+            // Each launch compiles the program, but the earlier run only loaded it.
+            (false, Some(true)) => build_ms.max(COMPILE_MS),
+            _ => build_ms,
+        }
     }
 
     /// Returns the number of launches in which these points of a group still have to be measured. The number
@@ -268,7 +278,7 @@ impl Run<'_> {
 }
 
 /// Returns by how many milliseconds the first launch of a group takes longer than a later launch. Only in the
-/// first launch are programs compiled, and pictures compared with the reference.
+/// first launch are pictures compared with the reference and, if raycl has a cache, programs compiled.
 fn first_launch_ms(points: &[Known]) -> f64 {
     points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum()
 }

@@ -65,5 +65,6 @@ pub(super) fn run<'a>(
         spread: false,
         blocks: None,
         ahead: None,
+        caches_programs: true,
     }
 }

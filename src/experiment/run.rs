@@ -45,6 +45,8 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked. If `None`, the check of a point builds the point's
     /// program.
     pub ahead: Option<&'a Ahead>,
+    /// True if raycl's cache stores compiled programs. If false, each launch compiles its programs again.
+    pub caches_programs: bool,
     /// True if the run leaves out no samples. If false, groups that are measured on CPUs leave out samples whose
     /// core-to-core latency was far from the run's usual latency. A latency far from the usual one probably means that
     /// the host of a virtual machine has moved the machine's processors to other cores.

@@ -194,6 +194,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
         spread: false,
         blocks: None,
         ahead: None,
+        caches_programs: true,
     })
 }
 

@@ -88,6 +88,7 @@ mod tests {
             spread: false,
             blocks: None,
             ahead: None,
+            caches_programs: true,
         };
         let planned = run(false).planned_points().unwrap();
         let counts = |outcome: Outcome, reason: &str| {

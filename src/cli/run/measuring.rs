@@ -30,7 +30,7 @@ pub fn execute(
     let programs = of_workers(&run, |device| ProgramCache::of(Cache::of_user(), device));
     let ahead = Ahead::new(programs, of_workers(&run, |device| LockName::of(Some(device))));
     // With the option `--asleep` (for tests), workers only wait instead of casting, so they need no programs.
-    let has_cache = args.asleep.is_none() && Cache::of_user().is_usable();
+    let has_cache = args.asleep.is_none() && run.caches_programs;
     let run = Run { ahead: Some(&ahead).filter(|_| has_cache), ..run };
     let builders = if has_cache { builders(&run, folder) } else { Vec::new() };
     let measured = ahead.beside(builders, args.hang_limit, interrupted, || {

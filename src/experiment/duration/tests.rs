@@ -446,6 +446,25 @@ fn a_program_that_an_earlier_run_compiled_is_not_compiled_in_each_launch() {
 }
 
 #[test]
+fn without_a_cache_each_launch_compiles_the_program() {
+    let experiment = fixtures::experiment("local_sizes = [4]");
+    let locks = fixtures::own_locks();
+    let run = Run { caches_programs: false, ..fixtures::run(&experiment, &[], &locks) };
+    let check_ms = |build_from_cache: bool, build_ms: f64| {
+        let record = Record {
+            image_size: [8, 5],
+            host_median_ms: Some(1.5),
+            build_ms: Some(build_ms),
+            build_from_cache: Some(build_from_cache),
+            ..Record::default()
+        };
+        run.known(&record, &record).unwrap().check_ms
+    };
+    assert_eq!(check_ms(false, 10_000.0), [10_001.5; 2]);
+    assert_eq!(check_ms(true, 20.0), [COMPILE_MS + 1.5; 2], "the earlier run only loaded the program");
+}
+
+#[test]
 fn a_point_is_known_by_its_own_name_and_otherwise_by_a_timed_point_of_its_strategy() {
     let of = |side: u32, host_median_ms: Option<f64>| Record {
         name: "naive".into(),
