@@ -97,7 +97,7 @@ pub struct Args {
     #[arg(long)]
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
-    /// `raycl peak --out`. Without FILE, raycl first measures the peak rates
+    /// `raycl peak --out`. Without FILE, raycl first measures the peak rates, unless the folder of --resume has them
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     pub(super) peak: Option<Option<PathBuf>>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
@@ -343,10 +343,10 @@ fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
 }
 
 /// With `--peak`, stores the devices' peak rates in the folder of results: the rates in the file of `--peak=FILE` or,
-/// without a file, measured rates. Removes outdated rates from the folder, even without `--peak`: rates that were
-/// measured on one of the run's devices, but with another driver or in another state. Unless `--quiet` is given, a note
-/// names the devices that still have no rates in the folder. The note is printed only if `--peak=FILE` is given, or if
-/// outdated rates were removed from the folder.
+/// without a file, measured rates. If the folder has usable rates of all devices, nothing is measured. Removes outdated
+/// rates from the folder, even without `--peak`: rates that were measured on one of the run's devices, but with another
+/// driver or in another state. Unless `--quiet` is given, a note names the devices that still have no rates in the
+/// folder. The note is printed only if `--peak=FILE` is given, or if outdated rates were removed from the folder.
 fn keep_peak(
     args: &Args,
     run: &Run<'_>,
@@ -362,7 +362,9 @@ fn keep_peak(
     };
     let rates = match of_file {
         Some(of_file) => of_file,
-        None if args.peak.is_some() => wanted.measured(observer, interrupted)?,
+        None if args.peak.is_some() && !results.has_peak_of(run.devices) => {
+            wanted.measured(observer, interrupted)?
+        }
         None => Vec::new(),
     };
     let left_out = results.keep_peak(rates, run.devices)?;
@@ -625,6 +627,27 @@ mod tests {
             let state = "asleep in its present state (driver 1, 1 compute unit), so";
             assert!(note.starts_with(&format!("note: {file} has no peak rates of {state}")), "{note}");
         }
+    }
+
+    /// A run that measures peak rates would start a process, and then notice the interruption.
+    #[test]
+    fn peak_rates_that_the_folder_has_are_not_measured_again() {
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let (device, sources, locks) = (asleep::device(1.0), [Sources::Embedded], Locks::of_machine(false));
+        let (devices, args) = ([&device], fixtures::args(&["a.toml", "--peak", "--quiet"]));
+        let run = run_of(&args, &experiment, &devices, &sources, &locks).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut results = Results::create(folder.path(), &crate::record::Environment::default()).unwrap();
+        let rates = Peak {
+            device: device.label.clone(),
+            platform: device.platform.clone(),
+            driver: device.driver.clone(),
+            ..peak::fixtures::rates()
+        };
+        results.keep_peak(vec![rates.clone()], &devices).unwrap();
+        let interrupted = AtomicBool::new(true);
+        keep_peak(&args, &run, None, &mut results, observer(true, false).as_mut(), &interrupted).unwrap();
+        assert_eq!(results.peak(), [rates]);
     }
 
     #[test]

@@ -144,6 +144,14 @@ impl Results {
         &self.peak
     }
 
+    /// Returns true if the folder has the peak rates of each device, measured with the device's driver and in its state.
+    pub fn has_peak_of(&self, devices: &[&DeviceInfo]) -> bool {
+        devices.iter().all(|&device| {
+            let is_usable = |peak: &Peak| peak.device == device.label && !peak.are_outdated(&[device]);
+            self.peak.iter().any(is_usable)
+        })
+    }
+
     /// Stores the peak rates of devices. The folder keeps its earlier rates of devices that `peak` does not
     /// contain. Rates of the run's `devices` that were measured with another driver or other settings of the
     /// device are left out, since they are no longer the rates of these devices. Returns the peak rates that
@@ -479,6 +487,7 @@ mod tests {
             first.keep_peak(vec![own.clone(), other.clone()], &[]).unwrap();
             drop(first);
             let mut second = Results::resume(folder.path(), &Environment::default()).unwrap();
+            assert_eq!(second.has_peak_of(&[&device]), is_usable, "{own:?}");
             let left_out = second.keep_peak(Vec::new(), &[&device]).unwrap();
             let (usable, outdated): (Vec<Peak>, Vec<Peak>) = match is_usable {
                 true => (vec![own, other.clone()], Vec::new()),
