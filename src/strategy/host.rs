@@ -29,6 +29,9 @@ const PICTURE_BYTES: u64 = 12 + 3 + 3;
 /// Bytes of a material. A mesh with vertex colours may have millions of materials.
 const MATERIAL_BYTES: u64 = size_of::<Material>() as u64;
 
+/// Bytes of a triangle's texture coordinates and textures in the mesh. A device stores them in fewer bytes.
+const MAPPED_BYTES: u64 = size_of::<Mapped>() as u64;
+
 /// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light
 /// and hits, two half pictures (of half the width and height) with their hits and ratios, and the picture
 /// that is expected from all of these.
@@ -156,10 +159,7 @@ fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
     base.add("materials", &[(MATERIAL_BYTES, " B"), (w.materials as u64, "")]);
     if w.is_textured() {
         base.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
-        base.add(
-            "places in textures",
-            &[(Mapped::floats(false) as u64 * 4, " B"), (w.triangles as u64, " triangles")],
-        );
+        base.add("places in textures", &[(MAPPED_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
     if w.corner_colours {
         base.add("corner colours", &[(CORNER_COLOURS_BYTES, " B"), (w.triangles as u64, " triangles")]);
@@ -233,6 +233,15 @@ mod tests {
         assert!(bytes(&small, false, false) <= base);
         let colourful = bytes(&Workload { materials: 10_000_001, ..small }, false, false);
         assert_eq!(colourful, bytes(&small, false, false) + 10_000_000 * MATERIAL_BYTES);
+    }
+
+    /// A triangle has six texture coordinates, and the numbers of a texture and of a mask, which may be missing.
+    #[test]
+    fn textures_and_the_places_of_triangles_in_them_are_counted_as_the_mesh_stores_them() {
+        let plain = workload(1_000, 10);
+        let textured = Workload { texture_words: 5_000, ..plain };
+        let bytes = |w: &Workload| needs("tile", w, false, false).bytes_beside_program();
+        assert_eq!(bytes(&textured) - bytes(&plain), 4 * 5_000 + (6 * 4 + 2 * 8) * 1_000);
     }
 
     #[test]
