@@ -34,6 +34,7 @@ pub struct Session {
     rounds_stacks: bool,
     shared: SharedScene,
     frames: Frames,
+    bytes_beside: u64,
 }
 
 /// [`Session::rounding_stacks`] rounds the sizes of stacks up to multiples of this number of entries. Kernels
@@ -65,6 +66,7 @@ impl Session {
             rounds_stacks: false,
             shared: SharedScene::default(),
             frames: Frames::default(),
+            bytes_beside: 0,
         }
     }
 
@@ -150,6 +152,12 @@ impl Session {
         let can = is_soft && !has_picture && sampling.most > 1;
         let half_light = if can { sampling.half_light } else { 0 };
         Self { sampling: Sampling { half_light, ..sampling }, ..self }
+    }
+
+    /// Sets how many bytes of the host's memory this process uses for data that belong to no session. A strategy cannot
+    /// use these bytes.
+    pub fn set_bytes_beside(&mut self, bytes: u64) {
+        self.bytes_beside = bytes;
     }
 
     /// Returns true if `scene` is the session's scene itself, not an equal copy.
@@ -340,14 +348,14 @@ impl Session {
         })?;
         // The memory that the strategy needs on the host includes the mesh. `held_of_host` therefore leaves
         // out lists of the mesh that the device reads in place.
-        let held_of_host = if self.queue.shares_memory { held_beside_mesh } else { 0 };
+        let held_of_host = self.bytes_beside + if self.queue.shares_memory { held_beside_mesh } else { 0 };
         self.host_needs(strategy, workload)
             .check_now(held_of_host)
             .map_err(|refused| Refused::Host(beside(refused, held_of_host)))
     }
 }
 
-/// Adds to a refusal's reason the number of bytes that other strategies and existing frames use.
+/// Adds to a refusal's reason the number of bytes that other strategies, existing frames and other data use.
 fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;
@@ -493,6 +501,21 @@ mod tests {
             assert!(reason.starts_with("the host's memory"), "{reason}");
             assert_eq!(reason.contains("in addition to"), shares_memory, "{reason}");
         }
+    }
+
+    #[test]
+    fn bytes_of_the_process_that_belong_to_no_session_are_not_free() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let limits =
+            DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..device.info.limits };
+        let queue = Queue { shares_memory: false, ..Queue::open(&device).unwrap() };
+        let scene = Arc::new(fixtures::single_triangle());
+        let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene).limited(limits);
+        session.set_bytes_beside(123);
+        let workload = session.workload(&preset("deferred").unwrap().strategy, [1 << 20; 2], [1, 1]);
+        let reason = workload.map_err(|refused| refused.reason()).err().unwrap();
+        assert!(reason.starts_with("the host's memory"), "{reason}");
+        assert!(reason.contains(", in addition to 123 B "), "{reason}");
     }
 
     /// Two strategies with trees of their own read the normals and triangles of one mesh.

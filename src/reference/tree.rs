@@ -84,6 +84,11 @@ impl Tree {
         Self { nodes, triangles, culling }
     }
 
+    /// Returns the size of the tree in memory, in bytes.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.nodes[..]) + size_of_val(&self.triangles[..])) as u64
+    }
+
     /// Returns which faces of triangles rays ignore (culling).
     pub fn culling(&self) -> Culling {
         self.culling

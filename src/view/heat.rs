@@ -52,6 +52,11 @@ impl Heat {
         Arc::ptr_eq(&self.of, scene)
     }
 
+    /// Returns the size of the tree in memory, in bytes.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.tree.nodes[..]) + size_of_val(&self.tree.order[..])) as u64
+    }
+
     /// Begins again with the coarsest map, because something that the map shows has changed.
     pub fn restart(&mut self) {
         self.steps = 0;

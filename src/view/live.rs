@@ -40,6 +40,8 @@ pub struct Live {
     /// The size of the first picture. The scene's camera is placed so that the scene fits into a picture of this size.
     framed: [u32; 2],
     casting: Casting,
+    /// The bytes of the host's memory that the trees of the heat map and of the pointer use.
+    pub(super) bytes_of_trees: u64,
     /// The labels of all devices when they were last listed to change the device; empty before.
     labels: Vec<String>,
     sum: Sum,
@@ -63,6 +65,8 @@ struct Wanted<'a> {
     sources: &'a Sources,
     scene: &'a Arc<Scene>,
     samples: u32,
+    /// The bytes of the host's memory that the trees of the heat map and of the pointer use.
+    bytes_of_trees: u64,
 }
 
 /// The choices of the strategy and of the local size, which the user changes with keys.
@@ -111,11 +115,32 @@ impl Live {
         let loaded = load(&subject, dressed)?;
         let device = one_device(subject.device.as_deref(), &sources)?;
         let scene = Arc::new(loaded.scene.clone());
-        let wanted = Wanted { subject: &subject, sources: &sources, scene: &scene, samples };
+        // The heat map and the pointer get their trees later, if these trees fit into the memory that is then free.
+        let bytes_of_trees = 0;
+        let wanted = Wanted { subject: &subject, sources: &sources, scene: &scene, samples, bytes_of_trees };
         let casting = Casting::usual_on(device, &wanted)?;
         let (framed, sum) = (subject.size(), Sum::of(samples));
         let labels = Vec::new();
-        Ok(Self { subject, dressed, samples, sources, loaded, scene, framed, casting, labels, sum })
+        Ok(Self {
+            subject,
+            dressed,
+            samples,
+            sources,
+            loaded,
+            scene,
+            framed,
+            casting,
+            bytes_of_trees,
+            labels,
+            sum,
+        })
+    }
+
+    /// Sets how many bytes of the host's memory the trees of the heat map and of the pointer use. The next strategy,
+    /// device, scene or picture's size cannot use these bytes.
+    pub fn count_trees(&mut self, bytes_of_trees: u64) {
+        self.bytes_of_trees = bytes_of_trees;
+        self.casting.session.set_bytes_beside(bytes_of_trees);
     }
 
     /// Returns the scene.
@@ -332,8 +357,9 @@ impl Live {
 
     fn move_to(&mut self, mut device: Device) -> Result<()> {
         device.test_lanes(&self.sources)?;
-        let Self { subject, sources, scene, samples, .. } = &*self;
-        let wanted = Wanted { subject, sources, scene, samples: *samples };
+        let Self { subject, sources, scene, samples, bytes_of_trees, .. } = &*self;
+        let (samples, bytes_of_trees) = (*samples, *bytes_of_trees);
+        let wanted = Wanted { subject, sources, scene, samples, bytes_of_trees };
         self.casting = Casting::usual_on(device, &wanted)?;
         self.sum.restart();
         Ok(())
@@ -359,8 +385,8 @@ impl Live {
         let framed = Subject { width, height, ..self.subject.clone() };
         let loaded = load(&framed, self.dressed)?;
         let scene = Arc::new(loaded.scene.clone());
-        let wanted =
-            Wanted { subject: &self.subject, sources: &sources, scene: &scene, samples: self.samples };
+        let (subject, samples, bytes_of_trees) = (&self.subject, self.samples, self.bytes_of_trees);
+        let wanted = Wanted { subject, sources: &sources, scene: &scene, samples, bytes_of_trees };
         let Casting { device, queue, .. } = &self.casting;
         self.casting = Casting::on(device.clone(), queue.clone(), &wanted, self.casting.selection())?;
         (self.sources, self.loaded, self.scene) = (sources, loaded, scene);
@@ -412,9 +438,11 @@ fn only(device: &DeviceInfo) -> Error {
 /// user changes from a device to its twin (a second device with the same properties), each of the two devices
 /// needs a program of its own.
 fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
-    Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
+    let mut session = Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
         .among_twins(device.info.program_twin())
-        .with_sampling(Sampling::all(wanted.samples))
+        .with_sampling(Sampling::all(wanted.samples));
+    session.set_bytes_beside(wanted.bytes_of_trees);
+    session
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, tone curve,

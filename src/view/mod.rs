@@ -351,6 +351,8 @@ impl<S: Screen> Viewer<S> {
     /// change fails, the scene is cast as before, and the line beside the picture states the reason. Returns true
     /// if the change succeeded.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) -> bool {
+        let of_heat = self.heat.as_ref().map_or(0, Heat::bytes);
+        self.live.count_trees(of_heat + self.picker.bytes());
         let result = change(&mut self.live);
         let succeeded = result.is_ok();
         match result {

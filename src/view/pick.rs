@@ -80,6 +80,11 @@ impl Picker {
         Ok(self.tree.as_ref().and_then(found))
     }
 
+    /// Returns the size of the tree in memory, in bytes; 0 if there is no tree (yet).
+    pub fn bytes(&self) -> u64 {
+        self.tree.as_ref().map_or(0, Tree::bytes)
+    }
+
     /// Returns true if a tree is being built.
     pub fn is_building(&self) -> bool {
         self.building.is_some()
@@ -212,7 +217,7 @@ mod tests {
             assert!(Instant::now() < deadline, "no tree is built");
             std::thread::sleep(Duration::from_millis(1));
         }
-        assert!(picker.tree.is_some());
+        assert!(picker.bytes() > 0);
     }
 
     #[test]

@@ -402,6 +402,7 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
     viewer.tried(Live::reload);
     let of_scene = viewer.heat.as_ref().map(|heat| heat.is_of(viewer.live.scene()));
     assert_eq!((of_scene, all(&mut viewer).len()), (Some(true), 3));
+    assert!(viewer.live.bytes_of_trees > 0, "the map's tree was in memory while the scene was read");
     viewer.act(Action::Reset);
     viewer.act(Action::Tests);
     assert!(all(&mut viewer) == pictures, "the picture is cast again");
