@@ -265,6 +265,9 @@ fn made(
     let mut one = |(number, object)| {
         cache.mesh(number, || {
             let mut file = objects::make(document, object, crease, alone, notes)?;
+            if !document.bare && wire.two_sided.is_none() {
+                notes.extend(objects::note_double_sided(document, object.get_ref(), file.double_sided));
+            }
             // Textures are left out before the object's `material` is applied. Without its emission texture,
             // a surface emits only the light that the object's `material` sets (`emitted`).
             if wire.textures == Some(false) {

@@ -14,7 +14,7 @@ use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
 use crate::scene::wire::{MaterialWire, ObjectWire, Position, Whole};
 use crate::scene::{Material, MaterialKind, Mesh, Triangle, obj};
-use crate::words::counted_are;
+use crate::words::{counted, counted_are};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 use std::path::Path;
@@ -171,6 +171,23 @@ fn read_file(
     read.camera_notes = read.camera_notes.drain(..).map(named).collect();
     notes.extend(read.notes.drain(..).map(named));
     Ok(read)
+}
+
+/// Returns a note on the `count` materials of the object's mesh that ask for light on both sides of their surfaces;
+/// `None` if there are no such materials. The note is for a scene that lights only fronts because it does not set
+/// `two_sided`.
+pub(super) fn note_double_sided(document: &Document, wire: &ObjectWire, count: usize) -> Option<String> {
+    let path = document.folder.join(wire.obj.as_ref()?.get_ref());
+    let verb = if count == 1 { "asks" } else { "ask" };
+    let note = || {
+        format!(
+            "{}: {} {verb} for light on both sides (doubleSided), but this scene lights only fronts; \
+             `two_sided = true` lights both sides of all its surfaces",
+            path.display(),
+            counted(count, "material")
+        )
+    };
+    (count > 0).then(note)
 }
 
 /// Returns the error for a mesh that is missing or not an ordinary file.

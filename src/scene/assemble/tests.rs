@@ -173,6 +173,28 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
     assert_eq!(notes(&scene, &[]).iter().filter(|note| **note == unused).count(), 1);
 }
 
+/// No triangle has the first of the two materials.
+#[test]
+fn a_file_that_asks_for_light_on_both_sides_is_noted_in_a_scene_that_lights_only_fronts() {
+    let folder = tempfile::tempdir().unwrap();
+    let [mesh, scene] = ["a.gltf", "a.toml"].map(|name| folder.path().join(name));
+    let materials = r#"{"materials": [{"doubleSided": true}, {"doubleSided": true}], "#;
+    let used = SEEN.replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0}, "material": 1"#);
+    std::fs::write(&mesh, used.replacen('{', materials, 1)).unwrap();
+    let notes = |path: &Path| -> Vec<String> {
+        let notes = load_scene_with(path, &[]).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("doubleSided")).collect()
+    };
+    let of_scene = |key: &str| {
+        std::fs::write(&scene, format!("{key}[[object]]\nmesh = \"a.gltf\"\n")).unwrap();
+        notes(&scene)
+    };
+    let said = of_scene("").concat();
+    assert!(said.contains("a.gltf: 1 material asks for light on both sides (doubleSided), but "), "{said}");
+    assert!(["two_sided = true\n", "two_sided = false\n"].into_iter().all(|key| of_scene(key).is_empty()));
+    assert!(notes(&mesh).is_empty(), "both sides of a bare mesh are lit");
+}
+
 #[test]
 fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
     let folder = tempfile::tempdir().unwrap();

@@ -54,6 +54,8 @@ pub(in crate::scene) struct MeshFile {
     pub camera_notes: Vec<String>,
     /// The file's lights, moved and scaled like the mesh.
     pub lights: Vec<FileLight>,
+    /// For a glTF file: the number of the mesh's materials that ask for light on both sides of their surfaces.
+    pub double_sided: usize,
     /// Notes for the user on parts of the file that raycl ignores or changes.
     pub notes: Vec<String>,
 }

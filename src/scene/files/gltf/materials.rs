@@ -10,6 +10,7 @@ use gltf::json::material::{AlphaMode, Material as Wire};
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Root, extensions::material::Material as Extensions};
+use std::collections::HashSet;
 
 /// Materials and their unsupported features. Material 0 is for primitives without a material and without
 /// colours. [`white`] returns the index of the material for primitives that have colours but no material.
@@ -171,6 +172,12 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         }
     }
     asked
+}
+
+/// Returns how many of the materials with the indices `used` ask for light on both sides of their surfaces.
+pub(super) fn double_sided(root: &Root, used: &HashSet<usize>) -> usize {
+    let asks = |index: &&usize| root.materials.get(**index).is_some_and(|wire| wire.double_sided);
+    used.iter().filter(asks).count()
 }
 
 /// Returns the unsupported kind of transparency for which a material asks, and the words for it in notes;

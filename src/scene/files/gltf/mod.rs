@@ -50,6 +50,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
         obj::note_materials(&materials.asked, mesh, quotes, all);
     });
     let mut file = settled.map_err(|flaw| named.error(flaw))?;
+    file.double_sided = materials::double_sided(&root, &used);
     file.notes.extend(note_animations(animations));
     file.notes.extend(extensions::notes(&root, quotes));
     file.notes.extend(json::note_version(&root, quotes));

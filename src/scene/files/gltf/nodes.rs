@@ -321,7 +321,16 @@ impl<'a> Walk<'a> {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
-        Ok(MeshFile { mesh, joined: 0, placement, more_starts, camera, camera_notes, lights, notes })
+        Ok(MeshFile {
+            mesh,
+            placement,
+            more_starts,
+            camera,
+            camera_notes,
+            lights,
+            notes,
+            ..MeshFile::default()
+        })
     }
 }
 
