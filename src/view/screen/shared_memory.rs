@@ -3,7 +3,6 @@
 //! windows, copies each picture and sends the copy through a socket, which takes several milliseconds.
 
 use std::fs::File;
-use std::os::fd::OwnedFd;
 use std::os::unix::fs::FileExt as _;
 use x11rb::connection::Connection as _;
 use x11rb::errors::ConnectionError;
@@ -119,6 +118,6 @@ impl Memory {
         let bytes = size.map(u32::from).into_iter().try_fold(4, u32::checked_mul)?;
         let segment = connection.generate_id().ok()?;
         let reply = connection.shm_create_segment(segment, bytes, false).ok()?.reply().ok()?;
-        Some(Self { segment, file: File::from(OwnedFd::from(reply.shm_fd)), size })
+        Some(Self { segment, file: File::from(reply.shm_fd), size })
     }
 }
