@@ -218,6 +218,17 @@ impl Error {
             .with_help(limit_advice(error).unwrap_or(FULL))
     }
 
+    /// Replaces the remedy of [`Error::unwritable`] if it names the option `--out`, which some commands lack. `full` is
+    /// the remedy if free space may help, and `forbidden` if this process may not write the file.
+    #[must_use]
+    pub fn without_out(self, full: &str, forbidden: &str) -> Self {
+        match self.remedy() {
+            ELSEWHERE => self.with_help(full),
+            ELSEWHERE_ONLY => self.with_help(forbidden),
+            _ => self,
+        }
+    }
+
     /// Returns the remedy: a next step for the user.
     pub fn remedy(&self) -> &str {
         match self {
@@ -477,6 +488,17 @@ mod tests {
             assert!(error.remedy().starts_with(remedy), "{words}: {}", error.remedy());
             assert_eq!(error.with_help("c").remedy(), "c");
         }
+    }
+
+    #[test]
+    fn a_command_without_the_option_out_names_another_remedy() {
+        use std::io::ErrorKind::{PermissionDenied, StorageFull};
+        for (kind, remedy) in [(StorageFull, "full"), (PermissionDenied, "forbidden")] {
+            let error = Error::unwritable(Path::new("a.csv"), &kind.into());
+            assert_eq!(error.without_out("full", "forbidden").remedy(), remedy);
+        }
+        let own = Error::run("a").with_help("own").without_out("full", "forbidden");
+        assert_eq!(own.remedy(), "own");
     }
 
     #[cfg(unix)]

@@ -40,15 +40,19 @@ pub struct Args {
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
 /// twice, five seconds apart. An attempt whose counter has not increased was lost, so its journals are
 /// repaired. If the user's mistake, such as a link in the place of a file, prevents the repair of an attempt, the
-/// other attempts are repaired, and the command then ends with an error.
+/// other attempts are repaired, and the command then ends with an error. If a file cannot be written, the command
+/// prints what it has repaired, and ends with an error.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
-    if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }?;
+    findings.print(args.json)?;
     findings.end()
 }
 
 /// The remedy for a folder in which this process may not create files.
 const CLOSED: &str = "change the folder's permissions, or repair a copy";
+/// The remedy for a file that cannot be written, for example because the disk is full.
+const FULL: &str =
+    "free up space on the file's disk, or repair a copy on another disk; then run the command again";
 
 /// The remedy for a lock whose file is a link, a pipe or a device.
 const NO_LOCK: &str = "remove this file, since raycl makes a new one";
@@ -67,6 +71,8 @@ struct Findings {
     refused: usize,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
+    /// The error that ended the repair; `None` if the repair is complete. What was found before stays in the report.
+    failure: Option<Error>,
 }
 
 impl Findings {
@@ -82,16 +88,23 @@ impl Findings {
             return Err(no_results(folder));
         }
         let _lock = lock_of(folder)?;
-        let mut findings =
-            Self { repaired: repair(folder)?, unreadable: unreadable(folder), ..Self::default() };
-        if has_shards {
-            let stopped = stopped(folder, between)?;
-            for attempt in Attempt::all(folder)? {
-                let repaired = findings.repair(attempt.folder, stopped.contains(&attempt.name));
-                findings.keep_refusal(repaired)?;
-            }
-        }
+        let mut findings = Self::default();
+        let repaired = findings.repair_all(folder, has_shards.then_some(between));
+        findings.failure = repaired.err().map(|error| error.without_out(FULL, CLOSED));
         Ok(findings)
+    }
+
+    /// Repairs the journals in `folder` and, if `between` is given, those of the attempts.
+    fn repair_all(&mut self, folder: &Path, between: Option<Duration>) -> Result<()> {
+        repair(folder, &mut self.repaired)?;
+        self.unreadable = unreadable(folder);
+        let Some(between) = between else { return Ok(()) };
+        let stopped = stopped(folder, between)?;
+        for attempt in Attempt::all(folder)? {
+            let repaired = self.repair(attempt.folder, stopped.contains(&attempt.name));
+            self.keep_refusal(repaired)?;
+        }
+        Ok(())
     }
 
     /// Repairs the journals in `attempt`, an attempt's folder. If the attempt may be running, adds the folder
@@ -102,7 +115,7 @@ impl Findings {
         }
         match is_stopped.then(|| Lock::take(&attempt)) {
             Some(Ok(_lock)) => {
-                self.repaired.extend(repair(&attempt)?);
+                repair(&attempt, &mut self.repaired)?;
                 self.unreadable.extend(unreadable(&attempt));
             }
             // The attempt may be running: it has not ended and was not lost, or another process holds the
@@ -126,8 +139,20 @@ impl Findings {
         }
     }
 
-    /// Returns an error if the user's mistakes prevented the repair of attempts.
-    fn end(&self) -> Result<()> {
+    /// Prints the findings, unless the repair failed before it found anything.
+    fn print(&self, json: bool) -> Result<()> {
+        match self.text() {
+            text if text.is_empty() => Ok(()),
+            _ if json => super::print_json(&self.json()),
+            text => super::print(text),
+        }
+    }
+
+    /// Returns the error that ended the repair, or an error if the user's mistakes prevented the repair of attempts.
+    fn end(self) -> Result<()> {
+        if let Some(failure) = self.failure {
+            return Err(failure);
+        }
         if self.refused == 0 {
             return Ok(());
         }
@@ -136,7 +161,8 @@ impl Findings {
     }
 
     /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each attempt that
-    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged.
+    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged. If the
+    /// repair failed before it found anything, the text is empty.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());
@@ -146,7 +172,8 @@ impl Findings {
         };
         let mut lines: Vec<String> = self.repaired.iter().map(line).collect();
         lines.extend(self.unreadable.iter().map(|error| format!("{error}; {}", error.remedy())));
-        lines.extend(lines.is_empty().then(|| "no line is damaged".to_owned()));
+        let is_sound = lines.is_empty() && self.failure.is_none();
+        lines.extend(is_sound.then(|| "no line is damaged".to_owned()));
         let running = |folder: &PathBuf| {
             format!("{}: not repaired, since the attempt may still be running", folder.display())
         };
@@ -199,11 +226,12 @@ fn refuse_lockless(folder: &Path) -> Result<()> {
     Lock::refuse_link(folder).map_err(|error| advised(error, NO_LOCK))
 }
 
-/// Replaces the remedy of a user's mistake. The usual remedies name `--out`, which `raycl repair` lacks.
+/// Replaces the remedy of a user's mistake, or of a file that cannot be written. The usual remedies name `--out`, which
+/// `raycl repair` lacks.
 fn advised(error: Error, remedy: &str) -> Error {
     match error {
         Error::Input(_) => error.with_help(remedy),
-        _ => error,
+        _ => error.without_out(FULL, CLOSED),
     }
 }
 
@@ -328,6 +356,27 @@ mod tests {
         assert!(error.to_string().starts_with("cannot write ") && findings.running.is_empty(), "{error}");
     }
 
+    #[test]
+    fn what_was_repaired_before_a_failure_is_reported_with_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        std::fs::write(out.join("shards.json"), serde_json::to_string(&ShardPlan::default()).unwrap())
+            .unwrap();
+        let attempt = Attempt::begin(out, &About { shard: 1, of: 1, ..About::default() }).unwrap();
+        attempt.ended(&End::Interrupted).unwrap();
+        std::fs::write(out.join(RECORDS), "rubbish\n").unwrap();
+        // raycl cannot open a lock whose file is a folder.
+        std::fs::create_dir(attempt.folder.join(".lock")).unwrap();
+        let text_of = |findings: Findings| (findings.text(), findings.end().unwrap_err());
+        let (text, error) = text_of(Findings::of(out, Duration::ZERO).unwrap());
+        let journal = out.join(RECORDS).display().to_string();
+        assert!(text.starts_with(&format!("{journal}: removed damaged lines: 1")), "{text}");
+        assert!(error.exit_code() == 1 && error.to_string().starts_with("cannot write "), "{error}");
+        assert_eq!(error.remedy(), FULL);
+        let (text, _) = text_of(Findings::of(out, Duration::ZERO).unwrap());
+        assert_eq!(text, "", "a failed repair does not say that no line is damaged");
+    }
+
     #[cfg(unix)]
     #[test]
     fn an_attempt_whose_lock_is_a_link_is_an_error_and_not_taken_for_running() {
@@ -368,7 +417,8 @@ mod tests {
         std::fs::remove_file(attempts[0].join(".lock")).unwrap();
         std::fs::remove_file(attempts[1].join(SAMPLES)).unwrap();
         let findings = Findings::of(out, Duration::ZERO).unwrap();
-        assert!(findings.repaired.len() == 2 && findings.end().is_ok(), "{}", findings.text());
+        let text = findings.text();
+        assert!(findings.repaired.len() == 2 && findings.end().is_ok(), "{text}");
     }
 
     #[test]

@@ -21,10 +21,10 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals. Returns one `Repaired` for each journal that was damaged. If a journal cannot be read,
-/// no journal is changed, since an error replaces the report on what was changed. The caller must hold the folder's
-/// lock, by which only one process at a time writes to the folder.
-pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
+/// Repairs a folder's journals. Adds one `Repaired` to `repaired` for each journal that was damaged; if a file cannot be
+/// written, `repaired` has the journals that were repaired before. If a journal cannot be read, no journal is changed.
+/// The caller must hold the folder's lock, by which only one process at a time writes to the folder.
+pub fn repair(folder: &Path, repaired: &mut Vec<Repaired>) -> Result<()> {
     let damaged = [
         damaged(&folder.join(RECORDS), is_a::<Record>)?,
         damaged(&folder.join(SAMPLES), is_a::<Sample>)?,
@@ -33,7 +33,15 @@ pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
         damaged(&folder.join(ANCHORS), is_a::<AnchorSample>)?,
         damaged(&folder.join(CONTROLS), is_a::<Record>)?,
     ];
-    damaged.into_iter().flatten().map(Damaged::repair).collect()
+    repair_each(damaged.into_iter().flatten(), repaired)
+}
+
+/// Repairs journals until a file cannot be written, and adds each repaired journal to `repaired`.
+fn repair_each(all: impl Iterator<Item = Damaged>, repaired: &mut Vec<Repaired>) -> Result<()> {
+    for damaged in all {
+        repaired.push(damaged.repair()?);
+    }
+    Ok(())
 }
 
 /// A journal with damaged lines, before its repair.
@@ -102,6 +110,12 @@ fn keep_copy(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
 mod tests {
     use super::super::read_lines;
     use super::*;
+
+    /// Repairs a folder's journals, and returns those that were damaged.
+    fn repair(folder: &Path) -> Result<Vec<Repaired>> {
+        let mut repaired = Vec::new();
+        super::repair(folder, &mut repaired).map(|()| repaired)
+    }
 
     const LAUNCH_END: &str = "{\"launch\":0,\"stop_reason\":\"precise\",\"samples\":{\"a\":5}}";
 
@@ -223,6 +237,27 @@ mod tests {
         assert!(repair(folder.path()).is_err());
         assert_eq!(std::fs::read_to_string(folder.path().join(RECORDS)).unwrap(), "nonsense\n");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "there is no copy");
+    }
+
+    /// The second journal's folder is missing, so that no copy can be written.
+    #[test]
+    fn the_journals_that_were_repaired_before_a_failed_write_are_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let [first, second] = ["records.jsonl", "missing/samples.jsonl"].map(|name| folder.path().join(name));
+        std::fs::write(&first, "nonsense\n").unwrap();
+        let damaged = |path: &PathBuf| Damaged {
+            path: path.clone(),
+            bytes: b"nonsense\n".to_vec(),
+            whole: Vec::new(),
+            damaged: 1,
+            kept: 0,
+        };
+        let mut repaired = Vec::new();
+        let error = repair_each([damaged(&first), damaged(&second)].into_iter(), &mut repaired).unwrap_err();
+        let copy = folder.path().join("missing/samples.jsonl.damaged-1");
+        assert!(error.to_string().starts_with(&format!("cannot write {}: ", copy.display())), "{error}");
+        assert_eq!(repaired.iter().map(|one| &one.file).collect::<Vec<_>>(), [&first]);
+        assert_eq!(std::fs::read_to_string(&first).unwrap(), "");
     }
 
     #[cfg(unix)]
