@@ -112,8 +112,12 @@ impl Watched {
     /// Begins to watch again the folders that have been replaced since the last call; each replacement counts
     /// as a change. A folder also counts as replaced if a link in its path now leads to another folder. The
     /// function also begins to watch the folders of files that have been read since the last call. If one of
-    /// these files was modified before its folder was watched, this counts as a change too.
+    /// these files was modified before its folder was watched, this counts as a change too. So does a link in the path
+    /// of such a file that now leads elsewhere; the new folder is watched once the file has been read again.
     fn follow(&mut self) {
+        if self.inputs.lead_elsewhere() {
+            self.changed_at = Some(Instant::now());
+        }
         for folder in &mut self.folders {
             if folder.identity != identity(&folder.named) {
                 // The watch on the replaced folder may have ended together with that folder. If the folder is
@@ -414,6 +418,31 @@ mod tests {
         assert_eq!(followed(), (path("a"), true));
         link_to("b");
         assert_eq!([followed(), followed()], [(path("b"), true), (path("b"), false)]);
+    }
+
+    /// Neither the link's name nor its folder is watched.
+    #[cfg(unix)]
+    #[test]
+    fn a_link_in_the_path_of_a_file_that_leads_elsewhere_is_a_change() {
+        static INPUTS: Inputs = Inputs::new();
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        let link_to = |name| std::os::unix::fs::symlink(path(name), path("link")).expect("a link");
+        for name in ["a", "b"] {
+            std::fs::create_dir(path(name)).expect("a folder");
+            std::fs::write(path(name).join("mesh.obj"), "").expect("it writes");
+        }
+        link_to("a");
+        INPUTS.add(&path("link/mesh.obj"));
+        let mut watched = Watched::new(&[], &[], &INPUTS).expect("it watches");
+        watched.follow();
+        watched.changed_at = None;
+        std::fs::remove_file(path("link")).expect("the link goes away");
+        link_to("b");
+        for expected in [true, false] {
+            watched.follow();
+            assert_eq!(watched.changed_at.take().is_some(), expected);
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::reader::in_canonical_folder;
 use crate::threads::locked;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::SystemTime;
@@ -10,30 +10,58 @@ use std::time::SystemTime;
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
 
-/// Paths of files that were read, or that would have been read if they existed.
+/// Files that were read, or that would have been read if they existed.
 #[derive(Debug)]
-pub(crate) struct Inputs(Mutex<BTreeSet<PathBuf>>);
+pub(crate) struct Inputs(Mutex<Files>);
+
+#[derive(Debug)]
+struct Files {
+    /// The paths of the files, with canonical folders.
+    paths: BTreeSet<PathBuf>,
+    /// For each path that contains a link, what [`leads_to`] returned when the path was last checked.
+    targets: BTreeMap<PathBuf, Option<PathBuf>>,
+}
 
 impl Inputs {
     /// Returns an empty list.
     pub const fn new() -> Self {
-        Self(Mutex::new(BTreeSet::new()))
+        Self(Mutex::new(Files { paths: BTreeSet::new(), targets: BTreeMap::new() }))
     }
 
     /// Adds a file's path, with a canonical folder. If the path is a link, adds the link's target too.
     pub fn add(&self, path: &Path) {
         let names = [in_canonical_folder(path), path.canonicalize().ok()];
-        self.held().extend(names.into_iter().flatten());
+        let mut held = self.held();
+        if let Ok(named) = std::path::absolute(path) {
+            // A path without links leads to the same file for ever.
+            match leads_to(path) {
+                Some(target) if target == named => held.targets.remove(&named),
+                target => held.targets.insert(named, target),
+            };
+        }
+        held.paths.extend(names.into_iter().flatten());
     }
 
     /// Returns true if the file was added. The folder in `path` must be canonical.
     pub fn contains(&self, path: &Path) -> bool {
-        self.held().contains(path)
+        self.held().paths.contains(path)
+    }
+
+    /// Returns true if the path of a file leads to another file than at the last call, or than when the path was added
+    /// after that call. A path leads to another file if the file's link, or a link to one of its folders, is replaced.
+    pub fn lead_elsewhere(&self) -> bool {
+        let mut is_any_new = false;
+        for (path, target) in &mut self.held().targets {
+            let now = leads_to(path);
+            is_any_new |= *target != now;
+            *target = now;
+        }
+        is_any_new
     }
 
     /// Returns the folders of the files.
     pub fn folders(&self) -> BTreeSet<PathBuf> {
-        self.held().iter().filter_map(|path| path.parent()).map(Path::to_owned).collect()
+        self.held().paths.iter().filter_map(|path| path.parent()).map(Path::to_owned).collect()
     }
 
     /// Returns true if a file of this folder was added and has been modified at or after the time `since`. The path of
@@ -41,12 +69,18 @@ impl Inputs {
     pub fn modified_since(&self, folder: &Path, since: SystemTime) -> bool {
         let modified = |path: &PathBuf| path.metadata().and_then(|metadata| metadata.modified());
         let is_later = |path: &PathBuf| modified(path).is_ok_and(|at| at >= since);
-        self.held().iter().any(|path| path.parent() == Some(folder) && is_later(path))
+        self.held().paths.iter().any(|path| path.parent() == Some(folder) && is_later(path))
     }
 
-    fn held(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
+    fn held(&self) -> MutexGuard<'_, Files> {
         locked(&self.0)
     }
+}
+
+/// Returns the canonical path of the file to which `path` leads, or of the missing file; `None` if its folder is missing.
+/// A file that is made later, such as a picture that raycl writes, therefore does not change where its path leads.
+fn leads_to(path: &Path) -> Option<PathBuf> {
+    path.canonicalize().ok().or_else(|| in_canonical_folder(path))
 }
 
 #[cfg(test)]
@@ -105,5 +139,34 @@ mod tests {
         inputs.add(&path("own/../own/link.obj"));
         assert!(inputs.contains(&path("own/link.obj")) && inputs.contains(&path("other/a.obj")));
         assert_eq!(inputs.folders(), BTreeSet::from([path("other"), path("own")]));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_that_is_replaced_leads_elsewhere_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().canonicalize().unwrap().join(name);
+        for name in ["first", "second"] {
+            std::fs::create_dir(path(name)).unwrap();
+            std::fs::write(path(name).join("a.obj"), "").unwrap();
+        }
+        let link_to = |name: &str| {
+            let _ = std::fs::remove_file(path("link"));
+            std::os::unix::fs::symlink(name, path("link")).unwrap();
+        };
+        link_to("first");
+        let inputs = Inputs::new();
+        ["link/a.obj", "first/a.obj"].iter().for_each(|name| inputs.add(&path(name)));
+        assert!(!inputs.lead_elsewhere());
+        for target in ["second", "nothing", "first"] {
+            link_to(target);
+            assert_eq!([inputs.lead_elsewhere(), inputs.lead_elsewhere()], [true, false], "{target}");
+        }
+        inputs.add(&path("link/new.png"));
+        std::fs::write(path("link/new.png"), "").unwrap();
+        assert!(!inputs.lead_elsewhere(), "a new file is no new link");
+        link_to("second");
+        ["link/a.obj", "link/new.png"].iter().for_each(|name| inputs.add(&path(name)));
+        assert!(!inputs.lead_elsewhere(), "the files to which the link now leads were read");
     }
 }
