@@ -316,7 +316,19 @@ fn timing_out_of_range_says_the_range() {
         &format!("{GOOD}[timing]\nrelative_sigma = nan"),
         &["relative_sigma NaN", "a number from 0 to 1"],
     );
-    refuses(&format!("{GOOD}[timing]\nmax_samples = 5\nmin_samples = 6"), &["min_samples 6", "from 1 to 5"]);
+    refuses(
+        &format!("{GOOD}[timing]\nmax_samples = 5\nmin_samples = 6"),
+        &[
+            "min_samples 6 is larger than max_samples 5",
+            "9:15",
+            "max_samples is 5 in",
+            ":8",
+            "lower min_samples",
+        ],
+    );
+    for text in ["max_samples = 5\nmin_samples = 1000001", "max_samples = 0\nmin_samples = 6"] {
+        refuses(&format!("{GOOD}[timing]\n{text}"), &[" is out of range", "from 1 to 1000000"]);
+    }
     let timing = load_with(&format!("{GOOD}[timing]\nmax_samples = 5"), &[]).unwrap().timing;
     assert_eq!((timing.min_samples, timing.max_samples), (5, 5));
     let timing = load_with(&format!("{GOOD}[timing]\nmin_samples = 200"), &[]).unwrap().timing;
@@ -596,7 +608,15 @@ fn a_limit_that_is_set_below_the_configs_own_is_reported_with_both_positions() {
     }
     let both = [("timing.max_samples", "10"), ("timing.min_samples", "10")];
     assert_eq!(load_with(&text, &both).unwrap().timing.max_samples, 10);
-    assert!(refusal(&text, &[("timing.min_samples", "200")]).contains("min_samples 200 is out of range"));
+    let report = refusal(&text, &[("timing.min_samples", "200")]);
+    for words in [
+        "min_samples 200 is larger than max_samples 100",
+        "--set:1:22",
+        "test.toml:9",
+        "--set timing.max_samples=200",
+    ] {
+        assert!(report.contains(words), "{words:?} is not in\n{report}");
+    }
     for most in ["0", "-5"] {
         let report = refusal(&text, &[("timing.max_samples", most)]);
         assert!(report.contains(&format!("max_samples {most} is out of range")), "{report}");

@@ -129,20 +129,27 @@ fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
     })
 }
 
-/// Returns the error for a `max_samples` in `--set` that is less than the `min_samples` in the file; `None`
-/// if there is no such contradiction. Since the user typed only `max_samples`, the error also says where the
-/// file sets `min_samples`. Returns `None` for a `max_samples` below 1, which no `min_samples` suits.
+/// Returns the error for a `min_samples` that is larger than `max_samples`; `None` if one of them is not set or is out of
+/// range. The error marks the value in `--set` if the file has the other value, and says where the other value is.
 fn contradiction(document: &Document, wire: &wire::Timing) -> Option<Error> {
     let (min, max) = (wire.min_samples.as_ref()?, wire.max_samples.as_ref()?);
-    let (least, most) = (min.get_ref(), max.get_ref());
-    let is_of_set = document.is_override(&max.span()) && !document.is_override(&min.span());
-    (is_of_set && *most >= 1 && least > most).then(|| {
-        let message = format!("max_samples {most} is less than min_samples {least}");
-        let label = format!("min_samples is {least} in {}", document.location_of(min.span()));
-        document
-            .error(max.span(), message, label)
-            .with_help(format!("set the other value, too: --set timing.min_samples={most}"))
-    })
+    if min.get_ref() <= max.get_ref() || *max.get_ref() < 1 || *min.get_ref() > MOST_SAMPLES {
+        return None;
+    }
+    let is_of_set = |value: &Spanned<i64>| document.is_override(&value.span());
+    let (min_key, max_key) = ("min_samples", "max_samples");
+    let (key, value, relation, other_key, other) = match is_of_set(max) && !is_of_set(min) {
+        true => (max_key, max, "less", min_key, min),
+        false => (min_key, min, "larger", max_key, max),
+    };
+    let (here, there) = (value.get_ref(), other.get_ref());
+    let message = format!("{key} {here} is {relation} than {other_key} {there}");
+    let label = format!("{other_key} is {there} in {}", document.location_of(other.span()));
+    let remedy = match is_of_set(value) && !is_of_set(other) {
+        true => format!("set the other value, too: --set timing.{other_key}={here}"),
+        false => format!("lower {min_key}, or raise {max_key}"),
+    };
+    Some(document.error(value.span(), message, label).with_help(remedy))
 }
 
 fn timing(document: &Document, wire: &wire::Timing) -> Result<Timing> {
@@ -156,9 +163,8 @@ fn timing(document: &Document, wire: &wire::Timing) -> Result<Timing> {
             None => Ok(default),
         };
     let max_samples = count(&wire.max_samples, "max_samples", 1..=MOST_SAMPLES, default.max_samples)?;
-    let most = if wire.max_samples.is_some() { i64::from(max_samples) } else { MOST_SAMPLES };
     let least = default.min_samples.min(max_samples);
-    let min_samples = count(&wire.min_samples, "min_samples", 1..=most, least)?;
+    let min_samples = count(&wire.min_samples, "min_samples", 1..=MOST_SAMPLES, least)?;
     Ok(Timing {
         warmup: count(&wire.warmup, "warmup", 0..=1000, default.warmup)?,
         launches: count(&wire.launches, "launches", 1..=MOST_LAUNCHES, default.launches)?,
