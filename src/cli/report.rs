@@ -1,12 +1,13 @@
 //! `raycl report`: writes a page from stored records.
 
 use crate::error::Result;
+use crate::existing;
 use crate::output::{Choice, OutFolder};
 use crate::peak::Peak;
 use crate::printer::plain;
-use crate::record::Folder;
+use crate::record::{Folder, no_results};
 use crate::report;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl report`.
 #[derive(Debug, clap::Args)]
@@ -35,7 +36,7 @@ pub struct Args {
 /// Writes the report. For a single folder without --out, also writes the folder's summary.md and summary.csv again. The
 /// command reads records and pictures, and uses no device.
 pub fn run(args: Args) -> Result<()> {
-    let out = args.out.as_ref().unwrap_or(&args.folders[0]);
+    let out = args.out.as_deref().map_or_else(|| usual_out(&args.folders[0]), Ok)?;
     let mut out = OutFolder::open(out, Choice::new(args.force, "--out DIR"))?;
     out.check([report::PAGE])?;
     let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
@@ -60,6 +61,12 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("Report:  {}", written.page.display()))?;
     super::print(format!("Plots:   {} ({count}, each as SVG and PNG)", plots.display()))?;
     super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
+}
+
+/// Returns the folder in which the page is written without `--out`. Without `--out`, the journal of a folder of results
+/// cannot stand for the folder.
+fn usual_out(first: &Path) -> Result<&Path> {
+    if existing::is_file(first)? { Err(no_results(first)) } else { Ok(first) }
 }
 
 /// Unless `quiet` is true, prints how many damaged lines of the folder's journals (files such as
@@ -93,5 +100,8 @@ mod tests {
         run(Args { folders, out: None, force: false, json: false, quiet: true }).unwrap();
         let summary = std::fs::read_to_string(at("summary.md")).unwrap();
         assert!(summary.starts_with("# Which one?\n\nExpected: This one.\n"), "{summary}");
+        let folders = vec![at("records.jsonl")];
+        let error = run(Args { folders, out: None, force: false, json: false, quiet: true }).unwrap_err();
+        assert_eq!(error.remedy(), format!("give the path of the folder: {}", folder.path().display()));
     }
 }

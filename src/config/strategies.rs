@@ -16,10 +16,10 @@ use crate::strategy::{AXES, Preset, Strategy, preset};
 /// The position in a config at which the key `local_sizes` applies to every strategy without local sizes of its own.
 const TOP: &str = "at the top of the experiment's file";
 
-/// A strategy that is being made. A draft begins as a copy of the preset of a `[[strategy]]` entry, and then
-/// gets the values of the entry, axis by axis.
+/// A variant of a preset, which has no name yet. A variant begins as a copy of the preset of a `[[strategy]]` entry, and
+/// then gets the values of the entry, axis by axis.
 #[derive(Clone)]
-struct Draft {
+struct Variant {
     strategy: Strategy,
     /// The axes that appear in the strategy's name, as `axis=value`: those that differ from the preset, or
     /// that have several values in the `[[strategy]]` entry.
@@ -142,29 +142,29 @@ fn product(
         Some(own) => local_sizes(document, own.get_ref())?,
         None => sizes.to_vec(),
     };
-    let mut drafts = vec![Draft { strategy: preset.strategy, named_axes: Vec::new() }];
+    let mut variants = vec![Variant { strategy: preset.strategy, named_axes: Vec::new() }];
     for axis in AXES {
         if let Some((_, choices)) = entry.axes.iter().find(|(key, _)| key.get_ref() == axis.name) {
-            drafts = vary(document, axis.name, choices, drafts, preset)?;
+            variants = vary(document, axis.name, choices, variants, preset)?;
         }
     }
     let meant_for = meant_for(document, config, name).filter(|_| !entry.any_kind);
-    let finish = |draft| {
-        let named = named(document, entry, draft, preset, &sizes, span.clone());
+    let finish = |variant| {
+        let named = named(document, entry, variant, preset, &sizes, span.clone());
         named.map(|named| NamedStrategy { meant_for, ..named })
     };
-    drafts.into_iter().map(finish).collect()
+    variants.into_iter().map(finish).collect()
 }
 
-/// Returns one draft (a strategy that is being made) for every combination of a draft in `drafts` and a value of
-/// `axis`. Returns an error if `choices` has no value, if it lists a value twice, or if the axis does not have a value.
+/// Returns one variant of the preset for every combination of a variant in `variants` and a value of `axis`. Returns an
+/// error if `choices` has no value, if it lists a value twice, or if the axis does not have a value.
 fn vary(
     document: &Document,
     axis: &str,
     choices: &Spanned<Choices>,
-    drafts: Vec<Draft>,
+    variants: Vec<Variant>,
     preset: &Preset,
-) -> Result<Vec<Draft>> {
+) -> Result<Vec<Variant>> {
     let (values, listed): (Vec<(&str, Range<usize>)>, bool) = match choices.get_ref() {
         Choices::One(value) => (vec![(value, choices.span())], false),
         Choices::List(list) => {
@@ -186,35 +186,35 @@ fn vary(
         }
     }
     let mut varied = Vec::new();
-    for draft in drafts {
+    for variant in variants {
         for (value, span) in &values {
-            let mut draft = draft.clone();
-            let set = draft.strategy.set(axis, value);
+            let mut variant = variant.clone();
+            let set = variant.strategy.set(axis, value);
             set.map_err(|error| document.located(span.clone(), error, "no such value"))?;
             if listed || !preset.strategy.axes().contains(&(axis, value)) {
-                draft.named_axes.push(format!("{axis}={value}"));
+                variant.named_axes.push(format!("{axis}={value}"));
             }
-            varied.push(draft);
+            varied.push(variant);
         }
     }
     Ok(varied)
 }
 
-/// Returns the strategy that a draft (a strategy that is being made) describes, with its name. Fails if the
-/// strategy's combination of values is not allowed.
+/// Returns the strategy that a variant of the preset describes, with its name. Fails if the strategy's combination of
+/// values is not allowed.
 fn named(
     document: &Document,
     entry: &StrategyEntry,
-    draft: Draft,
+    variant: Variant,
     preset: &Preset,
     sizes: &[[u32; 2]],
     span: Range<usize>,
 ) -> Result<NamedStrategy> {
-    if let Some(reason) = draft.strategy.contradiction() {
-        let what = [&[format!("preset={}", preset.name)], draft.named_axes.as_slice()].concat().join(" ");
+    if let Some(reason) = variant.strategy.contradiction() {
+        let what = [&[format!("preset={}", preset.name)], variant.named_axes.as_slice()].concat().join(" ");
         let message = format!("this combination of values is not allowed: {reason}");
         let sets =
-            draft.strategy.sole_remedies().into_iter().map(|(axis, value)| format!("{axis} = {value:?}"));
+            variant.strategy.sole_remedies().into_iter().map(|(axis, value)| format!("{axis} = {value:?}"));
         let allows = match sets.collect::<Vec<_>>().join(" or ") {
             none if none.is_empty() => none,
             some => format!("{some} allows it; or "),
@@ -225,9 +225,9 @@ fn named(
         )));
     }
     Ok(NamedStrategy {
-        name: full_name(entry, &draft, preset),
-        preset: (draft.strategy == preset.strategy).then(|| preset.name.into()),
-        strategy: draft.strategy,
+        name: full_name(entry, &variant, preset),
+        preset: (variant.strategy == preset.strategy).then(|| preset.name.into()),
+        strategy: variant.strategy,
         local_sizes: sizes.to_vec(),
         meant_for: preset.meant_for,
     })
@@ -236,9 +236,9 @@ fn named(
 /// Returns the name that the `[[strategy]]` entry sets, followed by the axes for which the entry lists
 /// several values. If the `[[strategy]]` entry sets no name, returns the preset's name, followed by the axes
 /// with several values and by every axis that differs from the preset.
-fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
+fn full_name(entry: &StrategyEntry, variant: &Variant, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
-        return [&[preset.name.to_string()], draft.named_axes.as_slice()].concat().join("+");
+        return [&[preset.name.to_string()], variant.named_axes.as_slice()].concat().join("+");
     };
     let listed = |named_axis: &&String| {
         entry.axes.iter().any(|(axis, choices)| {
@@ -246,6 +246,6 @@ fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
             several && named_axis.starts_with(&format!("{}=", axis.get_ref()))
         })
     };
-    let named_axes = draft.named_axes.iter().filter(listed).cloned();
+    let named_axes = variant.named_axes.iter().filter(listed).cloned();
     std::iter::once(name.get_ref().clone()).chain(named_axes).collect::<Vec<_>>().join("+")
 }

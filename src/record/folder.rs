@@ -126,10 +126,11 @@ impl Folder {
     }
 }
 
-/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, or nothing is
+/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, or no folder is
 /// at the path, the error says so.
 pub fn no_results(path: &Path) -> Error {
     match existing::exists(path) {
+        Ok(true) if path.is_file() => return not_a_folder(path, FOLDER),
         Ok(true) => {}
         Ok(false) => return Error::no_folder(path, FOLDER),
         Err(error) => return error,
@@ -139,6 +140,19 @@ pub fn no_results(path: &Path) -> Error {
             .with_help(format!("first merge them: raycl merge {}", quote(&path_word(path))));
     }
     Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
+}
+
+/// Returns the error for something else, such as a file, in the place of a folder of results. If the file is in a folder
+/// of results, the remedy names this folder; otherwise, the remedy is the text `otherwise`.
+pub fn not_a_folder(path: &Path, otherwise: &str) -> Error {
+    let folder = reader::folder_of(path);
+    match [RECORDS, SHARDS].iter().any(|name| folder.join(name).is_file()) {
+        true => {
+            Error::input(format!("{} is a file in a folder of results; expected the folder", path.display()))
+                .with_help(format!("give the path of the folder: {}", quote(&path_word(folder))))
+        }
+        false => Error::input(format!("{} is not a folder", path.display())).with_help(otherwise),
+    }
 }
 
 /// Reads the journal of records of a folder of results; `path` names the folder or the journal. Returns the
@@ -411,6 +425,22 @@ mod tests {
         let error = Folder::read(folder.path()).expect_err("it has no journal").to_string();
         let expected = format!("{} holds no results: records.jsonl is missing", folder.path().display());
         assert_eq!(error, expected);
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_a_folder_of_results_is_answered_with_its_folder() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let journal = folder.path().join(RECORDS);
+        let error = no_results(&journal);
+        let expected = format!("{} is a file in a folder of results; expected the folder", journal.display());
+        assert_eq!((error.exit_code(), error.to_string()), (2, expected));
+        assert_eq!(error.remedy(), format!("give the path of the folder: {}", folder.path().display()));
+        let other = tempfile::tempdir().unwrap();
+        let file = other.path().join("notes.txt");
+        std::fs::write(&file, "a").unwrap();
+        let error = no_results(&file);
+        assert_eq!(error.to_string(), format!("{} is not a folder", file.display()));
+        assert_eq!(error.remedy(), FOLDER);
     }
 
     #[test]

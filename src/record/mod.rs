@@ -50,7 +50,7 @@ pub(crate) use delay::unshared_delay;
 pub(crate) use environment::is_shown_as;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
 pub(crate) use file_names::{file_name, file_names};
-pub use folder::{Folder, MERGE, latest, no_results, point, read_records};
+pub use folder::{Folder, MERGE, latest, no_results, not_a_folder, point, read_records};
 pub use git::{git_state, git_state_of_folder};
 pub use hosts::{AtHost, Control, controls};
 pub use intervals::renew_intervals;

@@ -20,7 +20,7 @@ use crate::existing;
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
-    AnchorSample, CurrentPlan, LaunchEnd, MERGE, Record, RoundLoad, Sample, read_lines_if_any,
+    AnchorSample, CurrentPlan, LaunchEnd, MERGE, Record, RoundLoad, Sample, not_a_folder, read_lines_if_any,
 };
 use crate::record::{remove_leftovers, write_json, write_whole_by};
 use crate::words::counted;
@@ -123,13 +123,14 @@ const OF_SHARDS: &str = "give the path of the folder that `raycl run --shard` wr
 
 /// Returns the error for a folder that has no shards.
 pub fn no_shards(out: &Path) -> Error {
-    let what = match existing::is_folder(out) {
-        Ok(true) => "holds no experiment that is divided into shards",
-        Ok(false) if out.exists() => "is not a folder",
+    match existing::is_folder(out) {
+        Ok(true) => {}
+        Ok(false) if out.exists() => return not_a_folder(out, OF_SHARDS),
         Ok(false) => return Error::no_folder(out, OF_SHARDS),
         Err(error) => return error,
-    };
-    Error::input(format!("{} {what}", out.display())).with_help(OF_SHARDS)
+    }
+    Error::input(format!("{} holds no experiment that is divided into shards", out.display()))
+        .with_help(OF_SHARDS)
 }
 
 /// Refuses a folder with the results of a run without shards, which a merge would overwrite.
@@ -351,6 +352,10 @@ mod tests {
             assert_eq!(error.to_string(), format!("{} {what}", path.display()));
             assert_eq!(error.remedy(), OF_SHARDS);
         }
+        let plan = parent.path().join("shards.json");
+        std::fs::write(&plan, "{}").unwrap();
+        let folder = format!("give the path of the folder: {}", parent.path().display());
+        assert_eq!(no_shards(&plan).remedy(), folder);
     }
 
     #[test]
