@@ -137,12 +137,9 @@ fn text(noise: &Noise, device: &str) -> String {
         ));
     }
     let samples = |count: u32| counted(count as usize, "sample");
-    lines.extend(
-        causes
-            .preempted_samples
-            .map(|count| counted_are(count as usize, "sample"))
-            .map(|are| format!("  {are} left out of all results, because of delays by other programs")),
-    );
+    lines.extend(causes.preempted_samples.map(|count| counted_are(count as usize, "sample")).map(|are| {
+        format!("  {are} left out of all results, since other programs probably used the processors")
+    }));
     if let Some(percentiles) = causes.core_to_core_ns {
         let [low, high] = percentiles.map(number);
         lines.push(format!(
@@ -208,7 +205,7 @@ mod tests {
                 "1 of 4 points was not compared".to_owned(),
                 "on average, other processes kept 0.25 of 8 processors busy, and other virtual machines took 0.50 of them"
                     .to_owned(),
-                "4 samples are left out of all results, because of delays by other programs".to_owned(),
+                "4 samples are left out of all results, since other programs probably used the processors".to_owned(),
                 "in four fifths of the readings, a cache line took 20 to 90 ns from one processor to another"
                     .to_owned(),
                 "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),

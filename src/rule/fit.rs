@@ -103,10 +103,15 @@ pub fn source(sweeps: &[Sweep]) -> String {
             Class::TilesInNarrowVectors,
             true,
         ),
-        ("GPU", "For GPUs whose work-items can share tiles.", Class::SharedTiles, false),
+        (
+            "GPU",
+            "For GPUs whose work-items exchange values by PTX's lane operations.",
+            Class::SharedTiles,
+            false,
+        ),
         (
             "GPU_WATERTIGHT",
-            "For GPUs whose work-items can share tiles, with a watertight test.",
+            "For GPUs whose work-items exchange values by PTX's lane operations, with a watertight test.",
             Class::SharedTiles,
             true,
         ),

@@ -56,7 +56,7 @@ pub const NARROW_CPU_WATERTIGHT: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// For GPUs whose work-items can share tiles.
+/// For GPUs whose work-items exchange values by PTX's lane operations.
 pub const GPU: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 1.0,
@@ -69,7 +69,7 @@ pub const GPU: Constants = Constants {
     separate_pixels_inside: 12000000.0,
 };
 
-/// For GPUs whose work-items can share tiles, with a watertight test.
+/// For GPUs whose work-items exchange values by PTX's lane operations, with a watertight test.
 pub const GPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 0.66,
