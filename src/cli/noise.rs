@@ -205,7 +205,8 @@ mod tests {
                 "1 of 4 points was not compared".to_owned(),
                 "on average, other processes kept 0.25 of 8 processors busy, and other virtual machines took 0.50 of them"
                     .to_owned(),
-                "4 samples are left out of all results, since other programs probably used the processors".to_owned(),
+                "4 samples are left out of all results, since other programs probably used the processors"
+                    .to_owned(),
                 "in four fifths of the readings, a cache line took 20 to 90 ns from one processor to another"
                     .to_owned(),
                 "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
