@@ -1,5 +1,9 @@
 //! Errors of the `toml` crate, with their location and the most similar valid name.
 
+mod syntax;
+
+pub use syntax::syntax;
+
 use crate::error::{Error, or_meant};
 use serde_json::{Map, Value};
 use std::ops::Range;
@@ -75,11 +79,14 @@ impl Mistake {
 /// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the
 /// usual remedy. For an unknown key or value, the remedy names the valid ones instead.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
-    mistake(error).in_file(name, text, error.span().unwrap_or(0..0), help)
+    mistake(error, text).in_file(name, text, error.span().unwrap_or(0..0), help)
 }
 
-/// Converts an error of the crate `toml` to a mistake in words for a user.
-pub fn mistake(error: &toml::de::Error) -> Mistake {
+/// Converts an error of the crate `toml` about `text` to a mistake in words for a user.
+pub fn mistake(error: &toml::de::Error, text: &str) -> Mistake {
+    if let Some((message, remedy)) = syntax(error, text) {
+        return Mistake { message, label: "here".to_owned(), remedy: Some(remedy), unknown_key: None };
+    }
     let message = error.message().trim_end().to_owned();
     if let Some(mistake) = both_names(&message) {
         return mistake;

@@ -9,7 +9,7 @@ use toml::{Spanned, Value};
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
-use crate::toml_error::{NO_LIST, NO_TABLE, elsewhere, in_plain_words, other_brackets};
+use crate::toml_error::{NO_LIST, NO_TABLE, elsewhere, in_plain_words, other_brackets, syntax};
 use crate::toml_read::from_table;
 use crate::words::counted;
 
@@ -134,8 +134,10 @@ impl Document {
     /// the override whose range of bytes begins at `start`.
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let Range { start: from, end: to } = error.span().unwrap_or(0..0);
-        let message = format!("this is not TOML: {}", error.message().trim());
-        self.error(start + from..start + to, message, "here").with_help(Wanted::Experiment.read())
+        let span = start + from..start + to;
+        let other = || (error.message().trim().to_owned(), Wanted::Experiment.read().to_owned());
+        let (reason, remedy) = syntax(error, self.part(&span).1).unwrap_or_else(other);
+        self.error(span, format!("this is not TOML: {reason}"), "here").with_help(remedy)
     }
 
     /// Converts an error of serde (the library that converts TOML to Rust's types) to one in plain words,

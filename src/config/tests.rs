@@ -425,7 +425,14 @@ fn missing_local_sizes_are_asked_for_where_they_can_be_set() {
 
 #[test]
 fn broken_toml_and_a_missing_file_are_input_errors() {
-    refuses(&GOOD.replace("[[800, 500]]", "[[800, 500"), &["this is not TOML", "test.toml:"]);
+    refuses(
+        &GOOD.replace("[[800, 500]]", "[[800, 500"),
+        &[
+            "this is not TOML: the bracket `[` in line 4 is not closed",
+            "test.toml:",
+            "write `]` where the list ends",
+        ],
+    );
     let error = load(&PathBuf::from("no/such.toml"), &[]).expect_err("it was read");
     assert_eq!(error.exit_code(), 2);
     assert!(error.to_string().contains("cannot read the experiment `no/such.toml`"));

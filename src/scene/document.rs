@@ -208,7 +208,7 @@ impl Document {
 
     /// Returns the error for a text that cannot be parsed as a scene. `error` is the parser's error.
     pub fn misread(&self, error: &toml::de::Error) -> Error {
-        let mistake = mistake(error);
+        let mistake = mistake(error, &self.text);
         let span = error.span().unwrap_or(0..0);
         let located = match self.origin(&span) {
             // The setting is the user's own text, so the message may quote its value.
@@ -388,6 +388,18 @@ mod tests {
         assert!(!toml.contains("neither"), "{toml}");
         let unknown_key = notes_or_error("a.thing", "[[object]]\nsecret = 1\n", true).unwrap_err();
         assert!(!unknown_key.contains("neither"), "this is TOML: {unknown_key}");
+    }
+
+    #[test]
+    fn a_mistake_of_syntax_is_reported_in_plain_words_at_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "[camera]\nz_near: 0.1\n").unwrap();
+        let error = load_scene_named_in(folder.path(), &path, &[], Shot::SQUARE).unwrap_err();
+        assert!(error.in_a_line().ends_with("a.toml:2: `:` in place of `=`"), "{}", error.in_a_line());
+        assert_eq!(error.remedy(), "write `z_near = ...`");
+        let of_other = notes_or_error("a.toml", "[camera]\nsecret: 0.1\n", false).unwrap_err();
+        assert!(of_other.starts_with("a.toml:2: ") && !of_other.contains("secret"), "{of_other}");
     }
 
     #[test]
