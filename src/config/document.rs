@@ -135,8 +135,11 @@ impl Document {
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let Range { start: from, end: to } = error.span().unwrap_or(0..0);
         let span = start + from..start + to;
-        let other = || (error.message().trim().to_owned(), Wanted::Experiment.read().to_owned());
-        let (reason, remedy) = syntax(error, self.part(&span).1).unwrap_or_else(other);
+        let read = Wanted::Experiment.read();
+        let (reason, remedy) = match syntax(error, self.part(&span).1) {
+            Some((reason, remedy)) => (reason, format!("{remedy}; {read}")),
+            None => (error.message().trim().to_owned(), read.to_owned()),
+        };
         self.error(span, format!("this is not TOML: {reason}"), "here").with_help(remedy)
     }
 
