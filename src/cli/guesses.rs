@@ -9,12 +9,13 @@ use crate::words::{path_word, quote};
 use clap::CommandFactory as _;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use std::ffi::OsString;
 use std::path::Path;
 
-/// Returns the error of clap with other guesses.
-pub fn explain(error: clap::Error) -> clap::Error {
+/// Returns the error of clap for the arguments `words` with other guesses.
+pub fn explain(error: clap::Error, words: &[OsString]) -> clap::Error {
     match error.kind() {
-        ErrorKind::InvalidSubcommand => without_hidden_commands(with_command_of_file(error)),
+        ErrorKind::InvalidSubcommand => without_hidden_commands(with_command_of_file(error, words)),
         ErrorKind::UnknownArgument => without_double_dash(error),
         _ => error,
     }
@@ -29,10 +30,16 @@ pub fn with_tip(mut error: clap::Error, tip: String) -> clap::Error {
     error
 }
 
-/// Returns the error with the command that reads the file, if the unknown command is the path of a file.
-fn with_command_of_file(error: clap::Error) -> clap::Error {
+/// Returns the error with the command that reads the file, if the unknown command is the path of a file. A command before
+/// this path, such as `cache`, is meant, and reads no file.
+fn with_command_of_file(error: clap::Error, words: &[OsString]) -> clap::Error {
+    let cli = Cli::command();
     let command = match error.get(ContextKind::InvalidSubcommand) {
-        Some(ContextValue::String(word)) => command_of(Path::new(word)),
+        Some(ContextValue::String(word)) => {
+            let mut before = words.iter().skip(1).take_while(|other| *other != word.as_str());
+            let is_first = !before.any(|other| cli.find_subcommand(other).is_some());
+            is_first.then(|| command_of(Path::new(word))).flatten()
+        }
         _ => None,
     };
     match command {
@@ -84,8 +91,8 @@ mod tests {
     use clap::Parser as _;
 
     fn message(words: &[&str]) -> String {
-        let words = std::iter::once("raycl").chain(words.iter().copied());
-        explain(Cli::try_parse_from(words).expect_err("a mistake")).to_string()
+        let words: Vec<OsString> = ["raycl"].iter().chain(words).map(OsString::from).collect();
+        explain(Cli::try_parse_from(&words).expect_err("a mistake"), &words).to_string()
     }
 
     #[test]
@@ -102,6 +109,8 @@ mod tests {
             let said = message(&[word]);
             let tip = format!("did you mean `raycl {command} {}`?", quote(word));
             assert!(said.contains(&tip), "{said}");
+            let said = message(&["cache", word]);
+            assert!(said.contains("unrecognized subcommand") && !said.contains("did you mean"), "{said}");
         }
         let missing = folder.path().join("b.obj");
         let said = message(&[missing.to_str().unwrap()]);

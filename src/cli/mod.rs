@@ -366,7 +366,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 /// Returns clap's error for the arguments `words` with tips about mistakes that raycl recognises.
 fn explained(error: clap::Error, words: &[OsString]) -> clap::Error {
-    blanks::explain(renamed::explain(guesses::explain(error)), words)
+    blanks::explain(renamed::explain(guesses::explain(error, words)), words)
 }
 
 /// Returns clap's error for the arguments `words` with a message that contains no control characters. clap
