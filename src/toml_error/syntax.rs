@@ -276,6 +276,7 @@ mod tests {
     fn a_missing_quote_is_named_with_its_line() {
         let closing = "write \" at the end of the text";
         says("x = 1\nmesh = \"a.obj\ny = 2\n", "the text in line 2 has no closing quote", closing);
+        says("x = \"a\\\" b\ny = 2\n", "the text in line 1 has no closing quote", closing);
         says("x = [\"naive, bvh]\ny = 1\n", "the text in line 1 has no closing quote", closing);
         says("x = 'abc\"\n", "the text in line 1 has no closing quote", "write ' at the end of the text");
         for (text, word) in [
@@ -332,10 +333,14 @@ mod tests {
     }
 
     #[test]
-    fn other_mistakes_and_quoted_or_later_lines_have_no_answer() {
-        for text in
-            ["x = \"\"\"\nsome words \\q\n\"\"\"\n", "x = \"a, \\q\"\n", "x = 1,5\n", "x = \"a\" \"b\"\n"]
-        {
+    fn other_mistakes_and_texts_of_several_lines_have_no_answer() {
+        for text in [
+            "x = \"\"\"\nsome words \\q\n\"\"\"\n",
+            "x = \"a, \\q\"\n",
+            "x = \"a\" \"b\"\n",
+            "x = 1,5\n",
+            "x = [0 0 1]\n",
+        ] {
             assert_eq!(of(text), None, "{text}");
         }
         let mistyped = toml::from_str::<std::collections::BTreeMap<String, u8>>("x = 'a'\n");
