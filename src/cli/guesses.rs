@@ -30,8 +30,8 @@ pub fn with_tip(mut error: clap::Error, tip: String) -> clap::Error {
     error
 }
 
-/// Returns the error with the command that reads the file, if the unknown command is the path of a file. A command before
-/// this path, such as `cache`, is meant, and reads no file.
+/// Returns the error with the command that reads the file, if the unknown command is the path of a file. A command
+/// before this path, such as `cache`, is meant, and reads no file.
 fn with_command_of_file(error: clap::Error, words: &[OsString]) -> clap::Error {
     let cli = Cli::command();
     let command = match error.get(ContextKind::InvalidSubcommand) {

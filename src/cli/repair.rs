@@ -161,8 +161,8 @@ impl Findings {
     }
 
     /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each attempt that
-    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged. If the
-    /// repair failed before it found anything, the text is empty.
+    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged. If
+    /// the repair failed before it found anything, the text is empty.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());

@@ -16,8 +16,8 @@ use crate::strategy::{AXES, Preset, Strategy, preset};
 /// The position in a config at which the key `local_sizes` applies to every strategy without local sizes of its own.
 const TOP: &str = "at the top of the experiment's file";
 
-/// A variant of a preset, which has no name yet. A variant begins as a copy of the preset of a `[[strategy]]` entry, and
-/// then gets the values of the entry, axis by axis.
+/// A variant of a preset, which has no name yet. A variant begins as a copy of the preset of a `[[strategy]]` entry,
+/// and then gets the values of the entry, axis by axis.
 #[derive(Clone)]
 struct Variant {
     strategy: Strategy,

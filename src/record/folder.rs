@@ -126,8 +126,8 @@ impl Folder {
     }
 }
 
-/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, or no folder is
-/// at the path, the error says so.
+/// Returns the error for a path without a journal of records. If shards in the folder are not merged yet, or no folder
+/// is at the path, the error says so.
 pub fn no_results(path: &Path) -> Error {
     match existing::exists(path) {
         Ok(true) if path.is_file() => return not_a_folder(path, FOLDER),
@@ -142,8 +142,8 @@ pub fn no_results(path: &Path) -> Error {
     Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
 }
 
-/// Returns the error for something else, such as a file, in the place of a folder of results. If the file is in a folder
-/// of results, the remedy names this folder; otherwise, the remedy is the text `otherwise`.
+/// Returns the error for something else, such as a file, in the place of a folder of results. If the file is in a
+/// folder of results, the remedy names this folder; otherwise, the remedy is the text `otherwise`.
 pub fn not_a_folder(path: &Path, otherwise: &str) -> Error {
     let folder = reader::folder_of(path);
     match [RECORDS, SHARDS].iter().any(|name| folder.join(name).is_file()) {

@@ -21,9 +21,9 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals. Adds one `Repaired` to `repaired` for each journal that was damaged; if a file cannot be
-/// written, `repaired` has the journals that were repaired before. If a journal cannot be read, no journal is changed.
-/// The caller must hold the folder's lock, by which only one process at a time writes to the folder.
+/// Repairs a folder's journals. Adds one `Repaired` to `repaired` for each journal that was damaged; if a file cannot
+/// be written, `repaired` has the journals that were repaired before. If a journal cannot be read, no journal is
+/// changed. The caller must hold the folder's lock, by which only one process at a time writes to the folder.
 pub fn repair(folder: &Path, repaired: &mut Vec<Repaired>) -> Result<()> {
     let damaged = [
         damaged(&folder.join(RECORDS), is_a::<Record>)?,

@@ -11,8 +11,8 @@ type Answer = (String, String);
 /// The whole message of the crate `toml` about a key or a table that occurs twice.
 const TWICE: &str = "duplicate key";
 
-/// Returns the message about a common syntax mistake, and its remedy. Returns `None` for any other mistake, and if `text`
-/// is TOML. `error` is the parser's error about `text`.
+/// Returns the message about a common syntax mistake, and its remedy. Returns `None` for any other mistake, and if
+/// `text` is TOML. `error` is the parser's error about `text`.
 pub fn syntax(error: &toml::de::Error, text: &str) -> Option<Answer> {
     let span = error.span()?;
     if DeTable::parse(text).is_ok() {
@@ -107,8 +107,8 @@ impl<'t> Place<'t> {
         })
     }
 
-    /// Returns the answer if a list or an inline table is still open where the next key or table begins, or at the end of
-    /// the text.
+    /// Returns the answer if a list or an inline table is still open where the next key or table begins, or at the end
+    /// of the text.
     fn unclosed_bracket(&self) -> Option<Answer> {
         let bracket = *Open::at_end_of(&self.text[..self.at]).brackets.last()?;
         let goes_on = self.text[..self.at].trim_end().ends_with(',') && !self.is_list(bracket);
