@@ -512,7 +512,7 @@ mod tests {
         let scene = Arc::new(fixtures::single_triangle());
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene).limited(limits);
         session.set_bytes_beside(123);
-        let workload = session.workload(&preset("deferred").unwrap().strategy, [1 << 20; 2], [1, 1]);
+        let workload = session.workload(&preset("tile").unwrap().strategy, [1 << 20; 2], [1, 1]);
         let reason = workload.map_err(|refused| refused.reason()).err().unwrap();
         assert!(reason.starts_with("the host's memory"), "{reason}");
         assert!(reason.contains(", in addition to 123 B "), "{reason}");
