@@ -13,7 +13,8 @@ use crate::own_program::is_worker;
 use crate::printer;
 use crate::program::Sources;
 use crate::record::Record;
-use crate::reference::layers::{Layers, layers};
+use crate::reference::cost::Cost;
+use crate::reference::layers::{Layers, PixelHit, layers};
 use crate::scene::{Display, Loaded, Scene, SkyPicture};
 use crate::strategy::{Culling, Task};
 use std::mem::ManuallyDrop;
@@ -23,8 +24,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The largest width or height of a picture in pixels, as for `raycl render`.
 const MAX_SIDE: u32 = 65_536;
-/// Bytes per pixel that [`hits`] needs: two counts, a hit, and the layers that are computed from the hit.
-const LAYERS_BYTES: u64 = 8 + 24 + 32;
+/// Bytes per pixel that [`hits`] needs: two counts, a hit (which may be missing), and the layers (11 numbers of 4
+/// bytes) that are made from the counts and the hit.
+const LAYERS_BYTES: u64 = (size_of::<Cost>() + size_of::<Option<PixelHit>>() + 11 * 4) as u64;
 /// The note that is added to remedies that name options of the command `raycl`.
 const OPTIONS: &str = "(options such as --device are those of the command `raycl`; in a program, the arguments of raycl's functions stand for them)";
 
@@ -437,9 +439,21 @@ mod tests {
             let available = Available { bytes, source: "a test".to_owned() };
             check_room([65_536, 65_536], &available).map_err(|error| error.to_string())
         };
-        assert_eq!(check(64 << 32), Ok(()));
-        let message = check((64 << 32) - 1).unwrap_err();
-        assert!(message.contains("(64 B x 65536 x 65536 pixels = 274877906944 B)"), "{message}");
+        assert_eq!(check(88 << 32), Ok(()));
+        let message = check((88 << 32) - 1).unwrap_err();
+        assert!(message.contains("(88 B x 65536 x 65536 pixels = 377957122048 B)"), "{message}");
+    }
+
+    /// The pattern names every field of `Layers`, so a new layer does not compile until it is counted here.
+    #[test]
+    fn every_layer_counts_as_memory() {
+        let Layers { size, depth, normal, albedo, triangle, object, tests, nodes } =
+            hits(&loaded(), [8, 5]).unwrap();
+        let of_numbers = [triangle, object, tests, nodes].map(|numbers| size_of_val(&numbers[..]));
+        let of_values = [size_of_val(&depth[..]), size_of_val(&normal[..]), size_of_val(&albedo[..])];
+        let bytes: usize = of_numbers.iter().chain(&of_values).sum();
+        let of_hit = size_of::<Cost>() + size_of::<Option<PixelHit>>();
+        assert_eq!(LAYERS_BYTES as usize, of_hit + bytes / (size[0] * size[1]) as usize);
     }
 
     #[test]
