@@ -273,13 +273,14 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
     available.hold(bytes, "finding the hits of a picture", &sum)
 }
 
-/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an
-/// interrupted run. Worker processes measure the experiment's points. Each worker process is the calling
-/// program, started again; therefore the program's `main` must begin with [`serve_if_worker`]. raycl sets the
-/// environment variable `RAYCL_WORKER` for its workers. In a process with the variable `RAYCL_WORKER`,
-/// `run_experiment` fails. Otherwise, a program that does not call `serve_if_worker` would start itself again
-/// and again. `run_experiment` also fails in a program that has not called `serve_if_worker`, since the
-/// workers of such a program could not measure points.
+/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does, and writes the same files,
+/// including the report. With `resume`, continues an interrupted run. Worker processes measure the
+/// experiment's points. Each worker process is the calling program, started again; therefore the program's
+/// `main` must begin with [`serve_if_worker`]. raycl sets the environment variable `RAYCL_WORKER` for its
+/// workers. In a process with the variable `RAYCL_WORKER`, `run_experiment` fails. Otherwise, a program that
+/// does not call `serve_if_worker` would start itself again and again. `run_experiment` also fails in a
+/// program that has not called `serve_if_worker`, since the workers of such a program could not measure
+/// points.
 ///
 /// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or on devices
 /// without locks. If another process measures on a device, the function waits until that process ends.
@@ -292,9 +293,10 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
 /// are not results, or if the environment variable `RAYCL_LOCK_DIR` is not an absolute path. Also fails if
-/// `out` is empty, if one of the two paths is not UTF-8, if the run is interrupted, if the calling process is
-/// a worker, or if the calling process has not called `serve_if_worker`. A failure of a single point of the
-/// experiment is not an error: the point's record states the reason.
+/// `out` is empty, if one of the two paths is not UTF-8, if a file cannot be written, if the run is
+/// interrupted, if the calling process is a worker, or if the calling process has not called
+/// `serve_if_worker`. A failure of a single point of the experiment is not an error: the point's record
+/// states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -313,13 +315,17 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;
-    let measured = printer::muted(|| run::measure_resumably(&arguments, &mut ()));
+    let measured = printer::muted(|| -> Result<Vec<Record>> {
+        let (out, records) = run::measure_resumably(&arguments, &mut ())?;
+        run::write_report(&arguments, &out)?;
+        Ok(records)
+    });
     // The caller learns of the interruption from this error, so the stored interruption is cleared: the
     // interruption must not end the next run as well.
     if matches!(measured, Err(Error::Interrupted { .. })) {
         run::forget_interruption();
     }
-    Ok(measured.map_err(for_programs)?.1)
+    measured.map_err(for_programs)
 }
 
 /// Returns an error if raycl cannot write results into the folder `out`, or cannot pass the paths to workers, which

@@ -78,6 +78,10 @@ fn one_runs_an_experiment() {
     let text = said(run(&folder, "experiment", &["config.toml", "out", &device()]));
     has(&text, &["naive on ", "deferred on ", "2 of 2 points were measured"]);
     assert_eq!(folder.json_lines("out/records.jsonl").len(), 2);
+    // The report is written as by `raycl run`.
+    for file in ["report.html", "plots", "exports/points.csv"] {
+        assert!(folder.path("out").join(file).exists(), "{file}");
+    }
 }
 
 /// Without a call of `serve_if_worker`, a worker would run the experiment again and start further workers

@@ -36,6 +36,7 @@ use crate::printer;
 use crate::program::Sources;
 use crate::record::journals::{IMAGES, RECORDS, SUMMARY};
 use crate::record::{Folder, Record, summary_terminal};
+use crate::report::Written;
 use crate::settings;
 use crate::shard::{Asked, ShardPlan};
 use crate::words::in_singular;
@@ -489,11 +490,7 @@ fn foresee(args: &Args) -> Result<()> {
 /// unless `--quiet` is given. With two options `--cl-dir`, also compares the times with the two folders of
 /// kernels. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
-    let folder = Folder::read(out)?;
-    let folders = std::slice::from_ref(&folder);
-    let written =
-        OutFolder::open(out, choice(args)).and_then(|mut to| crate::report::write(folders, &mut to));
-    let written = written.map_err(|error| say_how_to_resume(error, args, out))?;
+    let (folder, written) = write_report(args, out)?;
     let records = &folder.records;
     if args.json {
         for record in records {
@@ -516,6 +513,17 @@ fn report(args: &Args, out: &Path) -> Result<()> {
     }
     let summary = out.join(SUMMARY);
     refuse_failed(records, format!("{} gives the reason for each point; {MEASURE_AGAIN}", summary.display()))
+}
+
+/// Writes the report of the results in the folder `out`. Returns the content of `out`, and the report's files. If a
+/// file cannot be written, the error says how to continue the run.
+pub(crate) fn write_report(args: &Args, out: &Path) -> Result<(Folder, Written)> {
+    let folder = Folder::read(out)?;
+    let folders = std::slice::from_ref(&folder);
+    let written =
+        OutFolder::open(out, choice(args)).and_then(|mut to| crate::report::write(folders, &mut to));
+    let written = written.map_err(|error| say_how_to_resume(error, args, out))?;
+    Ok((folder, written))
 }
 
 /// Returns true if the tables are left out of the output.
