@@ -3,7 +3,6 @@
 use crate::cli::choice::{chosen_strategy, one_device};
 use crate::cli::{Cli, prepare_for_drivers, run};
 use crate::device::{Device, DeviceInfo, guarded, report_panics};
-use crate::device_lock::check_folder;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, check_alpha, check_image, check_target, save};
 use crate::launch::{Refused, Session};
@@ -16,6 +15,7 @@ use crate::record::Record;
 use crate::reference::cost::Cost;
 use crate::reference::layers::{Layers, PixelHit, layers};
 use crate::scene::{Display, Loaded, Scene, SkyPicture};
+use crate::settings::check_variables;
 use crate::strategy::{Culling, Task};
 use std::mem::ManuallyDrop;
 use std::path::Path;
@@ -75,10 +75,11 @@ impl Raycaster {
     ///
     /// Fails if the scene has a mistake: no triangle, an index out of bounds, or a number that is not finite
     /// or not in its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless the
-    /// program changed them.) Also fails if no device matches, if no device is usable, or if the driver
-    /// fails.
+    /// program changed them.) Also fails if one of raycl's environment variables (such as `RAYCL_CACHE_MIB`)
+    /// has a value that cannot be used, if no device matches, if no device is usable, or if the driver fails.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
         check_scene(&scene)?;
+        check_variables()?;
         let (sources, scene) = (Sources::Embedded, Arc::new(scene));
         let open = || -> Result<(Device, Session)> {
             let device = one_device(device, &sources)?;
@@ -292,11 +293,11 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 /// # Errors
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
-/// are not results, or if the environment variable `RAYCL_LOCK_DIR` is not an absolute path. Also fails if
-/// `out` is empty, if one of the two paths is not UTF-8, if a file cannot be written, if the run is
-/// interrupted, if the calling process is a worker, or if the calling process has not called
-/// `serve_if_worker`. A failure of a single point of the experiment is not an error: the point's record
-/// states the reason.
+/// are not results, or if one of raycl's environment variables (such as `RAYCL_LOCK_DIR`) has a value that
+/// cannot be used. Also fails if `out` is empty, if one of the two paths is not UTF-8, if a file cannot be
+/// written, if the run is interrupted, if the calling process is a worker, or if the calling process has not
+/// called `serve_if_worker`. A failure of a single point of the experiment is not an error: the point's
+/// record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -311,7 +312,7 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
         )
         .with_help("call raycl::serve_if_worker first in `main`: raycl's workers are the same program"));
     }
-    check_folder()?;
+    check_variables()?;
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;

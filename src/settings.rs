@@ -61,6 +61,15 @@ pub fn load() -> Result<()> {
         // If `load` was called before, the earlier settings stay.
         let _ = USER.set(settings);
     }
+    check_variables()
+}
+
+/// Checks raycl's environment variables, so that no wrong value is ignored.
+///
+/// # Errors
+///
+/// Returns an input error with the environment variable whose value cannot be used.
+pub fn check_variables() -> Result<()> {
     for name in [DEVICE, RESULTS] {
         refuse_other_than_utf8(name, std::env::var_os(name))?;
     }

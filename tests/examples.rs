@@ -84,6 +84,22 @@ fn one_runs_an_experiment() {
     }
 }
 
+/// The library checks the same environment variables as raycl's commands.
+#[test]
+fn a_variable_that_cannot_be_used_is_a_mistake_and_named() {
+    let folder = crate::binary::one_point();
+    for (name, words) in [("cast", ["scene.toml", "a.png"]), ("experiment", ["config.toml", "out"])] {
+        for (variable, value) in
+            [("RAYCL_CACHE_MIB", "1G"), ("RAYCL_MOVED_SAMPLES", "kep"), ("RAYCL_LOCK_DIR", "locks")]
+        {
+            let output = crate::binary::run(example(&folder, name, &words).env(variable, value));
+            assert!(!output.status.success(), "{name}, {variable}");
+            has(&String::from_utf8_lossy(&output.stderr), &[&format!("{variable}: '{value}' is not")]);
+        }
+    }
+    assert!(!folder.path("a.png").exists() && !folder.path("out").exists());
+}
+
 /// Without a call of `serve_if_worker`, a worker would run the experiment again and start further workers
 /// without end. raycl therefore refuses to run an experiment in a process that has a worker's environment
 /// variable. This test starts an example program with a worker's environment variable, but without a worker's

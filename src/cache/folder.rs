@@ -14,8 +14,8 @@ const DEFAULT_LIMIT_MIB: u64 = 512;
 const LONGEST_NAME_BYTES: usize = 255;
 
 /// Returns the limit of the cache's size in bytes, from the environment. If the value of `RAYCL_CACHE_MIB` is
-/// not a whole number of MiB, returns the default limit. raycl's commands refuse such a value
-/// ([`check_limit`]) before they call this function.
+/// not a whole number of MiB, returns the default limit. raycl's commands, and the functions of the library
+/// that use devices, refuse such a value ([`check_limit`]) before they call this function.
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
