@@ -150,7 +150,7 @@ fn what_raycl_refuses_the_schemas_refuse() {
         (
             "scene",
             scene,
-            [
+            &[
                 ("shape", "shpae"),
                 ("shape = \"ground\"", "shape = \"grond\""),
                 ("power = 10", "pwer = 10"),
@@ -162,16 +162,19 @@ fn what_raycl_refuses_the_schemas_refuse() {
                 ("[[light]]", "background = \"grey\"\n[[light]]"),
                 ("[[light]]", "name = \"\"\n[[light]]"),
                 ("shape = \"ground\"", "shape = \"terrain\"\nseed = 4294967296"),
-            ],
+            ][..],
         ),
         (
             "config",
             config,
-            [
+            &[
                 ("image_sizes", "image_size"),
                 ("image_sizes = [[8, 5]]\n", ""),
                 ("[[8, 5]]", "[[8, 5, 3]]"),
                 ("[[8, 5]]", "[0]"),
+                ("[[8, 5]]", "[65536]"),
+                ("local_sizes = [4]", "local_sizes = [65]"),
+                ("preset = \"deferred\"", "preset = \"deferred\"\nlocal_sizes = [65]"),
                 ("width", "wdith"),
                 ("preset = \"deferred\"", "preset = \"defered\""),
                 ("width = [1, 4]", "width = [1, 5]"),
@@ -179,12 +182,12 @@ fn what_raycl_refuses_the_schemas_refuse() {
                 ("seed = 1", "seed = 1.5"),
                 ("seed = 1", "seed = 4294967296"),
                 ("preset = \"deferred\"", "preset = \"deferred\"\nname = \"\""),
-            ],
+            ][..],
         ),
     ] {
         let schema = schema(kind);
         assert!(mistakes(&read(good), &schema, "").is_empty(), "{:?}", mistakes(&read(good), &schema, ""));
-        for (from, to) in changes {
+        for &(from, to) in changes {
             let bad = good.replacen(from, to, 1);
             assert_ne!(bad, good, "{from}");
             assert!(!mistakes(&read(&bad), &schema, "").is_empty(), "the schema takes: {bad}");

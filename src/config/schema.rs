@@ -8,7 +8,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 
 use super::scenes::SAMPLES;
-use super::sizes::{IMAGE_SIDE, LOCAL_SIDE};
+use super::sizes::{IMAGE_PIXELS, IMAGE_SIDE, LOCAL_ITEMS, LOCAL_SIDE};
 use super::types::Baseline;
 use super::wire::StrategyEntry;
 use crate::schema::{names, schema_by_hand};
@@ -31,15 +31,19 @@ schema_by_hand! {
     PresetName => names(preset_names().into_iter());
     BaselineName => names(Baseline::ALL.iter().map(|baseline| baseline.name()));
     Anything => json_schema!({});
-    ImageSize => size(&IMAGE_SIDE);
-    LocalSize => size(&LOCAL_SIDE);
+    ImageSize => size(&IMAGE_SIDE, IMAGE_PIXELS);
+    LocalSize => size(&LOCAL_SIDE, LOCAL_ITEMS);
     SampleNumbers => numbers(&SAMPLES);
     StrategyEntry => strategy();
 }
 
-fn size(side: &RangeInclusive<i64>) -> Schema {
-    let side = json!({ "type": "integer", "minimum": side.start(), "maximum": side.end() });
-    json_schema!({ "anyOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
+/// Returns the schema of a size: one side of a square, or two sides in the range `side`. A square has at most `most`
+/// elements. For two sides, a schema cannot limit their product.
+fn size(side: &RangeInclusive<i64>, most: u64) -> Schema {
+    let up_to = |end: u64| json!({ "type": "integer", "minimum": side.start(), "maximum": end });
+    let longest = side.end().unsigned_abs();
+    let (square, side) = (up_to(longest.min(most.isqrt())), up_to(longest));
+    json_schema!({ "anyOf": [square, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
 }
 
 /// Returns the schema of a whole number in `range`, or of a list of such numbers.
@@ -67,7 +71,7 @@ fn strategy() -> Schema {
          preset or have several values].",
         json_schema!({ "type": "string", "minLength": 1 }),
     );
-    let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE) });
+    let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE, LOCAL_ITEMS) });
     add(
         "local_sizes",
         "Work-items per work-group for this strategy, instead of the experiment's `local_sizes`.",

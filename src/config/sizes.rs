@@ -14,16 +14,17 @@ use crate::error::Result;
 pub(super) const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
 /// Range of a work-group's width and height in work-items; a device may allow fewer.
 pub(super) const LOCAL_SIDE: RangeInclusive<i64> = 1..=4096;
+/// The largest number of pixels of an image.
+pub(super) const IMAGE_PIXELS: u64 = u32::MAX as u64;
 /// The largest number of work-items in a work-group that a config may ask for.
-const LOCAL_ITEMS: u64 = 4096;
+pub(super) const LOCAL_ITEMS: u64 = 4096;
 
 /// Returns the image sizes in the file's order, without repetitions. Returns an error if the list is empty, or if a
 /// size is out of range.
 pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
     not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
-    let parse = |wire: &Spanned<wire::Size>| {
-        size(document, wire, "image size", &IMAGE_SIDE, u64::from(u32::MAX), "pixels")
-    };
+    let parse =
+        |wire: &Spanned<wire::Size>| size(document, wire, "image size", &IMAGE_SIDE, IMAGE_PIXELS, "pixels");
     Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
 }
 
