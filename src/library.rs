@@ -14,7 +14,7 @@ use crate::program::Sources;
 use crate::record::Record;
 use crate::reference::cost::Cost;
 use crate::reference::layers::{Layers, PixelHit, layers};
-use crate::scene::{Display, Loaded, Scene, SkyPicture};
+use crate::scene::{Display, Loaded, MAX_POWER, Scene, SkyPicture};
 use crate::settings::check_variables;
 use crate::strategy::{Culling, Task};
 use std::mem::ManuallyDrop;
@@ -200,15 +200,20 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky if its texels do not match its size, or if `ahead`, the direction of its
-/// middle, is not a unit vector.
-fn check_sky_picture(SkyPicture { size: [across, down], texels, ahead, .. }: &SkyPicture) -> Result<()> {
+/// Refuses a picture of the sky if its texels do not match its size, if a texel has a number that is not from 0 to
+/// [`MAX_POWER`], or if `ahead`, the direction of its middle, is not a unit vector.
+fn check_sky_picture(picture: &SkyPicture) -> Result<()> {
+    let SkyPicture { size: [across, down], texels, ahead, .. } = picture;
     let count = texels.len() as u64;
     if count == 0 || u64::from(*across) * u64::from(*down) != count {
         return Err(Error::input(format!(
             "the sky's picture has {across} x {down} texels, but its list `texels` has {count}; expected one element \
              per texel, and at least one texel"
         )));
+    }
+    if let Some(wrong) = picture.wrong_value(MAX_POWER) {
+        let message = format!("the sky's picture has {wrong}; expected values from 0 to {MAX_POWER:e}");
+        return Err(Error::input(message));
     }
     if (ahead.length() - 1.0).abs() < 1e-3 {
         return Ok(());
@@ -377,9 +382,9 @@ mod tests {
         load_scene(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml")).unwrap()
     }
 
-    /// Returns a scene under a picture of the sky with this size, this number of texels and this direction.
-    fn under(size: [u32; 2], texels: usize, ahead: Vec3) -> Scene {
-        let picture = SkyPicture { size, texels: vec![[1.0; 3]; texels].into(), ahead, is_seen: false };
+    /// Returns a scene under a picture of the sky with this size, these texels and this direction.
+    fn under(size: [u32; 2], texels: &[[f32; 3]], ahead: Vec3) -> Scene {
+        let picture = SkyPicture { size, texels: texels.into(), ahead, is_seen: false };
         let [zenith, horizon, up] = [Vec3::ZERO, Vec3::ZERO, Vec3::Y];
         let sky = Sky { zenith, horizon, up, reach: 1.0, picture: Some(Arc::new(picture)) };
         Scene { sky: Some(sky), ..fixtures::single_triangle() }
@@ -416,12 +421,28 @@ mod tests {
 
     #[test]
     fn a_picture_of_the_sky_has_as_many_texels_as_its_size_says() {
-        assert!(check_scene(&under([4, 2], 8, Vec3::X)).is_ok());
+        let white = [[1.0; 3]; 8];
+        assert!(check_scene(&under([4, 2], &white, Vec3::X)).is_ok());
         for (size, texels) in [([4, 2], 7), ([4, 3], 8), ([0, 5], 0)] {
-            let message = refusal(under(size, texels, Vec3::X));
+            let message = refusal(under(size, &white[..texels], Vec3::X));
             assert!(message.contains(&format!("its list `texels` has {texels};")), "{message}");
         }
-        assert!(refusal(under([4, 2], 8, Vec3::NAN)).contains("not a unit vector"));
+        assert!(refusal(under([4, 2], &white, Vec3::NAN)).contains("not a unit vector"));
+    }
+
+    #[test]
+    fn the_texels_of_a_picture_of_the_sky_are_radiances() {
+        let of = |value: f32| {
+            let mut texels = [[1.0; 3]; 8];
+            texels[6][1] = value;
+            under([4, 2], &texels, Vec3::X)
+        };
+        assert!([0.0, MAX_POWER].into_iter().all(|value| check_scene(&of(value)).is_ok()));
+        for (value, shown) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-0.5, "-0.5"), (2e28, "2e28")] {
+            let texel = format!("a value of [1.0, {shown}, 1.0] in column 2, row 1 (from 0)");
+            let expected = format!("the sky's picture has {texel}; expected values from 0 to 1e28");
+            assert_eq!(refusal(of(value)), expected);
+        }
     }
 
     #[test]

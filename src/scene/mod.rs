@@ -55,10 +55,10 @@ pub use shapes::{Shape, generate};
 pub use sky::{Sky, SkyPicture};
 pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};
 pub use tone::Tone;
+pub(crate) use validate::MAX_POWER;
 
 use glam::Vec3;
 use std::sync::Arc;
-use validate::MAX_POWER;
 
 /// Returns the JSON schema of a scene's file.
 pub fn schema() -> serde_json::Value {

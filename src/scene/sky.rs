@@ -148,18 +148,17 @@ impl SkyPicture {
         } else {
             file.texels.iter().map(|texel| texel.map(|value| value * strength)).collect()
         };
-        let valid = |texel: &[f32; 3]| texel.iter().all(|value| *value <= most);
-        match texels.iter().position(|texel| !valid(texel)) {
+        match wrong_value(file.size, &texels, most) {
             None => Ok(FileTexels { texels, ..file.clone() }),
-            Some(at) => {
-                let [x, y] = [at as u32 % file.size[0], at as u32 / file.size[0]];
-                Err(format!(
-                    "has a value of {:?} in column {x}, row {y} (from 0) after multiplication by its \
-                     strength; expected at most {most:e}",
-                    texels[at]
-                ))
+            Some(wrong) => {
+                Err(format!("has {wrong} after multiplication by its strength; expected at most {most:e}"))
             }
         }
+    }
+
+    /// Returns the first texel with a number that is not from 0 to `most`, as text; `None` if there is no such texel.
+    pub(crate) fn wrong_value(&self, most: f32) -> Option<String> {
+        wrong_value(self.size, &self.texels, most)
     }
 
     /// Returns the direction of the picture's middle. If `turn_degrees` is 0, the direction is -z (or +y if
@@ -170,6 +169,14 @@ impl SkyPicture {
         let level = (forward - up * forward.dot(up)).normalize_or_zero();
         (DQuat::from_axis_angle(up, turn_degrees.to_radians()) * level).as_vec3()
     }
+}
+
+/// Returns the value and the position of the first texel with a number that is not from 0 to `most`, as text.
+fn wrong_value([across, _]: [u32; 2], texels: &[[f32; 3]], most: f32) -> Option<String> {
+    let is_valid = |texel: &[f32; 3]| texel.iter().all(|value| (0.0..=most).contains(value));
+    let at = texels.iter().position(|texel| !is_valid(texel))?;
+    let [x, y] = [at % across as usize, at / across as usize];
+    Some(format!("a value of {:?} in column {x}, row {y} (from 0)", texels[at]))
 }
 
 /// Returns a remark on a picture that is not twice as wide as high; otherwise `None`. The width may differ by
