@@ -27,7 +27,7 @@ const MAX_SIDE: u32 = 65_536;
 /// Bytes per pixel that [`hits`] needs: two counts, a hit (which may be missing), and the layers (11 numbers of 4
 /// bytes) that are made from the counts and the hit.
 const LAYERS_BYTES: u64 = (size_of::<Cost>() + size_of::<Option<PixelHit>>() + 11 * 4) as u64;
-/// The note that is added to remedies that name options of the command `raycl`.
+/// The note that is added to the remedies of errors that name options of the command `raycl`.
 const OPTIONS: &str = "(options such as --device are those of the command `raycl`; in a program, the arguments of raycl's functions stand for them)";
 
 /// True if this process has called [`serve_if_worker`].
@@ -166,11 +166,13 @@ fn closed() -> Error {
         .with_help("open another Raycaster; if that fails too, `raycl devices` lists other devices")
 }
 
-/// If an error's remedy names options of the command `raycl`, adds to the remedy a note on what replaces
-/// these options in a program.
+/// If an error's message or remedy names options of the command `raycl`, adds to the remedy a note on what
+/// replaces these options in a program.
 fn for_programs(error: Error) -> Error {
     let remedy = error.remedy();
-    if !remedy.contains(" --") && !remedy.contains("`--") {
+    // A message may begin with an option, so the text that is searched begins with a space.
+    let text = format!(" {error} {remedy}");
+    if !text.contains(" --") && !text.contains("`--") {
         return error;
     }
     let remedy = format!("{remedy} {OPTIONS}");
@@ -525,9 +527,14 @@ mod tests {
     }
 
     #[test]
-    fn a_remedy_that_names_an_option_says_that_programs_have_none() {
-        let remedy = |text: &str| for_programs(Error::run("a").with_help(text)).remedy().to_owned();
-        assert_eq!(remedy("try again"), "try again");
-        assert_eq!(remedy("give another --out"), format!("give another --out {OPTIONS}"));
+    fn an_error_that_names_an_option_says_that_programs_have_none() {
+        let remedy = |message: &str, help: &str| {
+            for_programs(Error::input(message).with_help(help)).remedy().to_owned()
+        };
+        assert_eq!(remedy("a", "try again"), "try again");
+        assert_eq!(remedy("a", "give another --out"), format!("give another --out {OPTIONS}"));
+        for message in ["--device: no device matches 'x'", "a is too large for --width", "`--out` is empty"] {
+            assert_eq!(remedy(message, "try again"), format!("try again {OPTIONS}"), "{message}");
+        }
     }
 }

@@ -82,7 +82,14 @@ pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Co
 ///
 /// Fails if the scene has more triangles than a tree can index.
 pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
-    WideBvh::new(Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
+    widened(Bvh::build(mesh, LEAF_SIZE))
+}
+
+/// Makes the tree for which costs are counted from a binary tree. Costs are counted for the same tree with every
+/// strategy, so the remedy for too many triangles is never another strategy.
+fn widened(bvh: Bvh) -> Result<WideBvh> {
+    let wide = WideBvh::new(bvh, NODE_WIDTH, LEAF_SIZE);
+    wide.map_err(|error| error.with_help("use a scene with fewer triangles"))
 }
 
 /// Returns the cost (numbers of tests and nodes) of every pixel in `grid` if each ray traverses this tree.
@@ -227,6 +234,14 @@ mod tests {
         let tree = in_tree(&scene, size, Culling::None).expect("a small scene");
         assert!(tree.iter().any(|cost| cost.nodes > 1));
         assert!(10 * total(&tree) < total(&exhaustive(&scene, Grid::all(size), Culling::None)));
+    }
+
+    #[test]
+    fn no_strategy_is_advised_for_too_many_triangles() {
+        let bvh = Bvh { nodes: Vec::new(), order: vec![0; WideBvh::MAX_INDEX + 1], depth: 0 };
+        let error = widened(bvh).expect_err("it has one triangle more than a tree can index");
+        assert!(error.to_string().contains("33554433 triangles"), "{error}");
+        assert_eq!(error.remedy(), "use a scene with fewer triangles");
     }
 
     #[test]
