@@ -192,10 +192,11 @@ fn instructions(file: &Path, kernel: &str) -> u64 {
     while let Some(name) = reached.get(at) {
         let called = functions[name].iter().filter_map(|line| {
             let (_, text) = line.split_once(":\t")?;
-            let name = text.split_once('<')?.1.strip_suffix('>')?;
-            let goes = text.starts_with("call") || text.starts_with('j');
-            // Stubs of the linker lead to other files, as in "memset@plt".
-            (goes && !name.contains("@plt")).then(|| name.to_owned())
+            // objdump names the addresses of data in comments.
+            let (name, _) = text.split(" # ").next()?.split_once('<')?.1.split_once('>')?;
+            // AArch64's `adrp` computes an address. Stubs of the linker lead to other files, as in "memset@plt".
+            let goes = !text.starts_with("adrp") && !name.contains("@plt");
+            goes.then(|| name.to_owned())
         });
         let called: Vec<_> = called.filter(|name| functions.contains_key(name)).collect();
         for name in called {

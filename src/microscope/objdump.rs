@@ -77,14 +77,16 @@ fn function(text: &str) -> Option<(&str, &str)> {
     Some((name, body))
 }
 
-/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call 1000 <any_hit>".
-/// Returns `None` for a stub of the linker ("memset@plt"), since a stub only jumps to a function of another
-/// file.
+/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call 1000 <any_hit>". The
+/// operand tells a call or a jump from other instructions, since each processor names its calls differently
+/// ("call", "bl"), and objdump names the addresses of data in comments. Returns `None` for a stub of the linker
+/// ("memset@plt"), since a stub only jumps to a function of another file. Also returns `None` for AArch64's
+/// "adrp", which computes the address of a page of memory: a function may begin this page by chance.
 fn called(line: &str) -> Option<&str> {
     let (_, text) = instruction(line)?;
-    let goes = text.starts_with("call") || text.starts_with('j');
-    let name = text.split_once('<').filter(|_| goes)?.1.strip_suffix('>')?;
-    (!name.contains("@plt")).then_some(name)
+    let (name, _) = text.split_once('<')?.1.split_once('>')?;
+    let goes = !text.starts_with("adrp") && !name.contains("@plt");
+    goes.then_some(name)
 }
 
 /// Returns the registers besides `%rsp` in which a function stores the address of its stack frame.
@@ -211,5 +213,21 @@ Disassembly of section .text:
         let jumps = LISTING.replace("call   1000 <helper>", "jmp    1000 <helper>");
         let parts: Vec<_> = rows_of(&jumps).into_iter().map(|(_, _, _, part)| part).collect();
         assert_eq!(parts, [vec!["_pocl_kernel_mine"; 8], vec!["helper"; 3]].concat());
+    }
+
+    #[test]
+    fn a_call_is_known_by_its_operand_on_processors_that_name_calls_otherwise() {
+        for (line, name) in [
+            ("    1150:\tbl\t1000 <helper>", Some("helper")),
+            ("    1150:\tb\t1000 <helper>", Some("helper")),
+            ("    1150:\tb.ne\t1000 <helper>  // b.any", Some("helper")),
+            ("    1150:\tjal\tra,1000 <helper>", Some("helper")),
+            ("    1150:\tbl\t1020 <memset@plt>", None),
+            ("    1150:\tadrp\tx0, 1000 <helper>", None),
+            ("    1150:\tlea    0xe(%rip),%rdi        # 1000 <helper>", None),
+            ("    1150:\tadd\tx0, x0, #0x8", None),
+        ] {
+            assert_eq!(called(line), name, "{line}");
+        }
     }
 }
