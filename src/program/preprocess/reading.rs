@@ -24,10 +24,7 @@ pub struct Reading {
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));
-    let is_needed = |item: &Item| match (&needed, &item.name) {
-        (Some(needed), Some(name)) => needed.contains(name),
-        _ => true,
-    };
+    let is_needed = |item: &Item| needed.as_ref().is_none_or(|needed| item.is_needed(needed));
     let left_out = items.iter().filter(|item| !is_needed(item)).map(|item| item.lines.len()).sum();
     let remaining: Vec<&Item> = items.iter().filter(|item| is_needed(item)).collect();
     let parts = remaining.chunk_by(|one, next| one.file() == next.file());
@@ -57,8 +54,8 @@ struct Item<'a> {
     lines: Vec<&'a Line>,
     /// True if an empty line precedes the item.
     apart: bool,
-    /// The name that the item declares, if this name can be determined.
-    name: Option<String>,
+    /// The names that the item declares. An item is always needed if its names cannot be determined.
+    names: Vec<String>,
     /// All names that the item uses.
     uses: HashSet<String>,
 }
@@ -70,6 +67,11 @@ impl Item<'_> {
 
     fn has_code(&self) -> bool {
         self.lines.iter().any(|line| line.is_code)
+    }
+
+    /// Returns true if `needed` has one of the item's names, or if the item has no name.
+    fn is_needed(&self, needed: &HashSet<String>) -> bool {
+        self.names.is_empty() || self.names.iter().any(|name| needed.contains(name))
     }
 }
 
@@ -114,43 +116,59 @@ fn nesting(token: &Token) -> i32 {
 
 fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     let code: Vec<Token> = lines.iter().flat_map(|line| lex(&line.text)).filter(Token::is_code).collect();
-    let names = code.iter().filter(|token| token.kind == Kind::Name).map(|token| token.text.clone());
-    Item { name: declared(&code), uses: names.collect(), lines, apart }
+    let uses = code.iter().filter(|token| token.kind == Kind::Name).map(|token| token.text.clone());
+    Item { names: declared(&code), uses: uses.collect(), lines, apart }
 }
 
-/// Returns the name that an item declares. A type's name is the last name in the item, a function's name
-/// precedes the opening bracket, and a variable's name precedes its array size, its value or the semicolon.
-/// Returns `None` for an item without a name, such as a pragma.
-fn declared(code: &[Token]) -> Option<String> {
-    let mut depth = 0;
-    let mut outer: Vec<&Token> = Vec::new();
+/// The symbols that may follow a declared name: the brackets after the name of a function, an array or a structure,
+/// and the symbols after a variable or another type.
+const ENDS: [&str; 6] = ["(", "[", "{", "=", ",", ";"];
+/// Words that may precede such a symbol and declare nothing.
+const WORDS: [&str; 5] = ["__attribute__", "__attribute", "_Pragma", "struct", "union"];
+
+/// Returns the names that an item declares: the names of all functions, types and variables, since an item may be a
+/// list of variables, or have several functions on one line. May also return a name that the item only uses, so the
+/// item may be kept needlessly. Returns no name for an item without a name, such as a pragma, and for an `enum`,
+/// whose values are used without its name.
+fn declared(code: &[Token]) -> Vec<String> {
+    let outer = outer(code);
+    if outer.iter().any(|token| token.text == "enum") {
+        return Vec::new();
+    }
+    let named = |pair: &[&Token]| {
+        let begins = pair[0].kind == Kind::Name && ENDS.iter().any(|end| pair[1].is(end));
+        (begins && !WORDS.contains(&pair[0].text.as_str())).then(|| pair[0].text.clone())
+    };
+    outer.windows(2).filter_map(named).collect()
+}
+
+/// Returns an item's tokens outside brackets, with the brackets themselves. Leaves out the values of variables, whose
+/// names the item uses and does not declare.
+fn outer(code: &[Token]) -> Vec<&Token> {
+    let (mut outer, mut depth, mut is_value) = (Vec::new(), 0, false);
     for token in code {
         let before = depth;
         depth += nesting(token);
-        if before.min(depth) == 0 {
+        if before.min(depth) > 0 {
+            continue;
+        }
+        is_value &= !token.is(",") && !token.is(";");
+        if !is_value {
             outer.push(token);
         }
+        is_value |= token.is("=");
     }
-    let is_type = outer.first().is_some_and(|first| first.text == "typedef");
-    let named = |pair: &[&Token]| {
-        let ends: &[&str] = if is_type { &[";"] } else { &["(", "[", "=", ";"] };
-        let begins = pair[0].kind == Kind::Name && ends.iter().any(|end| pair[1].is(end));
-        let own = !["__attribute__", "_Pragma", "struct", "enum", "union"].contains(&pair[0].text.as_str());
-        (begins && own).then(|| pair[0].text.clone())
-    };
-    outer.windows(2).find_map(named)
+    outer
 }
 
-/// Returns the names of all items that the kernels use, directly or indirectly.
+/// Returns the names of all items that the kernels use, directly or indirectly. Items without a name, such as pragmas,
+/// are always needed, so the names that they use are needed too.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
-    // Items without a name, such as pragmas, are always included, so the items whose names they use are
-    // needed too.
-    needed.extend(items.iter().filter(|item| item.name.is_none()).flat_map(|item| item.uses.clone()));
     loop {
         let count = needed.len();
         for item in items.iter().rev() {
-            if item.name.as_ref().is_some_and(|name| needed.contains(name)) {
+            if item.is_needed(&needed) {
                 needed.extend(item.uses.iter().cloned());
             }
         }
@@ -225,6 +243,56 @@ __kernel void other(void) { nor_this(); }
         let lines = preprocess(source, "", &BTreeMap::new()).map(|output| output.lines).unwrap_or_default();
         let reading = read(&lines, Some(&["mine"]));
         assert!(reading.left_out == 0 && reading.text.contains("int used(void)"), "{}", reading.text);
+    }
+
+    /// Returns the reading of a kernel that contains the statement `used`, after a declaration.
+    fn reading_of(declaration: &str, used: &str) -> Reading {
+        let source = format!("{declaration}\n__kernel void mine(__global float *out) {{ {used} }}\n");
+        let lines = preprocess(&source, "", &BTreeMap::new()).map(|preprocessed| preprocessed.lines);
+        read(&lines.unwrap_or_else(|error| panic!("{error}")), Some(&["mine"]))
+    }
+
+    #[test]
+    fn an_item_that_declares_several_names_stays_if_one_of_them_is_used() {
+        let both = "#define BOTH(a, b) float a(void) { return 1.0f; } float b(void) { return 2.0f; }\n";
+        let made = format!("{both}BOTH(first, second)");
+        for (declaration, used) in [
+            ("__constant float A = 1.0f, B = 0.5f;", "out[0] = B;"),
+            ("__constant float A = 1.0f,\n                 B[2] = {0.5f, 0.25f};", "out[0] = B[1];"),
+            ("__constant float A = 1.0f; __constant float B = 0.5f;", "out[0] = B;"),
+            ("float a(void) { return 1.0f; } float b(void) { return 2.0f; }", "out[0] = b();"),
+            (made.as_str(), "out[0] = second();"),
+            ("float a(float), b(float);", "out[0] = b(1.0f);"),
+            ("typedef float F, G;", "G g = 1.0f;"),
+            ("typedef float F, G[2];", "G g;"),
+            ("typedef float F; float f(void) { return 1.0f; }", "out[0] = f();"),
+            ("typedef struct T { float x; } U;", "struct T t;"),
+            ("typedef struct T { float x; } U;", "U u;"),
+            ("struct T { float x; };", "struct T t;"),
+            ("typedef union { float x; int n; } U;", "U u;"),
+        ] {
+            let reading = reading_of(declaration, used);
+            assert_eq!(reading.left_out, 0, "{declaration}\n{}", reading.text);
+            assert!(reading_of(declaration, "").left_out > 0, "{declaration}");
+        }
+    }
+
+    #[test]
+    fn an_item_whose_names_cannot_be_determined_stays() {
+        for declaration in [
+            "typedef float F __attribute((aligned(16)));",
+            "typedef float F __attribute__((aligned(16)));",
+            "typedef enum { ONE, TWO } Number;",
+            "enum Number { ONE, TWO };",
+        ] {
+            assert_eq!(reading_of(declaration, "").left_out, 0, "{declaration}");
+        }
+    }
+
+    #[test]
+    fn a_name_that_an_item_only_uses_does_not_keep_the_item() {
+        let source = "float base(void);\n__constant float UNUSED = base(), OTHER = 2.0f;";
+        assert_eq!(reading_of(source, "out[0] = base();").left_out, 1);
     }
 
     #[test]
