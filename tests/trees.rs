@@ -3,6 +3,7 @@
 use crate::common::apart::apart;
 use crate::common::{Stand, compiles_soon, is_long};
 use glam::Vec3;
+use raycl::program::frame_kernels;
 use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
 use std::path::Path;
@@ -69,6 +70,11 @@ fn rounds_of_lights_of_every_tile() {
         assert_eq!(32_usize.div_ceil(strategy.lights_of_round()), rounds, "{strategy}");
         let verdict = stand.check(&strategy, [32, 1]).expect("a device that holds it");
         assert!(verdict.ok, "{strategy}: {:?}", verdict.reason);
+        // The frame starts some kernels once in each round, but each kernel is compiled once.
+        let prepared = stand.build(&strategy, [32, 1]).expect("a device that holds it");
+        let made = prepared.made(&prepared.caster().expect("a caster"), "", "");
+        let names: Vec<&str> = made.iter().map(|kernel| kernel.name.as_str()).collect();
+        assert_eq!(names, frame_kernels(&strategy, &prepared.workload), "{strategy}");
     }
 }
 

@@ -24,6 +24,7 @@ use crate::scene::{Camera, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
+use std::collections::HashSet;
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
@@ -301,9 +302,16 @@ impl Caster {
         self.cast_extent(1, Extent { bits, tiles })
     }
 
-    /// Returns the kernels of a frame in the order in which they run.
+    /// Returns the kernels of a frame in the order in which they run. A kernel that the frame starts several times,
+    /// such as once for each round of lights, is returned each time, with the arguments of this start.
     pub fn kernels(&self) -> impl Iterator<Item = &Kernel> {
         self.steps.iter().filter_map(|(_, step)| step.kernel())
+    }
+
+    /// Returns the kernels of a frame in the order in which they first run, each once.
+    pub fn distinct_kernels(&self) -> impl Iterator<Item = &Kernel> {
+        let mut names = HashSet::new();
+        self.kernels().filter(move |kernel| kernel.name().ok().is_none_or(|name| names.insert(name)))
     }
 }
 

@@ -109,11 +109,11 @@ impl Prepared {
             && sees_sky(&self.scene) == sees_sky(scene)
     }
 
-    /// Returns properties of a frame's compiled kernels, from the build log `log` and from `ptx`. `ptx` is
-    /// the program's binary if this binary is PTX, and is empty otherwise. The occupancy of each kernel is
-    /// predicted for the local size with which a frame starts this kernel. The local size of a kernel may
-    /// differ from that of the workload: kernels that prepare or rasterise triangles, or that show the sky,
-    /// have a local size of their own.
+    /// Returns properties of a frame's compiled kernels ([`Caster::distinct_kernels`]), from the build log `log` and
+    /// from `ptx`. `ptx` is the program's binary if this binary is PTX, and is empty otherwise. The occupancy of each
+    /// kernel is predicted for the local size with which a frame starts this kernel. The local size of a kernel may
+    /// differ from that of the workload: kernels that prepare or rasterise triangles, or that show the sky, have a
+    /// local size of their own.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let made = |kernel: &Kernel| {
             let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);
@@ -122,7 +122,7 @@ impl Prepared {
                 None => made,
             }
         };
-        caster.kernels().map(made).collect()
+        caster.distinct_kernels().map(made).collect()
     }
 
     /// Returns the largest number of work-items in a work-group that every kernel of a frame supports; `None`
@@ -400,7 +400,7 @@ mod tests {
         use KernelWorkGroupInfoResult::{LocalMemSize, PrivateMemSize};
         let local = preset("local-vectors").unwrap().strategy;
         let (prepared, caster) = prepare(&Arc::new(scene("triangle.toml")), &local);
-        for (kernel, made) in caster.kernels().zip(prepared.made(&caster, "", "")) {
+        for (kernel, made) in caster.distinct_kernels().zip(prepared.made(&caster, "", "")) {
             let bytes = |query| match kernel.wg_info(prepared.queue.device, query) {
                 Ok(LocalMemSize(bytes) | PrivateMemSize(bytes)) => Some(bytes),
                 _ => None,

@@ -108,9 +108,9 @@ const NOTHING: &str =
     "There are no instructions: the driver's binary holds neither PTX nor an ELF file with the kernels.";
 
 impl Microscope {
-    /// Compiles a program with a line table, and reads the instructions of `kernels`, which are the kernels
-    /// of `caster`. `timed_binary` is the binary of the program without a line table; if the driver is PoCL,
-    /// `timed_binary` is the [`binary_of_frame`].
+    /// Compiles a program with a line table, and reads the instructions of `kernels`, which are the
+    /// [distinct kernels](Caster::distinct_kernels) of `caster`. `timed_binary` is the binary of the program
+    /// without a line table; if the driver is PoCL, `timed_binary` is the [`binary_of_frame`].
     pub fn of(prepared: &Prepared, caster: &Caster, timed_binary: &[u8], kernels: &[CompiledKernel]) -> Self {
         let names: Vec<&str> = kernels.iter().map(|kernel| kernel.name.as_str()).collect();
         let text = match prepared.preprocessed() {
@@ -131,7 +131,7 @@ impl Microscope {
         let codes = microscope.noting(read_codes(binary, &names)).unwrap_or_default();
         let timed = with_lines.is_some().then(|| read_codes(timed_binary, &names)).and_then(Result::ok);
         let made_by = if is_ptx(binary) { PTX } else { MACHINE };
-        for (kernel, local_size) in kernels.iter().zip(caster.kernels().map(pocl::local_size)) {
+        for (kernel, local_size) in kernels.iter().zip(caster.distinct_kernels().map(pocl::local_size)) {
             let Some((code, is_run)) = code_of_frame(&codes, &kernel.name, local_size) else { continue };
             let same_as_timed = timed.as_ref().map(|timed| is_among(timed, code));
             microscope.add(code.clone(), made_by, kernel.resources.registers, same_as_timed);
