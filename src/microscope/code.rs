@@ -1,6 +1,7 @@
 //! A kernel's instructions, and their counts by source line.
 
 use super::kind::{Counts, Kind};
+use super::x86::PREFIXES;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -24,15 +25,23 @@ pub struct Instruction {
 }
 
 impl Instruction {
-    /// Returns the name of the operation, without the operands.
-    pub fn opcode(&self) -> &str {
-        opcode(&self.text)
+    /// Returns the words that name the operation, without the operands: the prefixes of an x86 instruction (such as
+    /// `lock`), and the opcode.
+    fn operation(&self) -> Vec<&str> {
+        let words: Vec<&str> = words(&self.text).collect();
+        let prefixes = words.iter().take_while(|word| PREFIXES.contains(word)).count();
+        words.into_iter().take(prefixes + 1).collect()
     }
 }
 
-/// Returns the first word of an instruction's text that is not a predicate (such as `@%p1`).
+/// Returns the first word of an instruction's text that is not a predicate.
 pub(super) fn opcode(text: &str) -> &str {
-    text.split_whitespace().find(|word| !word.starts_with('@')).unwrap_or_default()
+    words(text).next().unwrap_or_default()
+}
+
+/// Returns the words of an instruction's text without its predicate (such as `@%p1`).
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split_whitespace().filter(|word| !word.starts_with('@'))
 }
 
 /// The instructions of a kernel.
@@ -128,9 +137,8 @@ impl Code {
     /// Returns true if two kernels consist of the same operations in the same order. Operands are not
     /// compared.
     pub fn is_same_as(&self, other: &Self) -> bool {
-        let opcodes = |code: &Self| code.instructions.iter().map(|one| one.opcode().to_owned()).collect();
-        let [one, other]: [Vec<String>; 2] = [self, other].map(opcodes);
-        one == other
+        let operations = self.instructions.iter().map(Instruction::operation);
+        operations.eq(other.instructions.iter().map(Instruction::operation))
     }
 }
 
@@ -169,5 +177,26 @@ mod tests {
         assert!(code.is_same_as(&other));
         other.instructions[0].text = "d x".into();
         assert!(!code.is_same_as(&other));
+    }
+
+    #[test]
+    fn two_operations_are_the_same_if_their_opcodes_and_prefixes_are() {
+        let code = |text: &str| Code {
+            kernel: "k".into(),
+            version: None,
+            instructions: vec![instruction(text, None, "", Kind::Arithmetic)],
+        };
+        for (one, other, is_same) in [
+            ("lock xadd %eax,(%rdx)", "lock xadd %ecx,(%rdi)", true),
+            ("lock xadd %eax,(%rdx)", "lock cmpxchg %eax,(%rdx)", false),
+            ("lock xadd %eax,(%rdx)", "xadd %eax,(%rdx)", false),
+            ("rep stos %al,%es:(%rdi)", "rep movsb %ds:(%rsi),%es:(%rdi)", false),
+            ("data16 cs nopw 0x0(%rax,%rax,1)", "data16 cs nopw 0x8(%rax,%rax,1)", true),
+            ("@%p1 bra $L__BB0_2", "@%p2 bra $L__BB0_3", true),
+            ("@P0 LDG.E R2, [R2]", "@P0 STG.E [R2], R2", false),
+            ("ret", "ret", true),
+        ] {
+            assert_eq!(code(one).is_same_as(&code(other)), is_same, "{one}, {other}");
+        }
     }
 }

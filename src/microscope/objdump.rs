@@ -120,6 +120,7 @@ fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::code::opcode;
     use super::super::kind::{Kind, Memory};
     use super::*;
 
@@ -163,8 +164,9 @@ Disassembly of section .text:
     fn rows_of(listing: &str) -> Vec<(String, Option<u32>, Option<Kind>, String)> {
         let codes = Listing::of(listing, "kernel.cl").codes(&["mine", "missing"]);
         assert_eq!(codes.len(), 1);
-        let one =
-            |one: &Instruction| (one.opcode().into(), one.line, one.kinds.first().copied(), one.part.clone());
+        let one = |one: &Instruction| {
+            (opcode(&one.text).into(), one.line, one.kinds.first().copied(), one.part.clone())
+        };
         codes[0].instructions.iter().map(one).collect()
     }
 

@@ -172,7 +172,7 @@ mod tests {
         let actual: Vec<_> = codes[0]
             .instructions
             .iter()
-            .map(|one| (one.opcode(), one.line, one.part.as_str(), one.kinds.first().copied()))
+            .map(|one| (opcode(&one.text), one.line, one.part.as_str(), one.kinds.first().copied()))
             .collect();
         let expected = [
             ("LDC", Some(3), "", Some(Kind::Load(Memory::Constant))),

@@ -4,7 +4,7 @@
 use super::kind::{Kind, Memory};
 
 /// Prefixes of x86 instructions. objdump prints prefixes before the instruction's name.
-const PREFIXES: [&str; 12] =
+pub(super) const PREFIXES: [&str; 12] =
     ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32", "{evex}", "{vex}"];
 /// Beginnings of the names of instructions that are not counted, since they neither compute nor copy a value
 /// for the kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches. The names in this
