@@ -324,7 +324,7 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
 
 /// Collects the `.cl` files of a folder and its subfolders, named relative to `root`. Leaves out files and
 /// folders whose names begin with a dot: editors, file systems and git make them, such as the link `.#a.cl` of
-/// Emacs, which leads to no file.
+/// Emacs, which leads to no file. Refuses a file such as `a.CL`: raycl would otherwise ignore it silently.
 fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<()> {
     let failed = |error| Error::input(format!("cannot read {}: {error}", folder.display())).with_help(LAYOUT);
     for entry in std::fs::read_dir(folder).map_err(failed)? {
@@ -338,6 +338,9 @@ fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<(
         } else if path.extension().is_some_and(|extension| extension == "cl") {
             let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy();
             files.push(name.replace('\\', "/"));
+        } else if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("cl")) {
+            let message = format!("{}: the name of a kernel file ends in .cl, in lower case", path.display());
+            return Err(Error::input(message).with_help("rename the file"));
         }
     }
     Ok(())
@@ -447,6 +450,18 @@ mod tests {
         }
         let sources = Sources::Folder(folder.path().to_owned());
         assert_eq!(sources.own_files().unwrap(), ["b.cl", "cast/a.cl"]);
+    }
+
+    #[test]
+    fn a_kernel_file_whose_name_ends_in_capital_letters_is_refused_and_not_ignored() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["b.cl", "a.CL"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let error = Sources::Folder(folder.path().to_owned()).own_files().unwrap_err();
+        let path = folder.path().join("a.CL");
+        let expected = format!("{}: the name of a kernel file ends in .cl, in lower case", path.display());
+        assert_eq!((error.to_string(), error.remedy(), error.exit_code()), (expected, "rename the file", 2));
     }
 
     #[test]
