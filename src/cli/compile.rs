@@ -12,7 +12,7 @@ use crate::program::compiled::is_ptx;
 use crate::program::{CACHE_DISABLE, CompiledKernel, ProgramCache, Sources};
 use crate::report::{MICROSCOPE, microscope_page};
 use crate::scene::load_scene;
-use crate::strategy::Strategy;
+use crate::strategy::{Requirements, Strategy};
 use crate::words::{counted_of_were, few};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -78,10 +78,26 @@ struct Compilation {
     /// made.json leaves it out.
     #[serde(skip)]
     cl_dir: Option<PathBuf>,
+    /// False if the driver does not report the kernels' `__local` memory. made.json has the driver's numbers as they
+    /// are.
+    #[serde(skip)]
+    reports_local: bool,
     kernels: Vec<CompiledKernel>,
     /// The instructions (PTX, SASS or the CPU's) that the compiler generated for each line of the source; `None` if
     /// neither --out nor --json is given.
     microscope: Option<Microscope>,
+}
+
+impl Compilation {
+    /// Returns the kernels as the table and the page show them: without the bytes of `__local` memory if the driver
+    /// does not report them.
+    fn shown_kernels(&self) -> Vec<CompiledKernel> {
+        let shown = |kernel: &CompiledKernel| CompiledKernel {
+            local_bytes: kernel.local_bytes.filter(|_| self.reports_local),
+            ..kernel.clone()
+        };
+        self.kernels.iter().map(shown).collect()
+    }
 }
 
 /// The image size for which the kernels are prepared. The compiled code does not depend on the image size.
@@ -210,6 +226,7 @@ fn compile(
     let (spec, program) = (&prepared.spec, &prepared.program);
     let (log, ptx) = (program.log(), program.ptx());
     let kernels = prepared.made(&caster, &log, &ptx);
+    let needs = Requirements::of(strategy, &prepared.workload, session.builtins().lanes);
     let looks = args.out.is_some() || args.json;
     let binary = match looks {
         false => Vec::new(),
@@ -226,6 +243,7 @@ fn compile(
         build_ms: program.build_ms,
         binary_is_ptx,
         cl_dir: args.cl_dir.clone(),
+        reports_local: reports_local(&kernels, needs.local_bytes),
         kernels,
         microscope,
     };
@@ -236,6 +254,12 @@ fn compile(
         (binary_name(binary_is_ptx), binary),
     ];
     Ok((made, files))
+}
+
+/// Returns true if the driver reports the kernels' `__local` memory. Some versions of PoCL, such as 6.0, report 0 bytes
+/// for every kernel, even for those of a strategy that needs `needed_bytes` bytes.
+fn reports_local(kernels: &[CompiledKernel], needed_bytes: u64) -> bool {
+    needed_bytes == 0 || kernels.iter().any(|kernel| kernel.group_local_bytes() > 0)
 }
 
 /// Returns the name of the file of a program's binary.
@@ -271,7 +295,7 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
         both_names(&made.device),
         made.strategy
     );
-    microscope_page(strategy, &about, microscope, &made.kernels).map(Some)
+    microscope_page(strategy, &about, microscope, &made.shown_kernels()).map(Some)
 }
 
 /// Returns the name of a strategy's folder: "deferred-width-4" for "deferred,width=4".
@@ -285,12 +309,12 @@ fn text_of(name: &str, made: &Compilation) -> String {
         ["kernel", "registers", "spills B", "__local B", "largest group", "occupancy", "memory instructions"];
     let mut table = super::table(&header, 1);
     let number = |value: Option<u64>| value.map_or("-".to_owned(), |value| value.to_string());
-    for kernel in &made.kernels {
+    for kernel in made.shown_kernels() {
         table.add_row([
             kernel.name.clone(),
             number(kernel.resources.registers.map(u64::from)),
             number(kernel.resources.spill_store_bytes),
-            kernel.group_local_bytes().to_string(),
+            number(kernel.known_local_bytes()),
             number(kernel.work_group_size),
             kernel.occupancy.map_or("-".to_owned(), |part| format!("{:.0}%", 100.0 * part)),
             kernel.instruction_counts.as_ref().map_or("not PTX".to_owned(), |counts| counts.to_string()),
@@ -332,6 +356,7 @@ mod tests {
             build_ms: 1.0,
             binary_is_ptx: false,
             cl_dir: None,
+            reports_local: true,
             kernels: Vec::new(),
             microscope: None,
         }
@@ -362,10 +387,30 @@ mod tests {
             occupancy: Some(0.5),
             ..CompiledKernel::default()
         };
-        let table = text_of("naive", &Compilation { kernels: vec![kernel], ..compilation("a device") });
-        let row = table.lines().find(|line| line.starts_with("│ k ")).unwrap_or_default();
-        let cells: Vec<&str> = row.split(['│', '┆']).map(str::trim).filter(|cell| !cell.is_empty()).collect();
-        assert_eq!(cells, ["k", "40", "12", "64", "256", "50%", "not PTX"]);
+        let cells = |reports_local| {
+            let kernels = vec![kernel.clone()];
+            let table = text_of("naive", &Compilation { kernels, reports_local, ..compilation("a device") });
+            let row = table.lines().find(|line| line.starts_with("│ k ")).unwrap_or_default();
+            let cells = row.split(['│', '┆']).map(str::trim).filter(|cell| !cell.is_empty());
+            cells.map(str::to_owned).collect::<Vec<_>>()
+        };
+        assert_eq!(cells(true), ["k", "40", "12", "64", "256", "50%", "not PTX"]);
+        assert_eq!(cells(false), ["k", "40", "12", "-", "256", "50%", "not PTX"]);
+    }
+
+    #[test]
+    fn a_driver_that_says_0_of_all_kernels_of_a_strategy_with_local_memory_does_not_report_it() {
+        let kernels = |bytes: [Option<u64>; 2]| {
+            bytes.map(|local_bytes| CompiledKernel { local_bytes, ..CompiledKernel::default() })
+        };
+        for (bytes, needed_bytes, expected) in [
+            ([Some(0), Some(0)], 6912, false),
+            ([Some(0), None], 6912, false),
+            ([Some(0), Some(6912)], 6912, true),
+            ([Some(0), Some(0)], 0, true),
+        ] {
+            assert_eq!(reports_local(&kernels(bytes), needed_bytes), expected, "{bytes:?} {needed_bytes}");
+        }
     }
 
     #[test]

@@ -143,7 +143,9 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     // code that the driver generated, and not for the output of `ptxas`.
     if let Some(kernel) = kernel.filter(|_| listing.is_drivers) {
         facts.push(("bytes of spilled registers", printed(kernel.resources.spill_store_bytes)));
-        facts.push(("bytes of __local memory per work-group", kernel.group_local_bytes().to_string()));
+        let local = kernel.known_local_bytes();
+        let local = local.map_or("not reported by this driver".to_owned(), |bytes| bytes.to_string());
+        facts.push(("bytes of __local memory per work-group", local));
         facts.extend(kernel.occupancy.map(|part| ("predicted occupancy", format!("{:.0}%", 100.0 * part))));
     }
     facts
@@ -301,6 +303,13 @@ mod tests {
         ];
         assert_eq!(reported(true), expected.map(|(name, value)| (name, value.to_owned())));
         assert!(reported(false).is_empty(), "{:?}", reported(false));
+    }
+
+    #[test]
+    fn local_bytes_that_the_driver_does_not_report_are_not_called_0() {
+        let facts = facts(&listing(), Some(&CompiledKernel::default()));
+        let expected = ("bytes of __local memory per work-group", "not reported by this driver".to_owned());
+        assert!(facts.contains(&expected), "{facts:?}");
     }
 
     #[test]

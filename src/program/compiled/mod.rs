@@ -83,7 +83,13 @@ impl CompiledKernel {
     /// Returns the bytes of `__local` memory per work-group: the build log's number, else the driver's, else
     /// 0.
     pub fn group_local_bytes(&self) -> u64 {
-        self.resources.shared_bytes.or(self.local_bytes).unwrap_or(0)
+        self.known_local_bytes().unwrap_or(0)
+    }
+
+    /// Returns the bytes of `__local` memory per work-group: the build log's number, else the driver's; `None` if
+    /// neither is known.
+    pub fn known_local_bytes(&self) -> Option<u64> {
+        self.resources.shared_bytes.or(self.local_bytes)
     }
 }
 
@@ -134,5 +140,7 @@ mod tests {
         assert_eq!(made.group_local_bytes(), 6912);
         made.resources.shared_bytes = Some(1024);
         assert_eq!(made.group_local_bytes(), 1024);
+        let unknown = CompiledKernel::default();
+        assert_eq!((unknown.known_local_bytes(), unknown.group_local_bytes()), (None, 0));
     }
 }
