@@ -416,7 +416,9 @@ mod tests {
         assert!(changed(|scene| scene.camera.position.x = f32::NAN).contains("the camera is at"));
         assert!(changed(|scene| scene.camera.tan_half_fov = f32::NAN).contains("tan_half_fov is NaN"));
         assert!(changed(|scene| scene.camera.shift = [f32::NAN, 1e30]).contains("`shift` is [NaN, 1"));
+        assert!(changed(|scene| scene.camera.shift = [0.0, 1e30]).contains("`shift` is [0, 1"));
         assert!(changed(|scene| scene.camera.cone_share = f32::NAN).contains("`cone_share` is NaN"));
+        assert!(changed(|scene| scene.camera.cone_share = 1.5).contains("`cone_share` is 1.5"));
         assert!(changed(|scene| scene.camera.covers = Some([0, 5])).contains("`covers`"));
         assert!(check_scene(&fixtures::single_triangle()).is_ok());
     }
@@ -429,7 +431,9 @@ mod tests {
             let message = refusal(under(size, &white[..texels], Vec3::X));
             assert!(message.contains(&format!("its list `texels` has {texels};")), "{message}");
         }
-        assert!(refusal(under([4, 2], &white, Vec3::NAN)).contains("not a unit vector"));
+        for ahead in [Vec3::NAN, 2.0 * Vec3::X] {
+            assert!(refusal(under([4, 2], &white, ahead)).contains("not a unit vector"), "{ahead}");
+        }
     }
 
     #[test]

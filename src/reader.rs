@@ -267,6 +267,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_limits_are_those_of_the_documents() {
+        let limits = LIMITS_MIB.map(|(kind, _, limit_mib)| (kind, limit_mib));
+        let expected = [
+            (Kind::Toml, Some(16)),
+            (Kind::Materials, Some(16)),
+            (Kind::Texture, Some(256)),
+            (Kind::Peaks, Some(16)),
+            (Kind::Kernel, Some(1)),
+            (Kind::Mesh, None),
+            (Kind::Picture, None),
+            (Kind::Results, Some(64)),
+            (Kind::Plan, None),
+            (Kind::Shown, Some(64)),
+        ];
+        assert_eq!(limits, expected);
+    }
+
+    #[test]
     fn every_limit_is_enforced_and_stated() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");

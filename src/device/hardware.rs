@@ -103,26 +103,31 @@ mod tests {
 
     #[test]
     fn a_device_that_knows_the_queries_is_described() {
-        let answers = |query| match query {
-            COMPUTE_CAPABILITY_MAJOR_NV => word(9),
-            COMPUTE_CAPABILITY_MINOR_NV | PCI_DOMAIN_ID_NV => word(0),
-            PCI_BUS_ID_NV => word(0x1b),
-            PCI_SLOT_ID_NV => word(0x08),
-            MAX_CLOCK_FREQUENCY => word(1980),
-            PROFILING_TIMER_RESOLUTION => Some(1000_u64.to_ne_bytes().to_vec()),
-            UUID_KHR => Some((0..16).collect()),
+        // The numbers are those of Khronos's OpenCL headers: 0x10.. except the UUID's in CL/cl.h, all others in
+        // CL/cl_ext.h.
+        let answers = |query: u32| match query {
+            0x4000 => word(9),                               // CL_DEVICE_COMPUTE_CAPABILITY_MAJOR_NV
+            0x4001 => word(0),                               // CL_DEVICE_COMPUTE_CAPABILITY_MINOR_NV
+            0x4008 => word(0x1b),                            // CL_DEVICE_PCI_BUS_ID_NV
+            0x4009 => word(0x08),                            // CL_DEVICE_PCI_SLOT_ID_NV
+            0x400A => word(2),                               // CL_DEVICE_PCI_DOMAIN_ID_NV
+            0x100C => word(1980),                            // CL_DEVICE_MAX_CLOCK_FREQUENCY
+            0x1025 => Some(1000_u64.to_ne_bytes().to_vec()), // CL_DEVICE_PROFILING_TIMER_RESOLUTION
+            0x106A => Some((0..16).collect()),               // CL_DEVICE_UUID_KHR
             _ => None,
         };
         let hardware =
             Hardware::ask(&extensions(&["cl_nv_device_attribute_query", "cl_khr_device_uuid"]), answers);
         assert_eq!(hardware.compute_capability.as_deref(), Some("9.0"));
-        assert_eq!(hardware.pci_bus.as_deref(), Some("0000:1b:01.0"));
+        assert_eq!(hardware.pci_bus.as_deref(), Some("0002:1b:01.0"));
         assert_eq!((hardware.max_clock_mhz, hardware.timer_resolution_ns), (Some(1980), Some(1000)));
         assert_eq!(hardware.uuid.as_deref(), Some("000102030405060708090a0b0c0d0e0f"));
         assert_eq!(hardware.id(), hardware.uuid.as_deref());
-        assert_eq!(Hardware { uuid: None, ..hardware.clone() }.id(), Some("0000:1b:01.0"));
+        assert_eq!(Hardware { uuid: None, ..hardware.clone() }.id(), Some("0002:1b:01.0"));
         let khr: Vec<u8> = [1_u32, 0xc2, 3, 0].iter().flat_map(|n| n.to_ne_bytes()).collect();
-        let hardware = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(khr.clone()));
+        // CL_DEVICE_PCI_BUS_INFO_KHR in CL/cl_ext.h.
+        let answers = |query: u32| (query == 0x410F).then(|| khr.clone());
+        let hardware = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), answers);
         assert_eq!(hardware.pci_bus.as_deref(), Some("0001:c2:03.0"));
     }
 

@@ -87,13 +87,24 @@ fn end(message: &str) {
 }
 
 fn limit() -> Duration {
-    let of_test = std::env::var(LIMIT_OF_TEST).ok().and_then(|text| text.parse().ok());
+    limit_of(std::env::var(LIMIT_OF_TEST).ok().as_deref())
+}
+
+/// Returns the time limit if the variable [`LIMIT_OF_TEST`] has the value `variable`.
+fn limit_of(variable: Option<&str>) -> Duration {
+    let of_test = variable.and_then(|text| text.parse().ok());
     of_test.map_or(LIMIT, Duration::from_millis)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_driver_has_a_minute_to_answer_unless_a_test_sets_another_limit() {
+        let [minute, quarter] = [Duration::from_secs(60), Duration::from_millis(250)];
+        assert_eq!([limit_of(None), limit_of(Some("a")), limit_of(Some("250"))], [minute, minute, quarter]);
+    }
 
     /// If dropping `Patience` did not set `answered`, the process would end at the time limit although its
     /// driver has answered.

@@ -265,6 +265,49 @@ mod tests {
     }
 
     #[test]
+    fn every_driver_has_all_of_its_variables() {
+        // The lists are those of the sources that the comment on `DRIVERS` names. Where `DRIVERS` has a pattern, a name
+        // that matches it stands here.
+        let lists = [
+            (
+                "Portable Computing Language",
+                "POCL_AFFINITY POCL_BINARY_SPECIALIZE_WG POCL_CPU_LOCAL_MEM_SIZE POCL_CPU_MAX_CU_COUNT \
+                 POCL_EXTRA_BUILD_FLAGS POCL_FORCE_PARALLEL_OUTER_LOOP POCL_FULL_REPLICATION_THRESHOLD \
+                 POCL_KERNELLIB_NAME POCL_LLVM_CPU_NAME POCL_LLVM_OPT POCL_MAX_PTHREAD_COUNT \
+                 POCL_MAX_WORK_GROUP_SIZE POCL_PTHREAD_MIN_THREADS POCL_VECTORIZE_WI POCL_VECTORIZER_FORCE \
+                 POCL_WILOOPS_MAX_UNROLL_COUNT POCL_WORK_GROUP_METHOD POCL_WORK_GROUP_SPECIALIZATION",
+            ),
+            (
+                "NVIDIA CUDA",
+                "CUDA_AUTO_BOOST CUDA_DEVICE_MAX_CONNECTIONS CUDA_DISABLE_JIT CUDA_DISABLE_PTX_JIT CUDA_FORCE_JIT \
+                 CUDA_FORCE_PTX_JIT CUDA_LAUNCH_BLOCKING CUDA_MPS_ACTIVE_THREAD_PERCENTAGE CUDA_SCALE_LAUNCH_QUEUES",
+            ),
+            (
+                "Intel(R) OpenCL",
+                "CL_CONFIG_CPU_FORCE_LOCAL_MEM_SIZE CL_CONFIG_CPU_TARGET_ARCH CL_CONFIG_CPU_TBB_NUM_WORKERS \
+                 CL_CONFIG_CPU_VECTORIZER_MODE CL_CONFIG_USE_VECTORIZER DPCPP_CPU_NUM_CUS IGC_VISAOptions",
+            ),
+            (
+                "AMD Accelerated Parallel Processing",
+                "AMD_OCL_BUILD_OPTIONS AMD_OCL_BUILD_OPTIONS_APPEND GPU_ENABLE_WAVE32_MODE GPU_ENABLE_WGP_MODE",
+            ),
+            (
+                "rusticl",
+                "AMD_DEBUG GALLIVM_PERF INTEL_DEBUG INTEL_SIMD_DEBUG LP_NATIVE_VECTOR_WIDTH LP_NUM_THREADS NIR_DEBUG \
+                 RUSTICL_CL_VERSION RUSTICL_DEVICE_TYPE RUSTICL_FEATURES ZINK_DEBUG",
+            ),
+            ("Oclgrind", "OCLGRIND_BUILD_OPTIONS"),
+        ];
+        let all: Vec<&str> = lists.iter().flat_map(|(_, names)| names.split_whitespace()).collect();
+        for (platform, names) in lists {
+            let mut expected: Vec<String> =
+                names.split_whitespace().map(|name| format!("{name}=1")).collect();
+            expected.sort();
+            assert_eq!(of(platform, &all), expected, "{platform}");
+        }
+    }
+
+    #[test]
     fn a_command_is_repeated_with_the_variables_that_decide_or_select_and_no_others() {
         for name in ["POCL_MAX_PTHREAD_COUNT", "POCL_VECTORIZER_X", "POCL_DEVICES", "OCL_ICD_VENDORS"] {
             assert!(is_to_be_repeated(name), "{name}");
@@ -288,6 +331,8 @@ mod tests {
         let recorded = [
             "AMD_LOG_LEVEL",
             "HSA_ENABLE_SDMA",
+            "IGC_DumpToCurrentDir",
+            "IGC_DumpToCustomDir",
             "IGC_ShaderDumpEnable",
             "LP_DEBUG",
             "MESA_SHADER_CACHE_DIR",

@@ -47,7 +47,7 @@ impl Folder {
     pub fn of_machine() -> Self {
         match named_by_user() {
             Some(path) => Self::named(&path),
-            None => Self { path: shared_path(), shared: true },
+            None => Self { path: shared_in(&std::env::temp_dir()), shared: true },
         }
     }
 
@@ -109,10 +109,11 @@ impl Folder {
     }
 }
 
-/// Returns the path of the shared folder. On Unix, the path does not depend on a process's TMPDIR.
-fn shared_path() -> PathBuf {
-    let temporary = if cfg!(unix) { PathBuf::from("/tmp") } else { std::env::temp_dir() };
-    temporary.join("raycl-locks")
+/// Returns the path of the shared folder, where `temporary` is the process's folder for temporary files. On
+/// Unix, the path does not depend on `temporary`, which each process can choose with TMPDIR.
+fn shared_in(temporary: &Path) -> PathBuf {
+    let parent = if cfg!(unix) { Path::new("/tmp") } else { temporary };
+    parent.join("raycl-locks")
 }
 
 /// Makes a folder that every user can write to. Does nothing if something exists at `path`. The folder gets
@@ -184,6 +185,11 @@ mod tests {
 
     fn mode(path: &Path) -> u32 {
         path.metadata().unwrap().permissions().mode() & 0o7777
+    }
+
+    #[test]
+    fn processes_with_different_folders_for_temporary_files_share_the_locks() {
+        assert_eq!(shared_in(Path::new("/elsewhere")), Path::new("/tmp/raycl-locks"));
     }
 
     #[test]

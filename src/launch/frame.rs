@@ -208,13 +208,18 @@ mod tests {
         for possible in [(1.0, 1.2), (1.4, 1.0), (0.9, 0.1), (0.01, 50.0), (0.0, 0.9)] {
             assert_eq!(why(possible.0, possible.1, Some(1)), None, "{possible:?}");
         }
+        // A time on the device's clock is impossible from one and a half times the time on the host's clock on.
+        assert_eq!(why(1400.0, 1000.0, None), None);
+        assert!(why(1600.0, 1000.0, None).is_some());
         let long = why(1208.0, 1.25, None).expect("it is impossible");
         assert!(long.contains("a frame takes 1208 ms, but by the host's clock, it takes 1.25 ms"), "{long}");
         let none = why(0.0, 2.0, Some(1)).expect("it is impossible");
         assert!(none.starts_with("the driver reports no times: ") && none.ends_with(" 2.00 ms"), "{none}");
         // A timer with steps of 10 us may report 0 for a frame of 2 ms: most of the 2 ms is the time for
         // starting the frame's kernels.
-        assert_eq!(why(0.0, 2.0, Some(10_000)), None);
+        // A frame of more than 1000 steps (10 ms) cannot take 0 ms.
+        assert_eq!([why(0.0, 2.0, Some(10_000)), why(0.0, 9.0, Some(10_000))], [None, None]);
+        assert!(why(0.0, 11.0, Some(10_000)).is_some());
         assert_eq!(why(0.0, 2.0, None), None);
         let batch = FrameTimes { batch: Some(256), ..FrameTimes::whole(0.0, 0.05) };
         assert!(batch.why_impossible(Some(1)).is_some());

@@ -297,6 +297,10 @@ mod tests {
         let said = moved_processors(&lines([60.0, 320.0], 0), &records).unwrap();
         assert!(said.contains("between 60 and 320 ns"), "{said}");
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
+        assert!(
+            moved_processors(&lines([60.0, 100.0], 0), &records).is_some(),
+            "more than 1.5 times as long"
+        );
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
         // With one high reading of the core-to-core latency, the 90th percentile stays low, so the function

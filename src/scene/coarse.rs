@@ -88,8 +88,9 @@ mod tests {
             mesh.append(part);
             mesh
         };
-        // The coarse part has 20% of the first mesh's area, and 2% of the second mesh's.
+        // The coarse part has 20% of the first mesh's area, 8% of the second mesh's, and 2% of the third mesh's.
         assert!(coarse(&with_coarse_part(0.5)));
+        assert!(coarse(&with_coarse_part(0.3)));
         assert!(!coarse(&with_coarse_part(0.15)));
     }
 }

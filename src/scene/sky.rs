@@ -264,6 +264,23 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_has_at_most_8192_texels_in_each_direction() {
+        let available = Available { bytes: 1 << 30, source: "a test".to_owned() };
+        let message = |[width, height]: [u32; 2]| {
+            let header = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n");
+            SkyPicture::decoded(header.as_bytes(), &available).unwrap_err()
+        };
+        for [width, height] in [[8193, 1], [1, 8193]] {
+            let expected = format!("has {width} x {height} texels; expected 1 to 8192 in each direction");
+            assert_eq!(message([width, height]), expected);
+        }
+        // The header has an allowed size, but no texels follow.
+        for size in [[8192, 1], [1, 8192]] {
+            assert!(message(size).starts_with("cannot be decoded"), "{}", message(size));
+        }
+    }
+
+    #[test]
     fn a_strength_multiplies_texels_and_the_first_one_that_is_too_bright_is_reported() {
         let file = FileTexels::of([2, 2], vec![[1.0, 2.0, 3.0], [0.0; 3], [0.5; 3], [4.0, 0.0, 0.0]]);
         let doubled = SkyPicture::strengthened(&file, 2.0, 8.0).unwrap();

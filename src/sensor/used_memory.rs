@@ -67,5 +67,7 @@ mod tests {
         assert!(used.may_be_others());
         let own = UsedMemory { own_bytes: Some(79_000_000_000), ..used };
         assert!(!own.may_be_others(), "{own}");
+        let others = UsedMemory { own_bytes: Some(77_500_000_000), ..used };
+        assert!(others.may_be_others(), "{others}: more than a hundredth of the memory");
     }
 }

@@ -182,6 +182,41 @@ mod tests {
     }
 
     #[test]
+    fn every_key_has_its_action() {
+        let named = [
+            (Key::Left, Action::Orbit([-0.1, 0.0])),
+            (Key::Right, Action::Orbit([0.1, 0.0])),
+            (Key::Up, Action::Orbit([0.0, 0.1])),
+            (Key::Down, Action::Orbit([0.0, -0.1])),
+            (Key::Escape, Action::Quit),
+        ];
+        let typed = [
+            ('j', Action::Pan([-0.05, 0.0])),
+            ('l', Action::Pan([0.05, 0.0])),
+            ('i', Action::Pan([0.0, 0.05])),
+            ('k', Action::Pan([0.0, -0.05])),
+            ('+', Action::Zoom(1.0)),
+            ('=', Action::Zoom(1.0)),
+            ('-', Action::Zoom(-1.0)),
+            (' ', Action::Spin),
+            ('s', Action::Strategy(1)),
+            ('S', Action::Strategy(-1)),
+            ('w', Action::LocalSize(1)),
+            ('W', Action::LocalSize(-1)),
+            ('d', Action::Device),
+            ('t', Action::Tests),
+            ('r', Action::Reset),
+            ('h', Action::Help),
+            ('q', Action::Quit),
+        ];
+        let expected = named.into_iter().chain(typed.map(|(letter, wanted)| (Key::Char(letter), wanted)));
+        assert_eq!(expected.clone().count(), KEYS.iter().map(|row| row.keys.len()).sum::<usize>());
+        for (key, wanted) in expected {
+            assert_eq!(action(key), Some(wanted), "{key:?}");
+        }
+    }
+
+    #[test]
     fn a_rows_name_has_its_keys() {
         for row in KEYS {
             let named = |key: &Key| match key {

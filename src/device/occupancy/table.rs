@@ -111,6 +111,26 @@ fn nearest_capability(wished: &str) -> Option<&'static str> {
 mod tests {
     use super::*;
 
+    /// The numbers are those of the table "Technical Specifications per Compute Capability" in NVIDIA's CUDA C++
+    /// Programming Guide, a line for each row of that table. The last two lines are from NVIDIA's occupancy calculator.
+    #[test]
+    fn the_limits_are_those_of_nvidias_guide() {
+        let names = "2.0, 2.1, 3.0, 3.5, 3.7, 5.0, 5.2, 6.0, 6.1, 7.0, 7.5, 8.0, 8.6, 8.9, 9.0";
+        assert_eq!(capabilities(), names);
+        let of = |limit: fn(&Multiprocessor) -> u64| MULTIPROCESSORS.iter().map(limit).collect::<Vec<u64>>();
+        assert_eq!(of(|sm| sm.warps), [48, 48, 64, 64, 64, 64, 64, 64, 64, 64, 32, 64, 48, 48, 64]);
+        assert_eq!(of(|sm| sm.groups), [8, 8, 16, 16, 16, 32, 32, 32, 32, 32, 16, 32, 16, 24, 32]);
+        let kilo_registers = of(|sm| sm.registers / 1024);
+        assert_eq!(kilo_registers, [32, 32, 64, 64, 128, 64, 64, 64, 64, 64, 64, 64, 64, 64, 64]);
+        let of_thread = of(|sm| sm.registers_per_thread.into());
+        assert_eq!(of_thread, [63, 63, 63, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255]);
+        let local_kib = of(|sm| sm.local_bytes / 1024);
+        assert_eq!(local_kib, [48, 48, 48, 48, 112, 64, 96, 64, 96, 96, 64, 164, 100, 100, 228]);
+        let local_unit = of(|sm| sm.local_unit_bytes);
+        assert_eq!(local_unit, [128, 128, 256, 256, 256, 256, 256, 256, 256, 256, 256, 128, 128, 128, 128]);
+        assert_eq!(of(|sm| sm.warp_granularity), [2, 2, 4, 4, 4, 4, 4, 2, 4, 4, 4, 4, 4, 4, 4]);
+    }
+
     #[test]
     fn an_unknown_capability_names_the_nearest() {
         let error = multiprocessor("8.7").expect_err("unknown");

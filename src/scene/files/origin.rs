@@ -214,6 +214,13 @@ mod tests {
     }
 
     #[test]
+    fn a_mesh_more_than_16_radii_away_is_far_from_its_origin() {
+        // A cube of two units has a radius of 1.73, and 16 radii are 27.7.
+        let origin = |x: f64| Placement::of(DVec3::X * x - 1.0, DVec3::X * x + 1.0).origin;
+        assert_eq!([8.0, 27.0, 28.0, 30.0].map(origin), [0.0, 0.0, 28.0, 30.0].map(|x| DVec3::X * x));
+    }
+
+    #[test]
     fn a_position_that_no_triangle_uses_does_not_decide_the_placement() {
         let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
         let utm = DVec3::new(500_000.0, 5_400_000.0, 200.0);

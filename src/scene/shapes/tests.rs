@@ -24,6 +24,13 @@ fn the_papers_counts_are_exact() {
     }
 }
 
+/// docs/scenes.md states these numbers.
+#[test]
+fn a_shape_has_its_default_number_of_triangles() {
+    let of = |name: &str| Shape::from_name(name).unwrap().triangles();
+    assert_eq!(["sphere", "terrain", "interior", "broken-gourd"].map(of), [5_000, 20_000, 20_000, 648]);
+}
+
 /// Returns the area of each triangle.
 fn areas(mesh: &Mesh) -> impl Iterator<Item = f32> {
     mesh.triangles.iter().map(move |triangle| {

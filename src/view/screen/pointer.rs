@@ -119,6 +119,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_step_of_the_wheel_away_from_the_user_is_positive() {
+        // X servers report a step away from the user as a press of button 4, and towards the user as one of button 5.
+        let steps = |detail: u8| wheel(&ButtonPressEvent { detail, ..ButtonPressEvent::default() });
+        assert_eq!([4, 5, 1].map(steps), [1.0, -1.0, 0.0]);
+    }
+
+    #[test]
     fn ways_with_a_button_down_are_added_up_by_the_button() {
         let [none, left] = [KeyButMask::default(), KeyButMask::BUTTON1];
         let [middle, right] = [KeyButMask::BUTTON2, KeyButMask::BUTTON3];

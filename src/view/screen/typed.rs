@@ -94,6 +94,20 @@ mod tests {
     use std::sync::mpsc::channel;
 
     #[test]
+    fn keys_that_type_no_character_have_their_meaning() {
+        for (pressed, expected) in [
+            (minifb::Key::Left, Some(Key::Left)),
+            (minifb::Key::Right, Some(Key::Right)),
+            (minifb::Key::Up, Some(Key::Up)),
+            (minifb::Key::Down, Some(Key::Down)),
+            (minifb::Key::Escape, Some(Key::Escape)),
+            (minifb::Key::S, None),
+        ] {
+            assert_eq!(meant(pressed), expected, "{pressed:?}");
+        }
+    }
+
+    #[test]
     fn a_tap_counts_and_only_movement_repeats() {
         let (sender, keys) = channel();
         let mut typed = Typed::new(sender, &Focus::default());
