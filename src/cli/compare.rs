@@ -187,6 +187,17 @@ mod tests {
     use crate::record::fixtures::{few, judged, measured};
 
     #[test]
+    fn a_change_within_two_per_cent_is_the_same_by_default() {
+        use clap::Parser as _;
+        #[derive(clap::Parser)]
+        struct Command {
+            #[command(flatten)]
+            args: Args,
+        }
+        assert_eq!(Command::parse_from(["compare", "a", "b"]).args.threshold, 2.0);
+    }
+
+    #[test]
     fn the_largest_slowdown_comes_first_and_a_point_without_a_ratio_last() {
         let timed = |(name, ms): (&str, f64)| {
             let samples_ms = (0..10).map(|n| ms * (1.0 + 0.005 * f64::from(n % 3))).collect();

@@ -516,10 +516,10 @@ mod tests {
         let mut lines = Lines::default();
         lines.begins(10, 30);
         assert_eq!(lines.overdue_line("timing teapot"), None, "the run has just begun");
-        lines.printed_at = Instant::now().checked_sub(QUIET);
+        lines.printed_at = Instant::now().checked_sub(Duration::from_secs(60));
         assert_eq!(lines.overdue_line("timing teapot").as_deref(), Some("[0/10] timing teapot"));
         assert_eq!(lines.overdue_line("timing teapot"), None, "the line was just printed");
-        lines.printed_at = Instant::now().checked_sub(QUIET);
+        lines.printed_at = Instant::now().checked_sub(Duration::from_secs(60));
         lines.finished(&Record::default());
         assert_eq!(lines.overdue_line("timing teapot"), None, "a finished point has a line too");
     }

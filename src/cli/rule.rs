@@ -227,6 +227,17 @@ mod tests {
     }
 
     #[test]
+    fn a_sweep_has_five_rounds_by_default() {
+        use clap::Parser as _;
+        #[derive(clap::Parser)]
+        struct Command {
+            #[command(flatten)]
+            args: Args,
+        }
+        assert_eq!(Command::parse_from(["rule", "docs/rule.toml"]).args.rounds, 5);
+    }
+
+    #[test]
     fn only_cases_of_the_kind_of_device_with_the_word_in_their_name_are_wanted() {
         let case = Case {
             name: "bunny, 4k".to_owned(),

@@ -327,6 +327,13 @@ mod tests {
     }
 
     #[test]
+    fn scenes_meshes_materials_and_kernels_are_sources_and_pictures_are_not() {
+        let is_source = |ending: &str| is_source(&Path::new("a").with_extension(ending));
+        assert!("toml obj mtl ply stl gltf glb bin gz cl OBJ".split(' ').all(is_source));
+        assert!(!"png jpg exr hdr txt".split(' ').any(is_source));
+    }
+
+    #[test]
     fn a_watcher_whose_thread_the_system_has_refused_is_an_error() {
         let (sender, changes) = channel();
         assert!(check_thread(&changes).is_ok());

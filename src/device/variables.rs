@@ -312,9 +312,20 @@ mod tests {
         for name in ["POCL_MAX_PTHREAD_COUNT", "POCL_VECTORIZER_X", "POCL_DEVICES", "OCL_ICD_VENDORS"] {
             assert!(is_to_be_repeated(name), "{name}");
         }
+        let selecting = "OCL_ICD_FILENAMES OCL_ICD_VENDORS POCL_CPU_MIN_CU_COUNT POCL_DEVICES POCL_MAX_COMPUTE_UNITS \
+                         RAYON_NUM_THREADS RUSTICL_ENABLE";
+        assert!(selecting.split_whitespace().all(is_to_be_repeated));
         for name in ["PATH", "POCL_CACHE_DIR", "CUDA_VISIBLE_DEVICES", "POCL_VECTORIZER_$(id)"] {
             assert!(!is_to_be_repeated(name), "{name}");
         }
+    }
+
+    /// docs/format.md says which variables `environment.json` contains.
+    #[test]
+    fn variables_of_drivers_loaders_and_rayon_are_stored() {
+        let prefixes = "AMD_ CL_CONFIG_ CUDA_ DPCPP_CPU_ GALLIVM_ GPU_ HIP_ HSA_ IGC_ INTEL_ LD_PRELOAD LP_ MESA_ NIR_ \
+                        NVIDIA_ OCLGRIND_ OCL_ICD_ POCL_ RAYON_ ROCR_ RUSTICL_ ZE_ ZINK_";
+        assert_eq!(PREFIXES.join(" "), prefixes);
     }
 
     #[test]

@@ -141,6 +141,17 @@ mod tests {
         );
     }
 
+    /// The colours are those of matplotlib's colour map viridis.
+    #[test]
+    fn the_map_is_viridis() {
+        let colours = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|eighth| {
+            let [r, g, b] = viridis(f64::from(eighth) / 8.0);
+            format!("{r:02x}{g:02x}{b:02x}")
+        });
+        let expected = "440154 472c7a 3b518b 2c718e 21908d 27ad81 5cc863 aadc32 fde725";
+        assert_eq!(colours.join(" "), expected);
+    }
+
     /// Returns the dots of two characters below a colour scale. `left` is the column of the first character.
     fn text(picture: &RgbImage, left: u32) -> [String; 5] {
         dots(picture, left, 7)

@@ -140,8 +140,8 @@ mod tests {
         for lines in ["", radiance, "PRIMARIES=0 0 0 0 0 0 0 0\n", "PRIMARIES=\n", "PRIMARIES=1 2\n"] {
             assert_eq!(header_remarks(&hdr(lines)), [""; 0], "{lines}");
         }
-        // Display-P3 (SMPTE EG 432-1) has other primaries than sRGB, but the same white. The last line has sRGB's primaries
-        // with the white D50 (ICC.1).
+        // Display-P3 (SMPTE EG 432-1) has other primaries than sRGB, but the same white. The second line has the
+        // primaries of sRGB with another white, D50 (ICC.1).
         for line in
             ["0.68 0.32 0.265 0.69 0.15 0.06 0.3127 0.329", "0.64 0.33 0.3 0.6 0.15 0.06 0.3457 0.3585"]
         {

@@ -311,6 +311,10 @@ mod tests {
         assert_eq!(Modes::of(&one, &[]), None);
         assert_eq!(Modes::of(&one, &launches).map(|modes| modes.samples), Some([15, 5]));
         assert_eq!(Modes::of(&times([1.0, 1.0, 1.0, 1.04]), &launches), None);
+        assert!(
+            Modes::of(&times([1.0, 1.0, 1.0, 1.06]), &launches).is_some(),
+            "more than a twentieth longer"
+        );
         assert_eq!(Modes::of(&times([1.0, 1.06, 1.12, 1.18]), &launches), None, "each launch differs");
         // One fast launch has a slow sample, and the slow launch has a fast sample.
         let mut mixed = one.clone();

@@ -147,8 +147,8 @@ mod tests {
             change,
             ..PixelSample::of(DVec3::splat(radiance), true)
         };
-        assert!(is_certain(&sample(1e-6, 0.9e-4 * RELATIVE_LIMIT), 1e-4));
-        assert!(!is_certain(&sample(1e-6, 1.1e-4 * RELATIVE_LIMIT), 1e-4));
-        assert!(is_certain(&sample(1.0, 0.9 * RELATIVE_LIMIT), 1e-4));
+        // A pixel is certain if it changes by less than a thousandth.
+        assert!(is_certain(&sample(1e-6, 0.9e-7), 1e-4) && !is_certain(&sample(1e-6, 1.1e-7), 1e-4));
+        assert!(is_certain(&sample(1.0, 0.9e-3), 1e-4) && !is_certain(&sample(1.0, 1.1e-3), 1e-4));
     }
 }

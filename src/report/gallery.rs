@@ -323,7 +323,7 @@ mod tests {
         let folder = folder(&["a.png"]);
         let cost = std::fs::read(folder.path().join("a.png")).unwrap().len() * 4 / 3;
         let have_data = |room: usize| {
-            let mut pictures = Pictures { spent: PICTURE_BYTES - room, ..Pictures::default() };
+            let mut pictures = Pictures { spent: 9_000_000 - room, ..Pictures::default() };
             let mut has_data =
                 || pictures.picture(folder.path(), "a.png", String::new(), String::new()).data.is_some();
             [has_data(), has_data()]

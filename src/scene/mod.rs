@@ -288,6 +288,17 @@ mod tests {
     use super::*;
     use crate::reference::fixtures::single_triangle;
 
+    /// docs/scenes.md states these values; the paper's scenes have them too.
+    #[test]
+    fn the_defaults_of_a_scene_are_those_of_the_documents() {
+        use super::material::{PAPER_GLOSSY, PAPER_SHININESS};
+        assert_eq!(Display::default(), Display { exposure: 15.0, tone: Tone::Clip, gamma: 2.2 });
+        assert_eq!(PAPER_BACKGROUND.to_array(), [0.0022, 0.0032, 0.0053]);
+        assert_eq!([PAPER_GLOSSY, PAPER_SHININESS], [0.2, 100.0]);
+        let Camera { tan_half_fov, z_near, fov_is_vertical, .. } = Camera::PAPER;
+        assert_eq!((tan_half_fov, z_near, fov_is_vertical), (1.0, 0.1, false));
+    }
+
     #[test]
     fn scenes_whose_masks_have_different_cutoffs_have_different_hashes() {
         let hash = |least_alpha: u16| {

@@ -167,9 +167,18 @@ mod tests {
                 area += twice_area.length() / 2.0;
             }
             // The triangles cover the area exactly once.
-            let across = 2.0 * GROUND_RADII[GROUND_RADII.len() - 1] * radius;
+            let across = 2.0 * 60.0 * radius;
             assert!((area / (across * across) - 1.0).abs() < 1e-4, "{up}: {area}");
         }
+    }
+
+    #[test]
+    fn the_key_light_has_its_size_and_the_sky_its_colours() {
+        let (mesh, studio) = studio(DVec3::Y, 25.0);
+        let (_, radius) = Ball::around(&mesh, DVec3::Y).centre_and_radius();
+        assert!((f64::from(studio.lights[0].radius) / radius - 0.8).abs() < 1e-6);
+        let sky = [studio.sky.zenith, studio.sky.horizon].map(|radiance| radiance.to_array());
+        assert_eq!(sky, [[0.0150, 0.0160, 0.0175], [0.0108, 0.0110, 0.0114]]);
     }
 
     #[test]

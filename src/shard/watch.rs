@@ -192,6 +192,25 @@ mod tests {
     }
 
     #[test]
+    fn every_launcher_is_checked_and_no_shell_that_started_a_given_shard() {
+        let given = "3/4".parse().expect("a shard");
+        let length = |name: &str| {
+            let table = [process(9, "python3", 7, "3"), process(7, name, 5, "2"), process(5, "sshd", 1, "1")];
+            let read = |id: u32| table.iter().find(|process| process.id == id).cloned();
+            [9, 7].map(|id| Chain::from(id, given, &read).0.len())
+        };
+        // Slurm, Open MPI and its successor PRRTE, MPICH's Hydra, HyperQueue.
+        let launchers = "slurmstepd orted prted prte mpirun mpiexec orterun prterun hydra_pmi_proxy mpiexec.hydra \
+                         pmi_proxy hq";
+        for name in launchers.split_whitespace() {
+            assert_eq!(length(name), [2, 1], "{name}");
+        }
+        for name in "sh bash dash zsh ksh fish tcsh busybox".split(' ') {
+            assert_eq!(length(name), [1, 0], "{name}");
+        }
+    }
+
+    #[test]
     fn what_linux_tells_is_read_and_a_zombie_is_gone() {
         let fields = "1 1 1 0 -1 0 0 0 0 0 0 0 0 0 20 0 1 0 777 0";
         let stat = |state: &str| format!("42 (a (b) c) {state} 7 {fields}");

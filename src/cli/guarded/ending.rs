@@ -62,12 +62,21 @@ mod tests {
         for code in [0, 1, 2, 101, 128, 130, 143, 255] {
             assert_eq!(doing(code), None, "{code}");
         }
-        assert_eq!(doing(HUNG).as_deref(), Some("a driver did not answer"));
+        assert_eq!(doing(124).as_deref(), Some("a driver did not answer"));
         for code in [3, 8, 100, 102, 127] {
             let expected =
                 format!("raycl's child process ended with the exit code {code}, probably in a driver");
             assert_eq!(doing(code), Some(expected));
         }
+    }
+
+    #[test]
+    fn a_process_crashes_by_signals_of_its_own_faults_and_not_by_others() {
+        use signal_hook::consts::{SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP};
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGKILL, SIGPIPE, SIGQUIT, SIGTERM};
+        let is_crash = |signal: &i32| crash(ExitStatus::from_raw(*signal)).is_some();
+        assert!([SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP].iter().all(is_crash));
+        assert!(![SIGHUP, SIGINT, SIGKILL, SIGPIPE, SIGQUIT, SIGTERM].iter().any(is_crash));
     }
 
     #[test]

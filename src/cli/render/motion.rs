@@ -363,7 +363,7 @@ mod tests {
     fn the_rate_is_that_of_the_option_or_of_the_scene_or_the_usual_one() {
         let motion = |rate| Motion { turntable: None, animate: true, frames: None, shard: None, rate };
         let rates = |rate| [Some(24), None].map(|of_scene| motion(rate).frames_per_s(of_scene));
-        assert_eq!([rates(Some(60)), rates(None)], [[60, 60], [24, USUAL_RATE]]);
+        assert_eq!([rates(Some(60)), rates(None)], [[60, 60], [24, 30]]);
     }
 
     #[test]

@@ -153,6 +153,6 @@ mod tests {
     #[test]
     fn what_is_surely_exceeded_lies_below_the_middle() {
         let one = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
-        assert!((one.surely_above(RISK) - one.low).abs() < 1e-12 && one.surely_above(1e-4) < one.low);
+        assert!((one.surely_above(0.025) - one.low).abs() < 1e-12 && one.surely_above(1e-4) < one.low);
     }
 }

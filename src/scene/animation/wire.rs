@@ -57,3 +57,16 @@ pub(in crate::scene) enum Interpolation {
     /// The value of the earlier keyframe, until the next keyframe.
     Step,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// docs/scenes.md states these limits.
+    #[test]
+    fn an_animation_has_at_most_100000_frames_and_1000_frames_per_second() {
+        let is_read = |text: &str| toml::from_str::<AnimationWire>(text).is_ok();
+        assert!(is_read("frames = 100000\nframes_per_second = 1000"));
+        assert!(!is_read("frames = 100001") && !is_read("frames = 3\nframes_per_second = 1001"));
+    }
+}

@@ -205,7 +205,9 @@ fn a_facing_surface_shows_80_to_90_percent_at_any_scale() {
         mesh.positions.iter_mut().for_each(|p| *p *= scale);
         let ball = Ball::around(&mesh, DVec3::Y);
         let key = lights(&camera(&mesh, ball, &three_quarter(1.0)), ball)[0];
-        for distance in [ball.centre.distance(key.position.as_dvec3()), 9.5 * ball.radius] {
+        let at_centre = ball.centre.distance(key.position.as_dvec3());
+        assert!((at_centre / ball.radius - 10.0).abs() < 1e-3, "{at_centre} at {scale}: ten radii away");
+        for distance in [at_centre, 9.5 * ball.radius] {
             let pi = std::f64::consts::PI;
             let radiance = f64::from(key.power.x) / (4.0 * pi * distance * distance) * 0.8 / pi;
             let grey = (15.0 * radiance).powf(1.0 / 2.2);

@@ -724,11 +724,15 @@ mod tests {
         // killed merge has left.
         let killed = out.join(".raycl-killed");
         let file = std::fs::File::create(&killed).unwrap();
-        file.set_modified(std::time::SystemTime::now() - 2 * ABANDONED).unwrap();
+        let hours = |count: f64| std::time::SystemTime::now() - Duration::from_secs_f64(3600.0 * count);
+        file.set_modified(hours(1.1)).unwrap();
+        // A merge that still runs may have made a file less than an hour ago.
+        let recent = out.join(".raycl-recent");
+        std::fs::File::create(&recent).unwrap().set_modified(hours(0.8)).unwrap();
         assert!(merge(out, &[]).is_err() && killed.exists());
         assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 1);
         write_kind(out, "gpu", "x", 0);
-        assert!(merge(out, &[]).is_ok() && !killed.exists());
+        assert!(merge(out, &[]).is_ok() && !killed.exists() && recent.exists());
     }
 
     #[test]

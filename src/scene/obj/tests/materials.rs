@@ -1,7 +1,6 @@
 //! Tests of material files: the folders from which they are read, and the materials that they define.
 
 use super::*;
-use crate::scene::material::PAPER_SHININESS;
 
 /// Makes a folder with a mesh, and a material file outside this folder. `library` is the name of the material
 /// file in the mesh. Returns true if the material file was read, and the notes.
@@ -371,7 +370,7 @@ fn a_material_has_its_three_channels_or_the_default() {
     let (colour, shininess) = ("one or three numbers from 0 to 1e6", "a number from 0 to 1e6");
     let grey = "Without Kd, the diffuse reflectance is 0.8 (grey), or 1 if there is a texture";
     let dull = "Without Ks, there is no highlight";
-    let usual = format!("Without Ns, the shininess is {PAPER_SHININESS}");
+    let usual = "Without Ns, the shininess is 100";
     for (line, found, expected, instead) in [
         ("Kd 1 2", "Kd with 2 numbers", colour, grey),
         ("Kd", "Kd with 0 numbers", colour, grey),
@@ -387,10 +386,10 @@ fn a_material_has_its_three_channels_or_the_default() {
         ),
         ("Kd xyz .1 .2 .3", "`Kd xyz` is a form of colours that raycl does not support", colour, grey),
         ("Ks x", "`x` in Ks", colour, dull),
-        ("Ks 1\nNs -1", "`-1` in Ns", shininess, &usual),
-        ("Ks 1\nNs 1e39", "`1e39` in Ns", shininess, &usual),
-        ("Ks 1\nNs 1.#INF", "`1.#INF` in Ns", shininess, &usual),
-        ("Ks 1\nNs", "Ns with 0 numbers", shininess, &usual),
+        ("Ks 1\nNs -1", "`-1` in Ns", shininess, usual),
+        ("Ks 1\nNs 1e39", "`1e39` in Ns", shininess, usual),
+        ("Ks 1\nNs 1.#INF", "`1.#INF` in Ns", shininess, usual),
+        ("Ks 1\nNs", "Ns with 0 numbers", shininess, usual),
     ] {
         let (material, notes) = read(line);
         let number = 1 + line.lines().count();
@@ -399,7 +398,7 @@ fn a_material_has_its_three_channels_or_the_default() {
         assert!(notes.len() == 1 && notes[0].ends_with(&end), "{line}: {notes:?}");
         let glossy = Vec3::splat(if line.starts_with("Ks 1") { 1.0 } else { 0.0 });
         assert_eq!((material.lambertian, material.glossy), (Vec3::splat(0.8), glossy), "{line}");
-        assert!(glossy == Vec3::ZERO || material.shininess == PAPER_SHININESS, "{line}");
+        assert!(glossy == Vec3::ZERO || material.shininess == 100.0, "{line}");
     }
 }
 
