@@ -126,8 +126,9 @@ fn among_group<'a>(
     }
 }
 
-/// Returns, for each device, those of its `kernels` whose times changed by similar factors. Leaves out devices
-/// with fewer than three kernels, since nobody could know which of two kernels became faster or slower.
+/// Returns, for each device, those of its `kernels` whose times changed by similar factors (see [`alike`]); no kernels
+/// if their changes have no majority. Leaves out devices with fewer than three kernels, since nobody could know which
+/// of two kernels became faster or slower.
 fn of_each_device<'a>(kernels: &[Both<'a>]) -> Vec<(Option<Devices<'a>>, Found<'a>)> {
     let mut of_devices: HashMap<Devices<'a>, Vec<Both<'a>>> = HashMap::new();
     for &pair in kernels {
@@ -146,19 +147,36 @@ fn against_anchor(pair: Both<'_>) -> Option<Interval> {
     Some(change.over_up_to(unshared_delay(pair.0, pair.1)))
 }
 
+/// The changes of two points are clearly apart if the larger change is larger by more than this fraction, even at
+/// the lower end of the 95% interval.
+const APART: f64 = 0.02;
+
 /// Returns the half of the points in `beside` whose changes are closest to the median change. `beside` must
 /// not be empty. If a change of code made a minority of points slower, these points are not in the returned
-/// half.
+/// half. Returns no points if there is no majority: of an even number of points, one half may have become slower, or
+/// the other half faster.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    let middle = own(&beside[beside.len() / 2]);
+    // Of an odd number of points, both indices are that of the point in the middle.
+    let (below, above) = (beside[(beside.len() - 1) / 2], beside[beside.len() / 2]);
+    if are_apart(below, above) {
+        return Vec::new();
+    }
+    let middle = (own(&below) + own(&above)) / 2.0;
     beside.sort_by(|a, b| (own(a) - middle).abs().total_cmp(&(own(b) - middle).abs()));
     beside.truncate(beside.len().div_ceil(2));
     beside
+}
+
+/// Returns true if the change of the point `above` is clearly larger than the change of the point `below` (see
+/// [`APART`]). Both points were measured in the same rounds of both runs.
+fn are_apart(below: Both<'_>, above: Both<'_>) -> bool {
+    let of_runs = ratio(above.1, below.1).zip(ratio(above.0, below.0));
+    of_runs.is_some_and(|(after, before)| after.over(before).low > 1.0 + APART)
 }
 
 /// Returns the ratio of the measured times without a reference, even if the runs have a control point in common. The
@@ -272,6 +290,26 @@ mod tests {
         assert_eq!(changes(&[naive, wide, serial], &later), [against(0.75), against(0.5), None]);
         let both = changes(&[naive, serial, parallel], &[naive, ("host", "serial", 20.0), parallel]);
         assert_eq!(both[1..], [against(2.0), against(0.5)]);
+    }
+
+    /// If half of the kernels became slower, nobody knows whether the other half became faster instead.
+    #[test]
+    fn two_halves_that_changed_by_different_factors_are_no_references_of_each_other() {
+        let names = ["naive", "wide", "bvh", "tile"];
+        let run =
+            |ms: [f64; 4]| judged([0, 1, 2, 3].map(|index| measured("gpu", names[index], 8, ms[index])));
+        let changes = |factors: [f64; 4]| -> Vec<_> {
+            let (before, after) = (run([1.0; 4]), run(factors));
+            let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
+            let references = References::among(&all);
+            all.iter().map(|pair| middle(change(*pair, &references))).collect()
+        };
+        assert_eq!(changes([1.0, 1.0, 1.5, 1.5]), [None; 4]);
+        assert_eq!(changes([0.5, 1.0, 0.5, 1.0]), [None; 4]);
+        let [same, slower] = [1.0, 1.5].map(|factor| Some((factor, Against::PointsInCommon)));
+        assert_eq!(changes([1.5, 1.0, 1.0, 1.0]), [slower, same, same, same]);
+        // A difference of 1% may come from differences between the runs.
+        assert!(changes([1.0, 1.0, 1.01, 1.01]).iter().all(Option::is_some));
     }
 
     /// In this test, the first device became twice as fast, and its kernels are the majority.

@@ -198,8 +198,9 @@ impl Comparison {
             format!(
                 "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed: in the \
                  rounds in which these kernels were measured, the two folders have neither an anchor kernel, nor \
-                 baselines, nor three kernels of one device in common. With `--times`, the measured times are \
-                 compared, and changes include every difference between the runs.",
+                 baselines, nor at least three kernels of one device in common, most of which changed by similar \
+                 factors. With `--times`, the measured times are compared, and changes include every difference \
+                 between the runs.",
                 which(&names)
             )
         })

@@ -309,6 +309,21 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
+/// Without an anchor and baselines, the slow half of the kernels must not become the reference of the other half.
+#[test]
+fn half_of_the_kernels_being_slower_makes_the_others_not_faster() {
+    let run = |label: &str, slow: f64| {
+        let points = [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0 * slow), ("tile", 3.0 * slow)];
+        folder(label, points.map(|(name, ms)| timed("a", name, ms)).to_vec())
+    };
+    let comparison = of(&run("old", 1.0), &run("new", 1.5));
+    assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 0 unclear, 4 cannot tell");
+    let is_said = |note: &String| note.contains("most of which changed by similar factors");
+    assert!(comparison.notes.iter().any(is_said), "{:?}", comparison.notes);
+    let note = comparison.left_out_of_means().expect("a note");
+    assert!(note.contains("all points together (without 4 of 4 points)"), "{note}");
+}
+
 /// In the run `one`, the driver had one thread, because the user had set an environment variable.
 #[test]
 fn devices_whose_states_differ_are_named_with_what_differs() {
