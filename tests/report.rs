@@ -257,7 +257,7 @@ fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     {
         assert!(page.contains(expected), "{expected:?} is not in the page");
     }
-    assert!(page.contains("wide is the fastest."), "the point of four samples does not count");
+    assert!(page.contains("wide is the fastest, which is not certain."), "four samples do not count");
     assert!(!page.contains("1798 to 1798"), "an interval of few samples");
     let points = text("exports/points.csv");
     let row = points.lines().find(|row| row.contains(",naive,")).expect("a row");

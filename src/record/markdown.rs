@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 use super::modes::{to_mind, two_modes};
 use super::point_times::{interval, launches, median};
+use super::ranking::may_be_faster;
 use super::ratios::ratio;
 use super::smallest_difference::smallest_difference_note;
 use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
@@ -76,8 +77,8 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text
 }
 
-/// Names the fastest point or the points that tie, and says how much faster the fastest point is than the baselines and
-/// the best point of the preset `naive`. Also names points without a rank, and states the smallest difference that the
+/// Names the fastest point or the points that tie, with a doubt if a point without a rank may be as fast. Says how much
+/// faster the fastest point is than the baselines and the best point of the preset `naive`. Also names points without a rank, and states the smallest difference that the
 /// samples can show. If no point has a rank, says that there is no winner, or that nothing could be measured.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
@@ -92,7 +93,11 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
         [one] => format!("Fastest: **{one}**"),
         several => format!("Fastest, a tie: **{}**", several.join("**, **")),
     };
-    let _ = write!(text, " at {}.", duration(median(best).unwrap_or_default()));
+    let doubt = match may_be_faster(&ranking) {
+        true => ", which is not certain: a point without a rank may be as fast",
+        false => "",
+    };
+    let _ = write!(text, " at {}{doubt}.", duration(median(best).unwrap_or_default()));
     text += &(speed_ups(group, groups, best) + &unranked(&ranking.unranked));
     text.extend(smallest_difference_note(group.records.iter().copied()).map(|note| format!(" {note}")));
     text + "\n"
@@ -316,8 +321,9 @@ mod tests {
         ]);
         let text = summary_markdown(&records, &[], "Which is best?", "Wide is.");
         for expected in [
-            "Fastest: **wide at 1 x 1** at 10.00 ms. Against serial-f32: not enough samples (n = 1). Against naive at 8 x 8: \
-             not enough samples (n = 3). Points without a rank: naive at 8 x 8 (n = 3).",
+            "Fastest: **wide at 1 x 1** at 10.00 ms, which is not certain: a point without a rank may be as fast. \
+             Against serial-f32: not enough samples (n = 1). Against naive at 8 x 8: not enough samples (n = 3). \
+             Points without a rank: naive at 8 x 8 (n = 3).",
             "| not enough samples (n = 1) |",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");

@@ -66,7 +66,7 @@ pub(crate) use one_change::{
 pub use outcome::Outcome;
 pub use plan::{CurrentPlan, PlannedPoint};
 pub(crate) use point_times::{fewest, interval, is_below_resolution, launches, median};
-pub(crate) use ranking::ranking;
+pub(crate) use ranking::{may_be_faster, ranking};
 pub(crate) use ratios::{
     anchored, anchored_mean, are_together, mean_relative_to, mean_relative_to_earlier, ratio, ratio_apart,
     ratio_of_means, ratio_of_passes, rounds_of,

@@ -1,6 +1,6 @@
 //! Ranks records by their times, and computes the smallest difference at which two records do not tie.
 
-use super::point_times::median;
+use super::point_times::{interval, median};
 use super::ratios::ratio;
 use super::relative_times::RelativeTimes;
 use super::together::{between_runs, has_time, in_order};
@@ -41,6 +41,15 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
         std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)
     };
     Ranking::by(levels, ties)
+}
+
+/// Returns true if a point without a rank (with too few samples, or with a time of 0) may be as fast as the fastest
+/// point, because its median is not above the upper end of the fastest point's 95% interval.
+pub(crate) fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
+    let best = ranking.winners.first().and_then(|best| interval(best));
+    best.is_some_and(|[_, high]| {
+        ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
+    })
 }
 
 /// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.

@@ -6,7 +6,9 @@ use super::words::{first_line, series_name, title};
 use crate::entry::entry;
 use crate::measure::Ranking;
 use crate::numbers::{duration, duration_range, significant};
-use crate::record::{Group, HOST, Record, few_names, interval, launches, median, not_enough, ratio, word};
+use crate::record::{
+    Group, HOST, Record, few_names, interval, launches, may_be_faster, median, not_enough, ratio, word,
+};
 use crate::words::counted;
 
 /// The result of one group of points, which is one scene at one image size on one device.
@@ -32,7 +34,8 @@ pub struct Answer {
     /// The text "the best naive point" if the group's fastest point has the preset `naive`, otherwise `None`.
     /// If the fastest point has another preset, a [`Speedup::over`] has the text "the best naive point".
     pub naive_wins: Option<String>,
-    /// The certainty of the result in one word: "clear", "tie" or "unsure".
+    /// The certainty of the result in one word: "clear", "tie" or "unsure". Winners that tie are "unsure" if a point
+    /// without a rank may be as fast.
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
     pub sure: String,
@@ -154,6 +157,9 @@ const MOST_BASELINES: usize = 2;
 /// The text that the page shows if no point of a group has a time.
 const NOTHING: &str = "nothing measured";
 
+/// The word for a result that is not certain (see [`Answer::sureness`]).
+const UNSURE: &str = "unsure";
+
 fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String) {
     let unranked = match ranking.unranked.is_empty() {
         true => String::new(),
@@ -161,7 +167,7 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
     };
     let Some(best) = ranking.winners.first() else {
         let nothing = if unranked.is_empty() { "Nothing could be measured." } else { "No winner." };
-        return ("unsure", format!("{nothing}{unranked}"));
+        return (UNSURE, format!("{nothing}{unranked}"));
     };
     let n = best.samples_ms.len();
     let beaten = |record: &&&Record| !ranking.winners.iter().any(|winner| winner.key == record.key);
@@ -175,11 +181,10 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
         )
     });
     let rests = format!("n = {n} samples in {}", counted(launches(best), "launch"));
-    let look =
-        if launches(best) < 2 { " There was only one launch, so the result is not conclusive." } else { "" };
+    let look = look(ranking);
     let (sureness, said) = match ranking.winners.len() {
         1 if may_be_faster(ranking) => {
-            ("unsure", "A point without a rank may be as fast as the winner.".to_owned())
+            (UNSURE, "A point without a rank may be as fast as the winner.".to_owned())
         }
         1 => {
             // Points without a time, and points without a rank (with too few samples, or with a time of 0),
@@ -190,24 +195,34 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
                 (_, 1) => ("No other point has a rank", false),
                 _ => ("Every other point with a rank takes longer", true),
             };
-            let sureness = if is_known && launches(best) >= 2 { "clear" } else { "unsure" };
+            let sureness = if is_known && look.is_empty() { "clear" } else { UNSURE };
             (sureness, format!("{others}; {rests}.{look}"))
         }
-        several => (
-            "tie",
-            format!(
+        several => {
+            let (sureness, doubt) = match may_be_faster(ranking) {
+                true => (UNSURE, "A point without a rank may be as fast as the winners. "),
+                false => ("tie", ""),
+            };
+            let tie = format!(
                 "A tie of {several} points: the samples do not show that any of them takes more than 1% longer than the fastest; {rests}.{look}"
-            ),
-        ),
+            );
+            (sureness, format!("{doubt}{tie}"))
+        }
     };
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns true if a point without a rank (with too few samples, or with a time of 0) may be faster than the
-/// winner, because this point's median is not above the upper end of the winner's 95% interval.
-fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
-    let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
-    ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
+/// Returns a sentence if a point with a rank was measured in only one launch; otherwise an empty text. The intervals
+/// of such a point, and of every ratio to its time, do not include differences between launches.
+fn look(ranking: &Ranking<&Record>) -> &'static str {
+    let has_one_launch = |record: &&Record| launches(record) < 2;
+    if ranking.winners.first().is_some_and(has_one_launch) {
+        " There was only one launch, so the result is not conclusive."
+    } else if ranking.ranked.iter().any(has_one_launch) {
+        " Some of the other points were measured in only one launch, so the result is not conclusive."
+    } else {
+        ""
+    }
 }
 
 fn refused(group: &Group<'_>) -> Vec<Refused> {
@@ -224,14 +239,28 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
     refused
 }
 
-/// Returns a summary of all groups in one sentence: which strategies win in how many groups, and the winners'
-/// speed-ups.
+/// Returns a summary of all groups in one sentence: which strategies win in how many groups, how many of these results
+/// are not certain, and the winners' speed-ups.
 pub fn headline(answers: &[Answer]) -> String {
     let has_time = |answer: &Answer| !answer.winners.is_empty() || answer.nobody != NOTHING;
     if answers.iter().any(has_time) && answers.iter().all(|answer| answer.device == HOST) {
         return "Only baselines were measured".to_owned();
     }
-    format!("{}{}", who_wins(answers), gains(answers))
+    format!("{}{}{}", who_wins(answers), doubt(answers), gains(answers))
+}
+
+/// Returns the part of the summary that says how many of the results are not certain; an empty text if no result is
+/// "unsure". A group without a winner has no result.
+fn doubt(answers: &[Answer]) -> String {
+    let results: Vec<&Answer> = answers.iter().filter(|answer| !answer.winners.is_empty()).collect();
+    let unsure = results.iter().filter(|answer| answer.sureness == UNSURE).count();
+    match (unsure, results.len()) {
+        (0, _) => String::new(),
+        (_, 1) => ", which is not certain".to_owned(),
+        (unsure, all) if unsure == all => " (no result is certain)".to_owned(),
+        (1, all) => format!(" (1 of {all} results is not certain)"),
+        (unsure, all) => format!(" ({unsure} of {all} results are not certain)"),
+    }
 }
 
 /// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as
@@ -354,7 +383,7 @@ mod tests {
         let actual: Vec<_> =
             one.speedups.iter().map(|speedup| (speedup.factor.as_str(), speedup.range.as_str())).collect();
         assert_eq!(actual, [("?", "not enough samples (n = 1)"), ("?", "not enough samples (n = 3)")]);
-        assert_eq!(headline(&[one]), "wide is the fastest");
+        assert_eq!(headline(&[one]), "wide is the fastest, which is not certain");
         let faster = Record { median_ms: Some(9.0), ..slow.clone() };
         assert_eq!(of(&[faster, records[2].clone()]).sureness, "unsure");
         let none = of(&[slow]);
@@ -383,9 +412,42 @@ mod tests {
             assert_eq!(actual, sureness, "{words}");
             assert!(sure.starts_with(&format!("{words}; {rests}")), "{sure}");
         }
-        let one_launch = Record { sample_launches: vec![0; 10], ..wide.clone() };
-        let (actual, sure) = sureness_of(&[&one_launch]);
+        let in_one_launch = |record: &Record| Record { sample_launches: vec![0; 10], ..record.clone() };
+        let (actual, sure) = sureness_of(&[&in_one_launch(&wide)]);
         assert!(actual == "unsure" && sure.contains("There was only one launch"), "{actual}: {sure}");
+        // The interval of the ratio of the two points does not include differences between launches.
+        let (actual, sure) = sureness_of(&[&wide, &in_one_launch(&naive)]);
+        let look = "n = 10 samples in 2 launches. Some of the other points were measured in only one launch";
+        assert!(actual == "unsure" && sure.contains(look), "{actual}: {sure}");
+    }
+
+    #[test]
+    fn the_headline_says_how_many_results_are_not_certain() {
+        let of = |scene: &str, in_one_launch: bool| {
+            let both = [("naive", 20.0), ("wide", 10.0)].map(|(name, ms)| measured("gpu", name, 8, ms));
+            both.map(|record| Record {
+                scene: scene.into(),
+                sample_launches: if in_one_launch { vec![0; 10] } else { record.sample_launches },
+                ..record
+            })
+        };
+        let headline_of = |results: &[[Record; 2]]| headline(&answers(&groups(&judged(results.concat()))));
+        let [sure, unsure] = [false, true].map(|in_one_launch| of("room", in_one_launch));
+        let gain = "; it is 2.00 times as fast as the best naive point";
+        for (results, expected) in [
+            (vec![sure.clone()], "wide is the fastest"),
+            (vec![unsure.clone()], "wide is the fastest, which is not certain"),
+            (
+                vec![unsure.clone(), of("table", false)],
+                "In both comparisons, wide is fastest or tied for fastest (1 of 2 results is not certain)",
+            ),
+            (
+                vec![unsure, of("table", true)],
+                "In both comparisons, wide is fastest or tied for fastest (no result is certain)",
+            ),
+        ] {
+            assert_eq!(headline_of(&results), format!("{expected}{gain}"));
+        }
     }
 
     #[test]
@@ -523,5 +585,24 @@ mod tests {
             (one.sureness, one.sure.starts_with("A point without a rank may be as fast as the winner."))
         };
         assert_eq!([of(9.0), of(20.0)], [("unsure", true), ("clear", false)]);
+    }
+
+    /// A frame of `naive` takes less than a step of the timer, so that some of its times are 0.
+    #[test]
+    fn winners_are_not_certain_beside_a_point_that_is_faster_than_the_timer() {
+        let zero = few("gpu", "naive", 8, 0.0, 30);
+        let of = |winners: &[Record]| {
+            let one = answers(&groups(&judged([winners, std::slice::from_ref(&zero)].concat()))).remove(0);
+            (one.winners.len(), one.sureness, headline(&[one]))
+        };
+        let [wide, tile] = ["wide", "tile"].map(|name| measured("gpu", name, 8, 0.5));
+        let (winners, sureness, said) = of(std::slice::from_ref(&wide));
+        assert_eq!(
+            (winners, sureness, said.as_str()),
+            (1, "unsure", "wide is the fastest, which is not certain")
+        );
+        let (winners, sureness, said) = of(&[wide, tile]);
+        assert_eq!((winners, sureness), (2, "unsure"));
+        assert!(said.ends_with(" are the fastest: a tie, which is not certain"), "{said}");
     }
 }

@@ -5,7 +5,9 @@ use super::with_most;
 use crate::measure::Ranking;
 use crate::memory::readable;
 use crate::numbers::{by, duration};
-use crate::record::{Group, HOST, Record, file_name, median, percent, ranking, smallest_difference_note};
+use crate::record::{
+    Group, HOST, Record, file_name, may_be_faster, median, percent, ranking, smallest_difference_note,
+};
 use crate::report::claims::{Ratio, Run, completion};
 use crate::report::plot::Plot;
 use crate::report::plot::scale::Kind;
@@ -53,7 +55,7 @@ pub struct Answer {
 struct Contest<'a> {
     group: &'a Group<'a>,
     ranking: Ranking<&'a Record>,
-    /// The fastest record of the preset `naive`.
+    /// The fastest record of the preset `naive`. The record has no rank only if no record of `naive` has a rank.
     naive: Option<&'a Record>,
 }
 
@@ -70,8 +72,9 @@ impl<'a> Contest<'a> {
         self.ranking.winners.first().copied()
     }
 
+    /// Returns the fastest record, and the fastest record of the preset `naive` that has a rank.
     fn best_and_naive(&self) -> Option<(&'a Record, &'a Record)> {
-        self.winner().zip(self.naive)
+        self.winner().zip(self.ranking.ranked.iter().copied().find(|record| record.is_naive()))
     }
 
     /// Returns true if a point of the preset `naive` is the fastest or ties with the fastest.
@@ -241,18 +244,29 @@ fn sizes(records: &[&Record]) -> String {
 
 /// Explains why the best kernel is faster than the kernel of the preset `naive`, for the first scene in which naive
 /// does not tie with the fastest kernel. `contests` lists the scene with the most triangles first. If naive ties in all
-/// scenes, if naive has no time, or if no point can be ranked, returns a text that says so.
+/// scenes, if naive has no time or no rank, or if no point can be ranked, returns a text that says so.
 fn why(contests: &[Contest<'_>]) -> String {
     let known: Vec<&Contest<'_>> =
         contests.iter().filter(|contest| contest.best_and_naive().is_some()).collect();
     if known.is_empty() {
-        let one_wins = contests.iter().any(|contest| contest.winner().is_some());
-        return if one_wins { "not known, because naive has no time" } else { NO_WINNER }.to_owned();
+        return why_unknown(contests).to_owned();
     }
     let explained = known.iter().find(|contest| !contest.naive_ties());
     match explained.and_then(|contest| contest.best_and_naive()) {
         Some((best, naive)) => reason(best, naive),
         None => no_reason(&known, contests.len()),
+    }
+}
+
+/// Returns a text that says why no kernel can be compared with the kernel of the preset `naive`.
+fn why_unknown(contests: &[Contest<'_>]) -> &'static str {
+    let mut won = contests.iter().filter(|contest| contest.winner().is_some()).peekable();
+    if won.peek().is_none() {
+        NO_WINNER
+    } else if won.any(|contest| contest.naive.is_some()) {
+        "not known, because naive has no rank"
+    } else {
+        "not known, because naive has no time"
     }
 }
 
@@ -347,16 +361,20 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
 
 /// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels, unless naive
 /// is the fastest or has no time. The text also states the number of points that tie and, if some points have no rank,
-/// their number. Returns [`NO_WINNER`] if no point can be ranked.
+/// their number and whether they may be as fast. Returns [`NO_WINNER`] if no point can be ranked.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
     let ratio = ratio.map_or(String::new(), |ratio| {
         ratio.between("naive at its best local size", "the fastest point") + ", and "
     });
+    let (with_rank, doubt) = match may_be_faster(&contest.ranking) {
+        true => (" with a rank", ", but a point without a rank may be as fast"),
+        false => ("", ""),
+    };
     let tie = match contest.ranking.winners.len() {
-        1 => "no other point ties for fastest".to_owned(),
-        several => format!("{several} of {} points tie for fastest", contest.ranking.ranked.len()),
+        1 => format!("no other point{with_rank} ties for fastest{doubt}"),
+        several => format!("{several} of {} points tie for fastest{doubt}", contest.ranking.ranked.len()),
     };
     let unranked = match contest.ranking.unranked.len() {
         0 => String::new(),
@@ -556,6 +574,16 @@ mod tests {
         let answer = of(&[few("gpu", "naive", 4, 9.0, 3), measured("gpu", "private", 8, 2.0)]);
         let words = "naive at its best local size against the fastest point: not enough samples (n = 3), and no other";
         assert!(answer.sure.contains(words), "{}", answer.sure);
+    }
+
+    /// A frame of `naive` takes less than a step of the timer, so that some of its times are 0.
+    #[test]
+    fn a_naive_kernel_that_is_faster_than_the_timer_is_not_said_to_be_slower() {
+        let answer = of(&[few("gpu", "naive", 8, 0.0, 30), measured("gpu", "private", 8, 0.5)]);
+        assert_eq!(answer.why, "not known, because naive has no rank");
+        let words = "no other point with a rank ties for fastest, but a point without a rank may be as fast; points \
+                     without a rank: 1";
+        assert!(answer.sure.ends_with(words), "{}", answer.sure);
     }
 
     #[test]
