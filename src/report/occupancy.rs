@@ -12,6 +12,7 @@ use crate::device::occupancy::{
     Multiprocessor, PAPER_CAPABILITY, PAPER_REGISTERS, multiprocessor, occupancy,
 };
 use crate::record::{Group, Record, interval, median};
+use crate::words::few;
 
 /// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, with two
 /// exceptions: points without a local size (casters on the host), and points of rasterisers. The work-groups
@@ -21,7 +22,7 @@ use crate::record::{Group, Record, interval, median};
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER_CAPABILITY)).ok()?;
     let mut series = Vec::new();
-    let mut ranks = Vec::new();
+    let (mut ranks, mut tied) = (Vec::new(), Vec::new());
     let mut assumed = 0;
     for strategy in names(group) {
         let of_strategy: Vec<&Record> = group
@@ -34,8 +35,11 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
         let shown: Vec<(&Record, Mark)> =
             of_strategy.into_iter().filter_map(|record| Some((record, mark(record, sm, best)?))).collect();
         assumed += shown.iter().filter(|(record, _)| known(record).0.is_none()).count();
-        let marks: Vec<Mark> = shown.into_iter().map(|(_, mark)| mark).collect();
-        ranks.extend(spearman(&marks));
+        let (records, marks): (Vec<&Record>, Vec<Mark>) = shown.into_iter().unzip();
+        match spearman(&marks) {
+            Some(_) if all_tie(&records) => tied.push(strategy),
+            rank => ranks.extend(rank),
+        }
         if !marks.is_empty() {
             series.push(Series {
                 name: strategy.to_owned(),
@@ -49,7 +53,8 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
         return None;
     }
     let all: usize = series.iter().map(|one| one.marks.len()).sum();
-    let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability, assumed, all), ranking(&ranks));
+    let caption =
+        format!("{} {} {NOT_MEASURED}", whose(compute_capability, assumed, all), ranking(&ranks, &tied));
     let chart = Chart {
         title: format!("Does predicted occupancy rank local sizes? {}", group_title(group)),
         x_label: format!(
@@ -93,13 +98,25 @@ fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String
     }
 }
 
-/// Returns a text about the rank correlations between predicted occupancy and measured speed.
-fn ranking(ranks: &[f64]) -> String {
+/// Returns true if all of a strategy's points tie, so that the samples do not show which point is faster. The order of
+/// the points' medians is then due to chance.
+fn all_tie(records: &[&Record]) -> bool {
+    let ranking = crate::record::ranking(records.iter().copied());
+    ranking.winners.len() == ranking.ranked.len()
+}
+
+/// Returns a text about the rank correlations between predicted occupancy and measured speed. `tied` contains the
+/// strategies that have no rank correlation because their points tie.
+fn ranking(ranks: &[f64], tied: &[&str]) -> String {
     if ranks.is_empty() {
         return "raycl cannot judge how well the prediction ranks local sizes: there are too few local sizes, or all \
-            have the same prediction or the same speed."
+            have the same prediction, or all tie."
             .to_owned();
     }
+    let left_out = match tied {
+        [] => String::new(),
+        tied => format!(" The mean leaves out strategies whose local sizes all tie: {}.", few(tied)),
+    };
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {
         m if m > 0.7 => "the prediction ranks local sizes well",
@@ -109,7 +126,7 @@ fn ranking(ranks: &[f64]) -> String {
     };
     format!(
         "Rank correlation (Spearman) of predicted occupancy and measured speed, mean over strategies: {mean:.2}; \
-         {verdict}."
+         {verdict}.{left_out}"
     )
 }
 
@@ -200,9 +217,9 @@ mod tests {
             (&[-0.3], "-0.30; local sizes with a lower predicted occupancy"),
             (&[], "too few local sizes"),
         ] {
-            assert!(ranking(ranks).contains(expected), "{ranks:?}: {}", ranking(ranks));
+            assert!(ranking(ranks, &[]).contains(expected), "{ranks:?}: {}", ranking(ranks, &[]));
         }
-        assert!(ranking(&[0.8]).contains("(Spearman) of predicted occupancy and measured speed"));
+        assert!(ranking(&[0.8], &[]).contains("(Spearman) of predicted occupancy and measured speed"));
     }
 
     /// In this test, a work-group has 16 x 16 work-items with 63 registers each, so 512 of at most 1536
@@ -239,6 +256,32 @@ mod tests {
         let fastest = Record { host: Some("another".into()), ..few("gpu", "naive", 2, 1.0, 3) };
         assert!(plotted(&[]).is_some());
         assert_eq!(plotted(&[fastest]), plotted(&[]));
+    }
+
+    /// Smaller local sizes have a lower predicted occupancy. The times of `naive` differ by less than the samples show.
+    #[test]
+    fn a_strategy_whose_local_sizes_tie_has_no_rank_correlation() {
+        use crate::record::fixtures::{judged, measured};
+        use crate::record::groups;
+        let caption = |strategies: &[(&str, [f64; 4])]| {
+            let of = |(name, times): &(&str, [f64; 4])| {
+                [(2, times[0]), (4, times[1]), (8, times[2]), (16, times[3])]
+                    .map(|(side, ms)| measured("gpu", name, side, ms))
+            };
+            let records = judged(strategies.iter().flat_map(of).collect::<Vec<_>>());
+            let groups = groups(&records);
+            plot(&groups[0], &Looks::of(&groups), None, "occupancy").expect("a plot").caption
+        };
+        let (tie, apart) = (("naive", [1.003, 1.002, 1.001, 1.0]), ("private", [4.0, 3.0, 2.0, 1.0]));
+        let tied = caption(&[tie]);
+        assert!(tied.contains("or all tie.") && !tied.contains("Rank correlation"), "{tied}");
+        let both = caption(&[tie, apart]);
+        assert!(
+            both.contains("ranks local sizes well. The mean leaves out") && both.contains("tie: naive."),
+            "{both}"
+        );
+        let clear = caption(&[apart]);
+        assert!(clear.contains("Rank correlation (Spearman)") && !clear.contains("leaves out"), "{clear}");
     }
 
     #[test]
