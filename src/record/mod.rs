@@ -79,7 +79,7 @@ pub(crate) use rounds::{LEAST_READINGS, MOVED, latency_ns};
 pub use safe_paths::{ordinary, own_file, own_folder, read_inside, refuse_link};
 pub use sample::Sample;
 pub(crate) use scenes::{new_names, tell_scenes_apart};
-pub(crate) use smallest_difference::smallest_difference_note;
+pub(crate) use smallest_difference::{apart_note, smallest_difference_note};
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;

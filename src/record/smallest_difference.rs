@@ -3,8 +3,11 @@
 
 use super::ranking::resolution;
 use super::ratios::rounds_of;
-use super::types::Record;
+use super::relative_times::RelativeTimes;
+use super::summary::{Group, groups};
+use super::types::{HOST, Record};
 use crate::numbers::{by, significant};
+use crate::words::counted_of;
 use std::collections::{BTreeMap, HashSet};
 
 /// The times of points are noisy if the points must differ by more than this fraction before the samples show
@@ -35,6 +38,30 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     }
     notes.extend(smallest_difference_note(records));
     notes
+}
+
+/// Returns a note if the ratios of some points of a group follow from medians, because the points were measured neither
+/// in the same rounds nor in blocks (parts of a group) with the same control point; otherwise `None`. Baselines are
+/// left out.
+pub(crate) fn apart_note(records: &[Record]) -> Option<String> {
+    let groups = groups(records);
+    let kernels: Vec<&Group<'_>> = groups.iter().filter(|group| group.device != HOST).collect();
+    let apart: Vec<&Group<'_>> = kernels.iter().copied().filter(|group| has_points_apart(group)).collect();
+    let Group { scene, image_size, device, .. } = apart.first()?;
+    Some(format!(
+        "In {}, such as {scene} {} on {device}, not all points were measured together, for example because of \
+         `--resume` or because they come from several folders. If two points were not measured together, their ratio \
+         follows from their medians: the ratio includes every change of the machine between the two measurements, and \
+         only larger differences are detected.",
+        counted_of(apart.len(), kernels.len(), "group of points"),
+        by(*image_size)
+    ))
+}
+
+/// Returns true if the levels of two points in the group cannot be compared (see [`RelativeTimes::family`]).
+fn has_points_apart(group: &Group<'_>) -> bool {
+    let times = group.records.iter().filter_map(|record| record.relative_times.as_ref());
+    times.map(RelativeTimes::family).collect::<HashSet<_>>().len() > 1
 }
 
 /// Returns the note on the smallest difference between the times of two points that the samples can show. The
@@ -144,7 +171,6 @@ fn has_one_launch(record: &Record) -> bool {
 mod tests {
     use super::super::summary::tests::{few, judged, measured, sampled};
     use super::super::together::tests::in_two_launches;
-    use super::super::types::HOST;
     use super::*;
 
     #[test]
@@ -275,6 +301,26 @@ mod tests {
         let alike = [at("a", 0, steady), at("a", 2, unsteady), at("b", 4, steady), at("b", 6, unsteady)];
         assert_eq!(depends(&alike), "when the points were measured");
         assert_eq!(depends(&alike[..3]), "scene and when the points were measured");
+    }
+
+    #[test]
+    fn points_of_a_group_that_were_not_measured_together_are_noted() {
+        let at = |scene: &str, launch: u32| two_points(scene, [64, 40], "gpu", launch, 0.0);
+        let note = |points: &[[Record; 2]]| apart_note(&judged(points.concat()));
+        assert_eq!(note(&[at("a", 0), at("b", 2)]), None);
+        let said = note(&[at("a", 0), at("a", 2), at("b", 4)]).expect("a note");
+        let start =
+            "In 1 of 2 groups of points, such as a 64 x 40 on gpu, not all points were measured together";
+        assert!(said.starts_with(start), "{said}");
+        // Points of blocks with the same control point are compared by their ratios to this point.
+        let block = |launch: u32| {
+            at("a", launch).map(|record| Record {
+                key: if record.name == "naive" { "control".into() } else { record.key.clone() },
+                control: Some("control".into()),
+                ..record
+            })
+        };
+        assert_eq!(note(&[block(0), block(2)]), None);
     }
 
     #[test]

@@ -171,7 +171,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest. If several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest. raycl finds ties by comparing samples that were taken close together, not the medians in the table\n");
+        text.push_str("* fastest. If several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest. If points were measured together, raycl finds ties by comparing samples that were taken close together, not the medians in the table\n");
     }
     let (below, few): (Vec<&Record>, Vec<&Record>) = rankings
         .iter()

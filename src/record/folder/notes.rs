@@ -5,7 +5,7 @@ use crate::reader;
 use crate::record::hosts::hosts_that_differ;
 use crate::record::revision::{DIRTY, is_dirty};
 use crate::record::rounds::{RoundLoad, disturbance, moved_processors, preempted};
-use crate::record::smallest_difference::how_sure;
+use crate::record::smallest_difference::{apart_note, how_sure};
 use crate::record::types::Record;
 use crate::record::verification::hardly_verified_images;
 use serde_json::Value;
@@ -19,9 +19,10 @@ pub(super) const NO_ENVIRONMENT: &str =
     "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown.";
 
 /// Returns notes on the certainty of the times and images: how small a difference between two points can be
-/// shown, which machines differ in speed, and what disturbed the measurement.
+/// shown, whether points of a group were measured apart, which machines differ in speed, and what disturbed the measurement.
 pub(super) fn certainty(records: &[Record], controls: &[Record], rounds: &[RoundLoad]) -> Vec<String> {
     let mut notes = how_sure(records);
+    notes.extend(apart_note(records));
     notes.extend(hosts_that_differ(records, controls));
     notes.extend(disturbance(rounds, records));
     notes.extend(hardly_verified_images(records));

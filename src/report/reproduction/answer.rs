@@ -33,7 +33,7 @@ const RAY_BYTES: f64 = 24.0;
 const CLEARLY_SMALLER: f64 = 0.99;
 /// The sentence that the page shows after the best local sizes if medians seem to contradict the ranking of
 /// points.
-const NOT_BY_MEDIANS: &str = "The fastest point is found by ratios of samples taken close together, not by medians, so a slower point can have a smaller median";
+const NOT_BY_MEDIANS: &str = "If points were measured together, the fastest is found by ratios of samples taken close together, not by medians, so a slower point can have a smaller median";
 
 /// The four lines of the answer, and plots of the times from which the answer follows.
 #[derive(Default)]
