@@ -1,6 +1,7 @@
 //! Combines several folders of results into one list of records.
 
 use crate::record::{CurrentPlan, Folder, Group, HOST, Record, latest, point};
+use crate::words::counted_are;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -27,6 +28,8 @@ pub struct Origins<'a> {
     baselines: Vec<Vec<Record>>,
     /// Maps the point of each merged record ([`point`]) to the index of the record's folder.
     folder_indices: HashMap<String, usize>,
+    /// The number of points, without baselines, that several folders measured.
+    repeated: usize,
 }
 
 impl<'a> Origins<'a> {
@@ -40,13 +43,14 @@ impl<'a> Origins<'a> {
         // If several folders have a point, the index of the last of these folders is stored, since `merged`
         // uses the last folder's record.
         let folder_indices = records.iter().enumerate().flat_map(points).collect();
+        let repeated = repeated(&records);
         let baselines_of = |records: Vec<Record>| -> Vec<Record> {
             records.into_iter().filter(Record::is_baseline).collect()
         };
         // The other records are not kept: a second copy of all records would need much memory, and `baselines`
         // would search them for each group.
         let baselines = records.into_iter().map(baselines_of).collect();
-        Self { folders, labels, baselines, folder_indices }
+        Self { folders, labels, baselines, folder_indices, repeated }
     }
 
     /// Returns the path of a merged record's folder; `None` if the record is not among the merged records.
@@ -59,6 +63,24 @@ impl<'a> Origins<'a> {
     pub fn label(&self, record: &Record) -> Option<&str> {
         let index = self.index(record).filter(|_| self.folders.len() > 1)?;
         Some(self.labels[index].as_str())
+    }
+
+    /// Returns true if a merged record comes from the folder, or if the folder has no records. `folder` must be one of
+    /// the merged folders.
+    pub fn shows(&self, folder: &Folder) -> bool {
+        let is_own = |index: &usize| std::ptr::eq(folder, &self.folders[*index]);
+        folder.records.is_empty() || self.folder_indices.values().any(is_own)
+    }
+
+    /// Returns a note on the points of which [`merged`] leaves out the records of earlier folders; `None` if there are
+    /// none.
+    pub fn left_out(&self) -> Option<String> {
+        (self.repeated > 0).then(|| {
+            format!(
+                "{} in several folders. Of each such point, the page shows only the record of the last of these folders.",
+                counted_are(self.repeated, "point")
+            )
+        })
     }
 
     /// Returns the baselines of the machine that measured a group's fastest point. `groups` contains the groups of all
@@ -96,6 +118,20 @@ impl<'a> Origins<'a> {
         };
         host(one) == host(other) && host(one).iter().all(|part| !part.is_null())
     }
+}
+
+/// Returns the number of points, without baselines, that have records in several folders. `records` contains the records
+/// of each folder, with the names of [`labelled`]. (A group of points is compared with the baselines of its own folder,
+/// even if a later folder has the same baselines.)
+fn repeated(records: &[Vec<Record>]) -> usize {
+    let points = |records: &Vec<Record>| -> HashSet<String> {
+        records.iter().filter(|record| !record.is_baseline()).map(point).collect()
+    };
+    let mut folders: HashMap<String, usize> = HashMap::new();
+    for point in records.iter().flat_map(points) {
+        *folders.entry(point).or_default() += 1;
+    }
+    folders.into_values().filter(|count| *count > 1).count()
 }
 
 /// Returns the records of each folder. The label of a folder is added to the names of devices, baselines and

@@ -12,8 +12,8 @@ use super::{growth, microscope, occupancy, one_change, overview, roofline, side_
 use crate::error::{Error, Result};
 use crate::numbers::{by, ms, significant};
 use crate::record::{
-    AtHost, Folder, Group, HOST, Outcome, Record, controls, file_names, groups, interval, is_shown_as,
-    median, not_enough, percent, ratio, to_mind, two_modes,
+    AtHost, Folder, Group, HOST, Outcome, Record, apart_note, controls, file_names, groups, interval,
+    is_shown_as, median, not_enough, percent, ratio, to_mind, two_modes,
 };
 use askama::Template;
 use serde_json::Value;
@@ -126,7 +126,7 @@ impl Page {
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
-            notes: notes(folders, |_| true).into_iter().chain(left_out).collect(),
+            notes: all_notes(folders, &origins, &records).into_iter().chain(left_out).collect(),
             counts: counts(&records, &groups),
             answers,
             overview,
@@ -178,6 +178,14 @@ pub fn notes(folders: &[Folder], shows: impl Fn(&Folder) -> bool) -> Vec<String>
         folder.notes.iter().map(said).collect()
     };
     folders.iter().zip(labels(folders)).filter(|(folder, _)| shows(folder)).flat_map(of).collect()
+}
+
+/// Returns the notes of the folders whose records the page shows and, for several folders, notes on the points that
+/// several folders measured and on points that were not measured together. `records` contains the merged records.
+fn all_notes(folders: &[Folder], origins: &Origins<'_>, records: &[Record]) -> Vec<String> {
+    let own = notes(folders, |folder| origins.shows(folder));
+    let of_all = origins.left_out().into_iter().chain(apart_note(records));
+    own.into_iter().chain(of_all.filter(|_| folders.len() > 1)).collect()
 }
 
 /// Returns the questions and expected answers of the folders' configs, without repetitions.

@@ -251,6 +251,32 @@ fn the_instructions_of_the_fastest_point_are_offered_only_for_a_single_folder() 
 }
 
 #[test]
+fn a_report_on_several_folders_says_which_records_it_leaves_out_and_has_no_notes_on_them() {
+    let folder = |label: &str, names: &[&str], ms: f64| {
+        let records: Vec<Record> = names.iter().map(|name| measured("gpu", name, 8, ms)).collect();
+        let notes = vec![format!("a note on {label}")];
+        Folder { label: label.to_owned(), records: judged(records), notes, ..Folder::default() }
+    };
+    let old = || folder("old", &["naive", "wide"], 2.0);
+    let said = |count: &str| {
+        format!(
+            "{count} in several folders. Of each such point, the page shows only the record of the last of these folders."
+        )
+    };
+    let all = Page::of(&[old(), folder("new", &["naive", "wide"], 1.0)]).notes;
+    assert_eq!(all, ["new: a note on new".to_owned(), said("2 points are")]);
+    let some = Page::of(&[old(), folder("new", &["naive"], 1.0)]).notes;
+    let notes = ["old: a note on old".to_owned(), "new: a note on new".to_owned(), said("1 point is")];
+    assert_eq!(some[..3], notes);
+    // The two points that the page shows were measured in two runs.
+    assert!(
+        some.len() == 4 && some[3].starts_with("In 1 of 1 group of points, such as teapot 800 x 500"),
+        "{some:?}"
+    );
+    assert_eq!(Page::of(&[old()]).notes, ["a note on old"]);
+}
+
+#[test]
 fn a_device_is_not_compared_with_the_baselines_of_another_machine() {
     let folder = |label: &str, records: &[Record]| {
         let environment = serde_json::json!({ "host": { "name": label, "cpu": "EPYC", "cores": 2 } });
