@@ -3,7 +3,7 @@
 
 use super::with_most;
 use crate::numbers::{by, duration};
-use crate::record::{Group, Record, interval, median, not_enough, ratio};
+use crate::record::{Group, Record, interval, median, not_enough, ranking, ratio};
 use crate::report::claims::Run;
 use crate::report::paper::{self, CURVES};
 use crate::report::plot::Plot;
@@ -38,7 +38,7 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
 }
 
 /// Returns two plots of the paper's figure `number`, and the rows of the figure's table (see [`rows`]). The
-/// first plot shows the curves' shapes (times relative to the shortest time of each curve), and the second
+/// first plot shows the curves' shapes (times relative to the fastest point of each curve), and the second
 /// plot shows milliseconds. All measurements come from one run, since times of different runs must not be
 /// joined to a curve. Returns `None` if no point of the figure was measured.
 pub(super) fn curves_of(
@@ -62,7 +62,7 @@ pub(super) fn curves_of(
     };
     let shapes = Plot::of(
         format!("figure-{number}-shapes{suffix}"),
-        "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples in a launch, or with a sample of the time 0, are left out.",
+        "Each curve is divided by the time of its own fastest point, so that shapes can be compared although the devices differ. Points with fewer than five samples in a launch, or with a sample of the time 0, are left out.",
         &drawn(&curves, number, &device, true),
     );
     let times = Plot::of(
@@ -74,7 +74,7 @@ pub(super) fn curves_of(
 }
 
 /// Draws the curves of a figure over block sizes. If `as_shapes` is false, the curves show milliseconds; if
-/// `as_shapes` is true, each time is divided by the shortest time of the curve.
+/// `as_shapes` is true, each time is divided by the time of the curve's fastest point.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
         .iter()
@@ -113,15 +113,15 @@ fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
     // A curve's shape consists of ratios of times, so points with too few samples for a ratio are left out.
     let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
-    let fastest =
-        ours().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
+    // The fastest point is found by ratios, too. The point with the least median may take longer than another point.
+    let fastest = ranking(ours()).ranked.first().copied();
     let published = curve.published.iter().filter_map(|(block, ms)| {
         let tip = format!("{} at {block} x {block}\npublished {}", curve.name, duration(*ms));
         Some(Mark { x: x_of(*block)?, y: ms / theirs, interval: None, tip })
     });
     let ours = ours().filter_map(|record| {
         let (y, interval) = match as_shapes {
-            true => ratio(record, fastest?).map(|ratio| (ratio.middle, Some([ratio.low, ratio.high])))?,
+            true => multiple(record, fastest?)?,
             false => (median(record)?, interval(record)),
         };
         Some(Mark { x: x_of(record.local_size?[0])?, y, interval, tip: tip(record) })
@@ -137,6 +137,15 @@ fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -
         series(format!("{}, paper", curve.name), true, published.collect()),
     ];
     all.into_iter().filter(|one| !one.marks.is_empty()).collect()
+}
+
+/// Returns a record's time as a multiple of the fastest record's time, and the 95% interval of this ratio. The ratio of
+/// the fastest record to itself is exactly 1.
+fn multiple(record: &Record, fastest: &Record) -> Option<(f64, Option<[f64; 2]>)> {
+    if record.key == fastest.key {
+        return Some((1.0, None));
+    }
+    ratio(record, fastest).map(|ratio| (ratio.middle, Some([ratio.low, ratio.high])))
 }
 
 /// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
@@ -164,7 +173,7 @@ fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{few, judged, measured};
+    use crate::record::fixtures::{few, judged, measured, sampled};
     use crate::record::groups;
 
     #[test]
@@ -222,6 +231,23 @@ mod tests {
         let rows = rows(&curve);
         assert_eq!(rows[1], ["naive", "8 x 8", "100.0", "2.000", "50.0×"]);
         assert_eq!(rows[2][3..], ["-", "-"]);
+    }
+
+    /// At the local size 4 x 4, the point is slow in one of three launches. Its median is the least, but it takes longer
+    /// on average.
+    #[test]
+    fn no_point_of_a_shape_is_below_the_least_time() {
+        let at = |side: u32, ms: [f64; 3]| {
+            let samples = (0..15).map(move |index| (index / 5, ms[index as usize / 5]));
+            Record { key: format!("{side}"), local_size: Some([side; 2]), ..sampled("naive", samples) }
+        };
+        let records = judged([at(4, [1.0, 1.0, 4.0]), at(8, [1.2; 3])]);
+        let ours = records.iter().collect();
+        let curve = Curve { name: "naive", number: 1, published: vec![(4, 300.0)], ours };
+        let shape = drawn(std::slice::from_ref(&curve), 6, "gpu", true).series.remove(0);
+        let [slow, fastest] = &shape.marks[..] else { panic!("two marks") };
+        assert!(slow.y > 1.0 && slow.interval.is_some(), "{}", slow.y);
+        assert_eq!((fastest.y, fastest.interval), (1.0, None));
     }
 
     #[test]
