@@ -10,6 +10,9 @@ use crate::words::counted;
 /// the other mode.
 const STRAYS: f64 = 0.1;
 
+/// The timer's step with NVIDIA's driver, in milliseconds. Records do not contain the step of their device's timer.
+const TIMER_STEP_MS: f64 = 0.001;
+
 /// Returns a record's warning and, if the record's samples lie around two values, a note on these values;
 /// `None` if the record has neither.
 pub(crate) fn to_mind(record: &Record) -> Option<String> {
@@ -19,13 +22,21 @@ pub(crate) fn to_mind(record: &Record) -> Option<String> {
 
 /// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per launch".
 /// The words "one mode per launch" are added if each launch has a single mode. Returns `None` if the samples
-/// do not show two modes.
+/// do not show two modes, or if the two modes may be steps of the timer (see [`are_steps`]).
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
-    let modes = Modes::of(&record.samples_ms, &record.sample_launches)?;
+    let modes =
+        Modes::of(&record.samples_ms, &record.sample_launches).filter(|modes| !are_steps(record, modes))?;
     let ([fast, slow], [many, few]) = (modes.ms, modes.samples.map(|count| counted(count, "sample")));
     let whose = if is_by_launch(record, &modes) { ", one mode per launch" } else { "" };
     Some(format!("two modes: {} ms ({many}) and {} ms ({few}){whose}", ms(fast), ms(slow)))
+}
+
+/// Returns true if the two modes of a record may be steps of the timer instead of two speeds: they are less than three
+/// steps apart, or a sample is 0, which a timer reports for a time of less than a step.
+fn are_steps(record: &Record, modes: &Modes) -> bool {
+    let [fast, slow] = modes.ms;
+    slow - fast < 3.0 * TIMER_STEP_MS || record.samples_ms.iter().any(|ms| *ms <= 0.0)
 }
 
 /// Returns true if a record has several launches and each launch has a single mode (see [`STRAYS`]).
@@ -95,6 +106,18 @@ mod tests {
         let record = Record { warning: Some("it throttled".into()), ..sampled("naive", (0..30).map(sample)) };
         let said = to_mind(&record).expect("two modes");
         assert!(said.starts_with("it throttled; two modes: 5.0") && said.ends_with("(10 samples)"), "{said}");
+    }
+
+    #[test]
+    fn steps_of_the_timer_are_no_modes() {
+        let of = |times: [f64; 2]| {
+            two_modes(&sampled("naive", (0..30).map(move |index| (index / 10, times[index as usize % 2]))))
+        };
+        for steps in [[0.0, 0.001], [0.0, 0.016], [0.002, 0.003], [0.002, 0.004]] {
+            assert_eq!(of(steps), None, "{steps:?}");
+        }
+        let said = of([0.002, 0.006]).expect("two modes");
+        assert!(said.starts_with("two modes: ") && said.ends_with("(15 samples)"), "{said}");
     }
 
     /// A point whose image is wrong has no time, even if its record contains samples.
