@@ -70,28 +70,37 @@ fn control(records: &[&Record]) -> Control {
         let host = record.host.as_deref().or(record.measured_on.as_deref());
         hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
     }
-    let least = |records: &[&Record]| -> Option<Record> {
-        records
-            .iter()
-            .min_by(|a, b| a.median_ms.unwrap_or(f64::MAX).total_cmp(&b.median_ms.unwrap_or(f64::MAX)))
-            .map(|&record| record.clone())
-    };
     let fastest = least(records);
     let at = |(host, records): (&str, Vec<&Record>)| {
         let record = least(&records)?;
-        let slower = fastest.as_ref().and_then(|fastest| ratio_apart(&record, fastest));
         // If a block was measured in several attempts, the control point has a record of each attempt.
         let blocks: BTreeSet<Option<u32>> = records.iter().map(|record| record.block).collect();
         Some(AtHost {
             host: host.to_owned(),
             blocks: blocks.len(),
             median_ms: record.median_ms?,
-            interval_ms: interval(&record),
-            slower: slower.map(|ratio| [ratio.middle, ratio.low, ratio.high]),
+            interval_ms: interval(record),
+            slower: fastest.and_then(|fastest| times_as_long(record, fastest)),
         })
     };
     let hosts = hosts.into_iter().filter_map(at).collect();
     Control { point: records.first().map_or(String::new(), |record| name(record)), hosts }
+}
+
+/// Returns the record with the smallest median.
+fn least<'a>(records: &[&'a Record]) -> Option<&'a Record> {
+    records
+        .iter()
+        .copied()
+        .min_by(|a, b| a.median_ms.unwrap_or(f64::MAX).total_cmp(&b.median_ms.unwrap_or(f64::MAX)))
+}
+
+/// Returns the ratio of the time of `record` to the time of `fastest` with its interval (see [`AtHost::slower`]). The
+/// ratio of a record to itself is exactly 1.
+fn times_as_long(record: &Record, fastest: &Record) -> Option<[f64; 3]> {
+    let ratio = ratio_apart(record, fastest)?;
+    let is_itself = std::ptr::eq(record, fastest);
+    Some(if is_itself { [1.0; 3] } else { [ratio.middle, ratio.low, ratio.high] })
 }
 
 fn name(record: &Record) -> String {
@@ -152,6 +161,9 @@ mod tests {
         assert!(said[0].contains("took 10.00 ms on n1 and 12.00 ms on n2, 1.20 times as long"), "{said:?}");
         let [control] = &controls(&records[..1], &records[1..])[..] else { panic!("one point") };
         assert_eq!(control.hosts.iter().map(|at| at.blocks).collect::<Vec<_>>(), [1, 2]);
+        // The fastest machine takes exactly as long as itself.
+        let slower: Vec<_> = control.hosts.iter().filter_map(|at| at.slower).collect();
+        assert!(slower[0] == [1.0; 3] && slower[1][1] < slower[1][0], "{slower:?}");
     }
 
     #[test]
