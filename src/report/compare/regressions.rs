@@ -47,22 +47,32 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
 /// Returns a note on the means from which points are left out. [`regressions`] tests these means without the
 /// left-out points, or not at all. Returns `None` if every mean includes all of its points.
 pub fn left_out(comparison: &Comparison) -> Option<String> {
-    let lacking = |mean: &Mean<'_>| {
-        let name = mean.strategy.unwrap_or("all points together");
-        let count = mean.points - mean.tested;
-        (count > 0).then(|| format!("{name} (without {count} of {} points)", mean.points))
+    let means = means(comparison);
+    let lacking: Vec<&Mean<'_>> = means.iter().filter(|mean| mean.tested < mean.points).collect();
+    let name = |mean: &&Mean<'_>| {
+        let (name, count) = (mean.strategy.unwrap_or("all points together"), mean.points - mean.tested);
+        format!("{name} (without {count} of {} points)", mean.points)
     };
-    let lacking: Vec<String> = means(comparison).iter().filter_map(lacking).collect();
+    let why = match lacking.iter().all(|mean| mean.lacks_only_in_common) {
+        true => ONLY_IN_COMMON,
+        false => WHY_LEFT_OUT,
+    };
     (!lacking.is_empty()).then(|| {
         format!(
-            "`--fail-on-regression` cannot test these means, or can test them only without some of their points: {}. A \
-             point is left out if it has too few samples, if its times are below the timer's resolution, or if no \
-             other work of the same rounds shows how much the machine's speed changed. Such work is the anchor kernel, \
-             baselines, or kernels that are not part of the mean.",
-            lacking.join(", ")
+            "`--fail-on-regression` cannot test these means, or can test them only without some of their points: {}. {why}",
+            lacking.iter().map(name).collect::<Vec<_>>().join(", ")
         )
     })
 }
+
+/// The reason why means leave out points if the change of each of these points is known.
+const ONLY_IN_COMMON: &str = "These points are left out because they are compared only with each other: a change that \
+                              all of them share cannot be detected.";
+/// The reasons why means may leave out points.
+const WHY_LEFT_OUT: &str = "A point is left out if it has too few samples, if its times are below the timer's \
+                            resolution, or if no other work of the same rounds shows how much the machine's speed \
+                            changed. Such work is the anchor kernel, baselines, or kernels that are not part of the \
+                            mean.";
 
 /// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median, the change
 /// of the 10% quantile is relative to other measurements (see [`Against`]). If the program became slower, usually all
@@ -92,6 +102,9 @@ struct Mean<'a> {
     points: usize,
     /// Number of points that the mean includes.
     tested: usize,
+    /// True if each point that the mean leaves out was compared only with other points of the mean
+    /// ([`Against::PointsInCommon`]).
+    lacks_only_in_common: bool,
     /// The mean change; `None` if too few points can be included: none at all or, for a strategy, only one. A
     /// single point is tested separately.
     change: Option<Interval>,
@@ -143,9 +156,13 @@ fn mean<'a>(
     let known = |group: &Vec<&'a Pair>| Some((group.len(), change_of_group(group, &controls, references)?));
     let (sizes, changes): (Vec<usize>, Vec<Relative>) = groups.iter().filter_map(known).unzip();
     let least = if strategy.is_some() { 2 } else { 1 };
-    let change = Relative::mean(&changes).filter(|_| sizes.iter().sum::<usize>() >= least);
-    let tested = if change.is_some() { sizes.iter().sum() } else { 0 };
-    Mean { strategy, points: pairs.len(), tested, change }
+    let sum: usize = sizes.iter().sum();
+    let change = Relative::mean(&changes).filter(|_| sum >= least);
+    let tested = if change.is_some() { sum } else { 0 };
+    let is_in_common = |group: &Vec<&'a Pair>| matches!(group[0].change, Some((_, Against::PointsInCommon)));
+    let left_out = groups.iter().filter(|&group| is_in_common(group) && known(group).is_none());
+    let lacks_only_in_common = left_out.map(Vec::len).sum::<usize>() == pairs.len() - tested;
+    Mean { strategy, points: pairs.len(), tested, lacks_only_in_common, change }
 }
 
 /// Returns the mean change of points that were measured together, on one device; `None` if the points have no

@@ -119,7 +119,16 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     // Without a baseline, nothing shows whether all points became slower. The mean change of the strategy
     // `wide` must not be computed relative to points of `wide` itself.
     let note = in_common.left_out_of_means().unwrap();
-    assert!(note.contains("their points: all points together (without 6 of 6 points). A point"), "{note}");
+    let why =
+        "(without 6 of 6 points). These points are left out because they are compared only with each other";
+    assert!(note.contains(&format!("their points: all points together {why}")), "{note}");
+    // Without any reference, the reason is another.
+    let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
+    let note = of(&two, &two).left_out_of_means().unwrap();
+    assert!(
+        note.contains("(without 2 of 2 points). A point is left out if it has too few samples"),
+        "{note}"
+    );
 }
 
 /// In this test, one of the two groups of points in the first run has no anchor.
