@@ -309,6 +309,56 @@ mod tests {
     /// meant for.
     type Row = (&'static str, &'static str, Option<DeviceKind>);
 
+    /// The paper's presets, as differences from `naive`.
+    const OF_PAPER: &[Row] = &[
+        ("naive", "", None),
+        ("naive-scratch", "vectors=global", None),
+        ("naive-test-vectors", "intersector=five-vectors", None),
+        ("private", "vectors=private", None),
+        ("local-vectors", "vectors=local", None),
+        ("local-triangles", "triangles=local", None),
+        ("compounded", "vectors=local triangles=local", None),
+        ("constant-triangles", "vectors=private triangles=constant", None),
+        ("split-vertices", "triangles=split-vertices layout=indexed16", None),
+        ("split-normals", "triangles=split-normals layout=indexed16", None),
+    ];
+
+    /// The other presets, as differences from `deferred`.
+    const OF_RAYCL: &[Row] = &[
+        ("raster", "traversal=raster", None),
+        ("deferred", "", None),
+        ("tiled", "triangles=tiled", None),
+        ("watertight", "intersector=watertight", None),
+        ("wide", "width=16", Some(DeviceKind::Cpu)),
+        ("wide-common-origin", "intersector=common-origin width=16", Some(DeviceKind::Cpu)),
+        ("wide-pixel-linear", "intersector=pixel-linear width=16", Some(DeviceKind::Cpu)),
+        ("tiled-wide", "triangles=tiled width=4", Some(DeviceKind::Gpu)),
+        ("tiled-pixel-linear", "triangles=tiled intersector=pixel-linear width=16", Some(DeviceKind::Gpu)),
+        ("tiled-common-origin", "triangles=tiled intersector=common-origin width=8", Some(DeviceKind::Gpu)),
+        ("bvh", "traversal=bvh intersector=watertight node_width=4", None),
+        ("bvh-packet", "traversal=bvh width=16", Some(DeviceKind::Cpu)),
+        (
+            "tile",
+            "traversal=tile passes=fused intersector=edge-planes width=16 node_width=16 leaf_size=8",
+            Some(DeviceKind::Cpu),
+        ),
+        (
+            "tile-watertight",
+            "traversal=tile passes=fused intersector=watertight width=16 node_width=16 leaf_size=8",
+            Some(DeviceKind::Cpu),
+        ),
+        (
+            "tile-group",
+            "traversal=tile passes=fused intersector=common-origin node_width=32 leaf_size=32 tile=8x8",
+            Some(DeviceKind::Gpu),
+        ),
+        (
+            "tile-group-watertight",
+            "traversal=tile intersector=watertight node_width=32 leaf_size=32 tile=8x8",
+            Some(DeviceKind::Gpu),
+        ),
+    ];
+
     /// Returns the strategy with the values of the axes `base`, except those of the axes `changes`, both written as
     /// `axis=value axis=value`, as the strategy writes itself.
     fn changed(base: &str, changes: &str) -> String {
@@ -328,65 +378,11 @@ mod tests {
                      intersector=moller-trumbore records=each-test culling=none epsilons=paper width=1 node_width=8 \
                      leaf_size=4 tile=32x16 math=strict";
         let deferred = changed(naive, "vectors=private shading=deferred passes=separate epsilons=relative");
-        let of_paper: &[Row] = &[
-            ("naive", "", None),
-            ("naive-scratch", "vectors=global", None),
-            ("naive-test-vectors", "intersector=five-vectors", None),
-            ("private", "vectors=private", None),
-            ("local-vectors", "vectors=local", None),
-            ("local-triangles", "triangles=local", None),
-            ("compounded", "vectors=local triangles=local", None),
-            ("constant-triangles", "vectors=private triangles=constant", None),
-            ("split-vertices", "triangles=split-vertices layout=indexed16", None),
-            ("split-normals", "triangles=split-normals layout=indexed16", None),
-        ];
-        let of_raycl: &[Row] = &[
-            ("raster", "traversal=raster", None),
-            ("deferred", "", None),
-            ("tiled", "triangles=tiled", None),
-            ("watertight", "intersector=watertight", None),
-            ("wide", "width=16", Some(DeviceKind::Cpu)),
-            ("wide-common-origin", "intersector=common-origin width=16", Some(DeviceKind::Cpu)),
-            ("wide-pixel-linear", "intersector=pixel-linear width=16", Some(DeviceKind::Cpu)),
-            ("tiled-wide", "triangles=tiled width=4", Some(DeviceKind::Gpu)),
-            (
-                "tiled-pixel-linear",
-                "triangles=tiled intersector=pixel-linear width=16",
-                Some(DeviceKind::Gpu),
-            ),
-            (
-                "tiled-common-origin",
-                "triangles=tiled intersector=common-origin width=8",
-                Some(DeviceKind::Gpu),
-            ),
-            ("bvh", "traversal=bvh intersector=watertight node_width=4", None),
-            ("bvh-packet", "traversal=bvh width=16", Some(DeviceKind::Cpu)),
-            (
-                "tile",
-                "traversal=tile passes=fused intersector=edge-planes width=16 node_width=16 leaf_size=8",
-                Some(DeviceKind::Cpu),
-            ),
-            (
-                "tile-watertight",
-                "traversal=tile passes=fused intersector=watertight width=16 node_width=16 leaf_size=8",
-                Some(DeviceKind::Cpu),
-            ),
-            (
-                "tile-group",
-                "traversal=tile passes=fused intersector=common-origin node_width=32 leaf_size=32 tile=8x8",
-                Some(DeviceKind::Gpu),
-            ),
-            (
-                "tile-group-watertight",
-                "traversal=tile intersector=watertight node_width=32 leaf_size=32 tile=8x8",
-                Some(DeviceKind::Gpu),
-            ),
-        ];
         let strategies = |base: &str, presets: &[Row]| {
             let whole = |&(name, changes, kind): &Row| (name, changed(base, changes), kind);
             presets.iter().map(whole).collect::<Vec<_>>()
         };
-        let expected = [strategies(naive, of_paper), strategies(&deferred, of_raycl)].concat();
+        let expected = [strategies(naive, OF_PAPER), strategies(&deferred, OF_RAYCL)].concat();
         let all = PRESETS.iter().map(|preset| (preset.name, preset.strategy.to_string(), preset.meant_for));
         assert_eq!(all.collect::<Vec<_>>(), expected);
     }

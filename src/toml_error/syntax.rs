@@ -264,7 +264,7 @@ mod tests {
 
     /// Returns the answer about a text that is not TOML.
     fn of(text: &str) -> Option<Answer> {
-        syntax(&DeTable::parse(text).err().expect("this is TOML"), text)
+        syntax(&DeTable::parse(text).expect_err("this is TOML"), text)
     }
 
     #[track_caller]
@@ -344,6 +344,6 @@ mod tests {
             assert_eq!(of(text), None, "{text}");
         }
         let mistyped = toml::from_str::<std::collections::BTreeMap<String, u8>>("x = 'a'\n");
-        assert_eq!(syntax(&mistyped.err().expect("a mistake"), "x = 'a'\n"), None, "this is TOML");
+        assert_eq!(syntax(&mistyped.expect_err("a mistake"), "x = 'a'\n"), None, "this is TOML");
     }
 }
