@@ -3,15 +3,33 @@
 
 use super::errors::{CallError, compiler_log};
 use super::panics::noted;
+use ocl::core::Kernel;
 use ocl::enums::Status;
 use ocl::ffi;
 use ocl::{Device, Platform, Program};
 use std::ffi::{CStr, c_void};
+use std::mem::transmute;
 use std::ptr;
 
 /// The largest answer, in bytes, that raycl accepts to a query. A driver that announces an answer of more than
 /// `LARGEST_BYTES` bytes is broken.
 const LARGEST_BYTES: usize = 1 << 30;
+
+/// The extension that has the function `clGetKernelSubGroupInfoKHR`.
+const SUB_GROUPS: &str = "cl_khr_subgroups";
+
+/// The function `clGetKernelSubGroupInfoKHR`: kernel, device, query, size of the input, input, size of the memory for
+/// the answer, this memory, and the answer's size.
+type SubGroupInfo = unsafe extern "system" fn(
+    ffi::cl_kernel,
+    ffi::cl_device_id,
+    u32,
+    usize,
+    *const c_void,
+    usize,
+    *mut c_void,
+    *mut usize,
+) -> i32;
 
 /// The text that raycl shows if the compiler rejects a program without a message.
 const UNEXPLAINED: &str = "the compiler rejects the program, and says nothing about the reason";
@@ -98,6 +116,34 @@ pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
     // SAFETY: `answer` passes memory of `size` bytes.
     let ask = |size, value, needed| unsafe { ffi::clGetPlatformInfo(platform, query, size, value, needed) };
     answer(ask).map(|bytes| one_line(&bytes)).map_err(|status| returned("clGetPlatformInfo", status))
+}
+
+/// Returns the number of work-items in the sub-groups of a kernel that is started with this local size. Returns `None`
+/// if the driver does not say.
+pub fn sub_group_size(device: Device, kernel: &Kernel, local_size: [usize; 2]) -> Option<usize> {
+    let (info, device, kernel) = (sub_group_info(device)?, device.as_core().as_raw(), kernel.as_ptr());
+    let query = ffi::CL_KERNEL_MAX_SUB_GROUP_SIZE_FOR_NDRANGE;
+    let (input, bytes) = (local_size.as_ptr().cast(), size_of_val(&local_size));
+    // SAFETY: the input has `bytes` bytes, and `answer` passes memory of `size` bytes.
+    let ask = |size, value, needed| unsafe { info(kernel, device, query, bytes, input, size, value, needed) };
+    Some(usize::from_ne_bytes(answer(ask).ok()?.try_into().ok()?))
+}
+
+/// Returns the function that answers queries about sub-groups. Returns `None` if the device does not list the
+/// function's extension: loaders return a function even if the driver has none, and this function crashes (PoCL 3.1).
+fn sub_group_info(device: Device) -> Option<SubGroupInfo> {
+    let extensions = one_line(&device_answer(device, ffi::CL_DEVICE_EXTENSIONS).ok()?);
+    if !extensions.split(' ').any(|extension| extension == SUB_GROUPS) {
+        return None;
+    }
+    let platform = device_answer(device, ffi::CL_DEVICE_PLATFORM).ok()?;
+    let platform = usize::from_ne_bytes(platform.try_into().ok()?) as ffi::cl_platform_id;
+    let name = c"clGetKernelSubGroupInfoKHR".as_ptr();
+    // SAFETY: the driver returned the platform's handle, and the name ends with a zero byte.
+    let address = unsafe { ffi::clGetExtensionFunctionAddressForPlatform(platform, name) };
+    // SAFETY: the address is null or that of a function with this signature. An `Option` of a function is null if it
+    // is `None`.
+    unsafe { transmute::<*mut c_void, Option<SubGroupInfo>>(address) }
 }
 
 /// Returns a text of a driver, such as a name, as one line: line breaks and tabs become blanks. Zero bytes and blanks

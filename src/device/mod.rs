@@ -24,7 +24,7 @@ pub mod variables;
 pub use alike::check_alike;
 pub(crate) use common_name::{both_names, common_name, common_names};
 pub(crate) use compiling::compile;
-pub(crate) use direct::build;
+pub(crate) use direct::{build, sub_group_size};
 pub use discover::{Survey, discover, no_device_advice, survey};
 pub(crate) use errors::{CallError, lacks_resources, without_frame};
 pub use hardware::Hardware;

@@ -1,6 +1,7 @@
 //! The errors because of which a frame cannot be prepared or cast.
 
 use crate::device::{DeviceInfo, lacks_resources, note_failure, without_frame};
+use crate::manifest::GROUP_LANES;
 use crate::sensor::{UsedMemory, used_memory};
 use crate::sources::some_of;
 use ocl::enums::Status;
@@ -25,6 +26,17 @@ pub enum LaunchError {
         most: usize,
         /// Number of work-items in the local size.
         items: usize,
+    },
+    /// The sub-groups of the kernel have more or fewer work-items than the 32 that share a tile.
+    #[error(
+        "the driver makes sub-groups of {size} work-items for the kernel {kernel}, which needs sub-groups of {needed}",
+        needed = GROUP_LANES
+    )]
+    SubGroups {
+        /// The name of the kernel.
+        kernel: String,
+        /// Number of work-items in a sub-group of the kernel.
+        size: usize,
     },
     /// No argument fits a parameter in the manifest (raycl's table of kernels): a bug in raycl.
     #[error("a bug in raycl: the kernel {kernel} has no argument for its parameter {parameter}")]

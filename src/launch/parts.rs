@@ -7,8 +7,8 @@ use super::buffers::allocate;
 use super::frame::Pass;
 use super::setup::{Setup, Working, sees_sky};
 use super::steps::{Step, Steps};
-use crate::device::LaneOperations;
-use crate::manifest::{self, NO_HIT, Role};
+use crate::device::{LaneOperations, sub_group_size};
+use crate::manifest::{self, GROUP_LANES, NO_HIT, Role};
 use crate::strategy::Requirements;
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
@@ -31,7 +31,7 @@ pub(super) struct Parts<'a> {
 impl<'a> Parts<'a> {
     /// Returns a kernel with `items` work-items across and down. If `items` is `None`, the kernel gets as many
     /// work-items as the frame's pixels need ([`Self::pixel_items`]). Returns an error if the kernel does not support
-    /// the local size, or uses more `__local` memory than the user's files state.
+    /// the local size, has sub-groups of a wrong size, or uses more `__local` memory than the user's files state.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -46,6 +46,7 @@ impl<'a> Parts<'a> {
         builder.local_work_size(self.setup.workload.local_size.map(|n| n as usize));
         let built = self.setup.build(kernel, &builder)?;
         self.check_work_group(&built, kernel.name)?;
+        self.check_sub_groups(&built, kernel.name)?;
         self.check_local_memory(&built, kernel.name)?;
         Ok(built)
     }
@@ -70,6 +71,18 @@ impl<'a> Parts<'a> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Returns [`LaunchError::SubGroups`] if work-items exchange values by sub-groups, and the sub-groups of the
+    /// kernel have another size than a tile needs. The test of lane operations shows only that the sub-groups of its
+    /// own kernel have the right size: a driver may choose another size for each kernel.
+    fn check_sub_groups(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
+        let Setup { queue, workload, lanes, .. } = self.setup;
+        if lanes != LaneOperations::SubGroups {
+            return Ok(());
+        }
+        let local_size = workload.local_size.map(|n| n as usize);
+        sub_groups_suit(name, sub_group_size(queue.device, kernel, local_size))
     }
 
     /// Returns [`LaunchError::OwnHeader`] if the kernel uses more `__local` memory than the headers of the
@@ -188,5 +201,27 @@ impl<'a> Parts<'a> {
             steps.push((Pass::Primary, Step::Run(kernel)));
         }
         Ok(steps)
+    }
+}
+
+/// Returns an error if the sub-groups of a kernel have another size than a tile needs. If the size is `None`, it is
+/// unknown, and counts as right.
+fn sub_groups_suit(kernel: &str, size: Option<usize>) -> Result<(), LaunchError> {
+    match size {
+        Some(size) if size != GROUP_LANES as usize => {
+            Err(LaunchError::SubGroups { kernel: kernel.to_owned(), size })
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sub_groups_of_another_size_than_a_tile_needs_are_refused() {
+        let suit = |size| sub_groups_suit("tile_cast", size).is_ok();
+        assert_eq!([None, Some(32), Some(16), Some(64)].map(suit), [true, true, false, false]);
     }
 }

@@ -6,6 +6,7 @@ use super::refused::Refused;
 use super::scene::{move_lights, replace_lights};
 use super::setup::{Setup, sees_sky};
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue, preprocess_for};
+use crate::device::LaneOperations;
 use crate::error::Result as OrError;
 use crate::program::preprocess::Preprocessed;
 use crate::program::{BuildError, BuiltProgram, CompiledKernel, ProgramCache, ProgramSpec, frame_kernels};
@@ -38,6 +39,8 @@ pub struct Prepared {
     pub(super) tree: Option<Arc<DeviceTree>>,
     pub(super) compute_capability: Option<String>,
     pub(super) frames: Frames,
+    /// How work-items that share a tile exchange values.
+    pub(super) lanes: LaneOperations,
     /// The paths of the kernel files in the program that the user added or changed.
     pub(super) own_files: Vec<String>,
 }
@@ -71,6 +74,7 @@ impl Prepared {
             scene: &self.scene,
             uploaded: &self.uploaded,
             tree: self.tree.as_ref(),
+            lanes: self.lanes,
             own_files: &self.own_files,
         }
     }
@@ -177,7 +181,7 @@ fn group_items(kernel: &Kernel) -> Option<u32> {
 mod tests {
     use super::*;
     use crate::accel::TreeUse;
-    use crate::device::discover;
+    use crate::device::{discover, sub_group_size};
     use crate::image::Radiance;
     use crate::launch::alone::reports_local_memory;
     use crate::launch::{HostTree, Session};
@@ -230,6 +234,16 @@ mod tests {
         let after = cast(&caster);
         let (_, new) = prepare(&bright, &deferred());
         assert!(after != before && after == cast(&new));
+    }
+
+    /// PoCL 3.1 has no sub-groups, and crashes if it is asked for their size.
+    #[test]
+    fn the_size_of_sub_groups_is_asked_only_where_a_device_has_them() {
+        let (prepared, caster) = prepare(&Arc::new(scene("triangle.toml")), &deferred());
+        for kernel in caster.kernels() {
+            let size = sub_group_size(prepared.queue.device, kernel, [1, 1]);
+            assert!(size.is_none_or(|size| size > 0), "{size:?}");
+        }
     }
 
     #[test]

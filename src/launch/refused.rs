@@ -38,7 +38,8 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 /// The remedy if a work-group needs more memory than a limit allows, but a smaller work-group would need less
 /// than the limit.
 const SMALLER_GROUP: &str = "choose a smaller --local-size";
-/// The remedy if the strategy does not support something that the scene has.
+/// The remedy if the strategy does not support something that the scene has, or needs sub-groups that the driver does
+/// not make.
 const ANOTHER: &str =
     "choose another --strategy; `raycl strategies` lists the presets, and all axes with their values";
 
@@ -133,7 +134,11 @@ impl Refused {
                 Error::input(format!("{step} failed: {reason}")).with_help(OWN_HEADER)
             }
             Self::Launch { step, error } => {
-                let remedy = if matches!(error, LaunchError::Resources(_)) { FREE_MEMORY } else { OTHERWISE };
+                let remedy = match error {
+                    LaunchError::Resources(_) => FREE_MEMORY,
+                    LaunchError::SubGroups { .. } => ANOTHER,
+                    _ => OTHERWISE,
+                };
                 Error::run(format!("{step} failed: {reason}")).with_help(remedy)
             }
         }
@@ -174,6 +179,16 @@ mod tests {
         assert_eq!((error.exit_code(), error.remedy()), (2, ANOTHER_SIZE));
         let message = "preparing the frame failed: the local size has 1024 work-items; the compiled kernel \
                        cast_frame supports at most 512";
+        assert_eq!(error.to_string(), message);
+    }
+
+    #[test]
+    fn if_sub_groups_have_another_size_another_strategy_is_advised() {
+        let error = LaunchError::SubGroups { kernel: "tile_cast".to_owned(), size: 16 };
+        let error = Refused::at("preparing the frame")(error).into_error(&device());
+        assert_eq!((error.exit_code(), error.remedy()), (1, ANOTHER));
+        let message = "preparing the frame failed: the driver makes sub-groups of 16 work-items for the kernel \
+                       tile_cast, which needs sub-groups of 32";
         assert_eq!(error.to_string(), message);
     }
 

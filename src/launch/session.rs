@@ -298,6 +298,7 @@ impl Session {
             tree: self.shared.tree(strategy),
             compute_capability: self.compute_capability.clone(),
             frames: self.frames.clone(),
+            lanes: strategy.lane_operations(self.builtins),
         })
     }
 

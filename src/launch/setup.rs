@@ -3,7 +3,7 @@
 use super::arguments::Arguments;
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, LaunchError, Queue};
-use crate::device::power_of_two;
+use crate::device::{LaneOperations, power_of_two};
 use crate::manifest::{self, Role};
 use crate::program::BuiltProgram;
 use crate::scene::{Camera, Sample, SampleLight, Scene};
@@ -30,6 +30,8 @@ pub(super) struct Setup<'a> {
     pub uploaded: &'a DeviceScene,
     /// The scene's tree on the device, if the strategy uses a tree.
     pub tree: Option<&'a Arc<DeviceTree>>,
+    /// How work-items that share a tile exchange values.
+    pub lanes: LaneOperations,
     /// The paths of the kernel files in the program that the user added or changed.
     pub own_files: &'a [String],
 }
