@@ -248,6 +248,17 @@ impl Error {
         self
     }
 
+    /// Puts `words` in front of the message, such as the device on which the command failed.
+    #[must_use]
+    pub fn preceded_by(mut self, words: &str) -> Self {
+        let words = plain(words);
+        match &mut self {
+            Self::Input(error) => error.message.insert_str(0, &words),
+            Self::Run { message, .. } | Self::Interrupted { message, .. } => message.insert_str(0, &words),
+        }
+        self
+    }
+
     /// Adds `how`, a text that says how to continue the command, to the remedy. If the run failed, the text
     /// `how` follows the error's own remedy. If the run was interrupted, the text `how` replaces the error's
     /// own remedy. A mistake in the input is returned unchanged, since the command can be continued only when
@@ -458,6 +469,7 @@ mod tests {
             Error::withheld("a\u{1b}", 1, "b"),
             located("a\u{1b}".into()),
             Error::input("a\u{1b}").placed(located),
+            Error::run("a").preceded_by("b\u{1b}"),
         ] {
             let shown = format!("{error} {}", error.remedy());
             assert!(!error.remedy().is_empty() && !shown.contains('\u{1b}'), "{shown:?}");
@@ -487,6 +499,15 @@ mod tests {
             assert_eq!((error.exit_code(), error.to_string().as_str()), (code, words));
             assert!(error.remedy().starts_with(remedy), "{words}: {}", error.remedy());
             assert_eq!(error.with_help("c").remedy(), "c");
+        }
+    }
+
+    #[test]
+    fn words_in_front_of_a_message_change_neither_its_kind_nor_its_remedy() {
+        for (error, code) in [(Error::input("a"), 2), (Error::run("a"), 1)] {
+            let error = error.with_help("c").preceded_by("on b: ");
+            assert_eq!((error.to_string().as_str(), error.remedy()), ("on b: a", "c"));
+            assert_eq!(error.exit_code(), code);
         }
     }
 

@@ -79,7 +79,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them; without
-    /// this option, devices that slow the frame down or cannot be prepared are left out
+    /// this option, devices that slow the frame down, cannot be prepared or fail are left out
     #[arg(long, requires = "devices", conflicts_with_all = ["device", "watch", "layers", "adaptive", motion::MOVING])]
     every_device: bool,
     #[command(flatten)]

@@ -1,9 +1,9 @@
 //! Casts one frame on several devices, a band of rows on each.
 
 use super::band::{Band, Cost, balance, rows};
-use super::{Caster, FrameTimes, Prepared, Session};
+use super::{Caster, FrameTimes, LaunchError, Prepared, Refused, Session};
 use crate::clock::ms_since;
-use crate::device::{Device, DeviceInfo};
+use crate::device::{Device, DeviceInfo, forget_failures};
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::program::Sources;
@@ -31,6 +31,8 @@ const CASTS: usize = 3;
 /// could save at most a tenth of the frame's time. The slow device would cost time if its rows took slightly
 /// longer than measured.
 const SLOWEST: f64 = 10.0;
+/// The step in which a device casts a frame, for messages.
+const LAUNCH: &str = "the launch";
 /// The reason why a device casts no part if the frame has too few rows for all devices.
 const NO_ROWS: &str = "its part of the frame would be less than one row of work-groups";
 
@@ -49,7 +51,8 @@ pub struct Split<'a> {
     pub repeat: u32,
     /// True if the image is verified against the reference.
     pub verifies: bool,
-    /// True if devices that slow the frame down are used too, and a device that cannot be prepared is an error.
+    /// True if devices that slow the frame down are used too, and a device that cannot be prepared, or that fails, is
+    /// an error.
     pub every_device: bool,
 }
 
@@ -102,10 +105,35 @@ pub struct Whole {
     pub hits: usize,
     /// The part of the frame that each device has cast, with its times.
     pub shares: Vec<Share>,
-    /// Devices that were left out: they could not be prepared, they would have slowed the frame down, or the frame has
-    /// too few rows.
+    /// Devices that were left out: they could not be prepared, they failed, they would have slowed the frame down, or
+    /// the frame has too few rows.
     pub left_out: Vec<LeftOut>,
 }
+
+/// A device's part of a frame: its rows of pixels, the number of its pixels that hit something, and its times.
+type Part = (Radiance, usize, Share);
+
+/// A device that failed, with the reason, and the error that ends the command if the command needs this device. The
+/// error names the device.
+type Lost = (LeftOut, Error);
+
+/// Why the devices did not cast a frame together.
+#[derive(Debug)]
+enum Failure {
+    /// One of the devices failed.
+    Device(Lost),
+    /// This process failed: no device is to blame.
+    Process(Error),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self::Process(error)
+    }
+}
+
+/// The result of work on devices that are ready.
+type Tried<T> = std::result::Result<T, Failure>;
 
 /// A device that is ready to cast.
 struct Ready {
@@ -123,11 +151,46 @@ impl Ready {
 
     /// Makes a caster for the pixel rows from `first` to `end` of a frame. The rows are extended to whole
     /// work-groups.
-    fn caster(&self, image_size: [u32; 2], [first, end]: [u32; 2]) -> Result<Caster> {
+    fn caster(&self, image_size: [u32; 2], [first, end]: [u32; 2]) -> Tried<Caster> {
         let group = self.group_height();
         let band: Band = (first / group) as usize..end.div_ceil(group) as usize;
         let caster = self.prepared.caster_of(&self.at(image_size), Some(band));
-        caster.map_err(|refused| refused.into_error(&self.info))
+        caster.map_err(|refused| self.refused(refused))
+    }
+
+    /// Returns the failure of this device for the reason `refused`.
+    fn refused(&self, refused: Refused) -> Failure {
+        let error = refused.into_error(&self.info);
+        Failure::Device(lost(&self.info, error.to_string(), error))
+    }
+
+    /// Returns a function that converts an error of the step `step` to the failure of this device.
+    fn failed(&self, step: &'static str) -> impl Fn(LaunchError) -> Failure {
+        move |error| self.refused(Refused::at(step)(error))
+    }
+
+    /// Casts the first frame of a caster, in which the driver may compile. Only one device at a time casts the
+    /// first frame of a caster. If two devices of one process compile a kernel at the same time, PoCL 3.1
+    /// miscounts the users of the kernel, and aborts when the devices release the kernel.
+    fn cast_first(&self, caster: &Caster) -> Tried<()> {
+        static TURN: Mutex<()> = Mutex::new(());
+        // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread
+        // that holds the lock is harmless.
+        let _turn = locked(&TURN);
+        caster.cast().map(drop).map_err(self.failed(LAUNCH))
+    }
+
+    /// Returns the shortest device time of a few casts, in milliseconds. The first cast, in which the driver may
+    /// compile, is not timed.
+    fn fastest_ms(&self, caster: &Caster) -> Tried<f64> {
+        self.cast_first(caster)?;
+        Ok(self.cast_times(caster)?.into_iter().fold(f64::INFINITY, f64::min).max(1e-6))
+    }
+
+    /// Returns the device times of a few casts, in milliseconds.
+    fn cast_times(&self, caster: &Caster) -> Tried<Vec<f64>> {
+        let cast = |_| caster.cast().map(|times| times.frame_ms).map_err(self.failed(LAUNCH));
+        (0..CASTS).map(cast).collect()
     }
 
     /// Returns the number of pixel rows in a work-group.
@@ -136,24 +199,24 @@ impl Ready {
     }
 
     /// Measures how long the device takes for a whole frame of `image_size`, in milliseconds.
-    fn whole_ms(&self, image_size: [u32; 2]) -> Result<f64> {
-        fastest_ms(&self.caster(image_size, [0, image_size[1]])?)
+    fn whole_ms(&self, image_size: [u32; 2]) -> Tried<f64> {
+        self.fastest_ms(&self.caster(image_size, [0, image_size[1]])?)
     }
 
     /// Measures the time per row of pixels for each part of a frame, from top to bottom. Returns an empty
     /// list if there are fewer rows of work-groups than parts.
-    fn parts(&self, image_size: [u32; 2]) -> Result<Vec<f64>> {
+    fn parts(&self, image_size: [u32; 2]) -> Tried<Vec<f64>> {
         let (group, height) = (self.group_height(), image_size[1]);
         let groups = height.div_ceil(group) as usize;
         let end = |part: usize| ((groups * part / PARTS) as u32 * group).min(height);
         if groups < PARTS {
             return Ok(Vec::new());
         }
-        let part_ms = |part: usize| {
+        let part_ms = |part: usize| -> Tried<f64> {
             let rows = [end(part), end(part + 1)];
             // The parts of the frame may differ in height by a row of work-groups, so a part's cost is given
             // per row of pixels.
-            Ok(fastest_ms(&self.caster(image_size, rows)?)? / f64::from(rows[1] - rows[0]))
+            Ok(self.fastest_ms(&self.caster(image_size, rows)?)? / f64::from(rows[1] - rows[0]))
         };
         (0..PARTS).map(part_ms).collect()
     }
@@ -188,19 +251,42 @@ impl Team<'_> {
     }
 }
 
-fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("a device failed: {error}"))
-        .with_help("leave this device out of --devices; to find out which device it is, cast on each device alone, with --device; `raycl devices` lists all devices")
-}
-
 impl Split<'_> {
     /// Casts the frame on several devices at the same time. Leaves out devices for which the frame has too few rows.
-    /// Unless `every_device` is true, also leaves out devices that cannot be prepared, and devices that would slow the
-    /// frame down.
+    /// Unless `every_device` is true, also leaves out devices that cannot be prepared or fail, and devices that would
+    /// slow the frame down.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
-        let (ready, mut left_out) = self.all_ready(castings)?;
-        let (team, slow) = self.team(&ready)?;
-        left_out.extend(slow);
+        let (ready, lost) = self.all_ready(castings)?;
+        self.cast_ready(ready, lost)
+    }
+
+    /// Casts the frame on devices that are ready; `lost` are the devices that failed before. If a device fails, it is
+    /// left out, and the others begin again. Returns the first device's error if all devices have failed, or if
+    /// `every_device` is true and a device has failed.
+    fn cast_ready(&self, mut ready: Vec<Ready>, mut lost: Vec<Lost>) -> Result<Whole> {
+        loop {
+            if ready.is_empty() || self.every_device && !lost.is_empty() {
+                return Err(lost.into_iter().next().map_or_else(no_device, |(_, error)| error));
+            }
+            match self.cast_together(&ready) {
+                Ok((parts, others)) => {
+                    let left_out = lost.into_iter().map(|(left_out, _)| left_out).chain(others).collect();
+                    return Ok(joined(self.image_size, parts, left_out));
+                }
+                Err(Failure::Process(error)) => return Err(error),
+                Err(Failure::Device((left_out, error))) => {
+                    forget_failures();
+                    ready.retain(|one| one.info.label != left_out.device);
+                    lost.push((left_out, error));
+                }
+            }
+        }
+    }
+
+    /// Casts the frame on devices that are ready. Returns the parts of the frame, and the devices that are left out
+    /// because they would slow the frame down, or because the frame has too few rows for them.
+    fn cast_together(&self, ready: &[Ready]) -> Tried<(Vec<Part>, Vec<LeftOut>)> {
+        let (team, mut left_out) = self.team(ready)?;
         let rows = team.rows(self.image_size[1]);
         let (pairs, idle): (Vec<(&Ready, [u32; 2])>, Vec<_>) =
             team.ready.into_iter().zip(rows).partition(|(_, [first, end])| first < end);
@@ -209,28 +295,20 @@ impl Split<'_> {
                 .map(|(ready, _)| LeftOut { device: ready.info.label.clone(), reason: NO_ROWS.to_owned() }),
         );
         let parts = at_once(&pairs, |(ready, rows)| self.cast_rows(ready, *rows))?;
-        Ok(joined(self.image_size, parts, left_out))
+        Ok((parts.into_iter().collect::<Tried<_>>()?, left_out))
     }
 
-    /// Prepares the devices. A device that cannot be prepared is left out with the reason. Returns the first device's
-    /// error if no device can be prepared, or if `every_device` is true and a device cannot be prepared.
-    fn all_ready(&self, castings: &[Casting]) -> Result<(Vec<Ready>, Vec<LeftOut>)> {
-        let (mut ready, mut left_out, mut errors) = (Vec::new(), Vec::new(), Vec::new());
-        let results = at_once(castings, |casting| Ok(self.ready(casting)))?;
+    /// Prepares the devices. Returns the devices that are ready, and those that cannot be prepared.
+    fn all_ready(&self, castings: &[Casting]) -> Result<(Vec<Ready>, Vec<Lost>)> {
+        let (mut ready, mut all_lost) = (Vec::new(), Vec::new());
+        let results = at_once(castings, |casting| self.ready(casting))?;
         for (casting, result) in castings.iter().zip(results) {
             match result {
                 Ok(one) => ready.push(one),
-                Err(error) => {
-                    let (device, reason) = (casting.device.info.label.clone(), not_ready(&error));
-                    left_out.push(LeftOut { device, reason });
-                    errors.push(error);
-                }
+                Err(error) => all_lost.push(lost(&casting.device.info, not_ready(&error), error)),
             }
         }
-        if ready.is_empty() || self.every_device && !errors.is_empty() {
-            return Err(errors.into_iter().next().unwrap_or_else(|| failed("no device was given")));
-        }
-        Ok((ready, left_out))
+        Ok((ready, all_lost))
     }
 
     fn ready(&self, casting: &Casting) -> Result<Ready> {
@@ -251,14 +329,16 @@ impl Split<'_> {
     /// faster than the fastest device alone, the slowest device is left out, and the others cast the trial
     /// frame again. Devices are left out until the remaining devices are faster together, or until one device
     /// remains. If `every_device` is true, no device is left out.
-    fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
+    fn team<'a>(&self, ready: &'a [Ready]) -> Tried<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
         let mut left_out = Vec::new();
         let trial = self.trial(&mut team, &mut left_out)?;
         if team.ready.len() > 1 {
             let parts = at_once(&team.ready, |ready| ready.parts(trial))?;
-            team.costs.iter_mut().zip(parts).for_each(|(cost, parts)| cost.parts = parts);
+            for (cost, parts) in team.costs.iter_mut().zip(parts) {
+                cost.parts = parts?;
+            }
         }
         while team.ready.len() > 1 && !self.every_device {
             let (together_ms, alone_ms) = (together_ms(&team, trial)?, team.alone_ms());
@@ -275,7 +355,7 @@ impl Split<'_> {
     /// each device takes for each trial frame (the frame, usually at a smaller size). Moves devices that are much
     /// slower than the fastest from `team` to `left_out`, unless `every_device` is true: for a larger frame, the
     /// difference would be even larger.
-    fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
+    fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Tried<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
             let (trial, smaller) = trial_size(self.image_size, rows);
@@ -299,13 +379,13 @@ impl Split<'_> {
         }
     }
 
-    fn cast_rows(&self, ready: &Ready, rows: [u32; 2]) -> Result<(Radiance, usize, Share)> {
+    fn cast_rows(&self, ready: &Ready, rows: [u32; 2]) -> Tried<Part> {
         let caster = ready.caster(self.image_size, rows)?;
-        cast_first(&caster)?;
-        let cast = || caster.cast_samples(&self.scene.camera, &self.sampling).map_err(failed);
-        let frames = (0..self.repeat.max(1)).map(|_| cast()).collect::<Result<_>>()?;
+        ready.cast_first(&caster)?;
+        let cast = || caster.cast_samples(&self.scene.camera, &self.sampling).map_err(ready.failed(LAUNCH));
+        let frames = (0..self.repeat.max(1)).map(|_| cast()).collect::<Tried<_>>()?;
         let start = Instant::now();
-        let (part, hits) = caster.read_rows(rows).map_err(failed)?;
+        let (part, hits) = caster.read_rows(rows).map_err(ready.failed("reading the image"))?;
         let share = Share {
             device: ready.info.label.clone(),
             strategy: ready.strategy,
@@ -318,6 +398,20 @@ impl Split<'_> {
         };
         Ok((part, hits, share))
     }
+}
+
+/// Returns the error if no device was given: a bug in raycl, since a selection of no device is an error.
+fn no_device() -> Error {
+    Error::fault("no device was given to cast the frame")
+}
+
+/// Returns the device that is lost because of `error`, and the error with the device's label. `reason` says why the
+/// device is left out if the command can go on without it.
+fn lost(info: &DeviceInfo, reason: String, error: Error) -> Lost {
+    let device = info.label.clone();
+    let is_named = error.to_string().contains(&device);
+    let error = if is_named { error } else { error.preceded_by(&format!("on {device}: ")) };
+    (LeftOut { device, reason }, error)
 }
 
 /// Returns the reason why a device that cannot be prepared is left out.
@@ -341,7 +435,7 @@ fn trial_size([width, height]: [u32; 2], rows: u32) -> ([u32; 2], u32) {
 }
 
 /// Joins the parts of a frame, from top to bottom.
-fn joined([width, height]: [u32; 2], parts: Vec<(Radiance, usize, Share)>, left_out: Vec<LeftOut>) -> Whole {
+fn joined([width, height]: [u32; 2], parts: Vec<Part>, left_out: Vec<LeftOut>) -> Whole {
     let mut image = Radiance { width, height, pixels: Vec::new(), coverage: Vec::new() };
     let (mut hits, mut shares) = (0, Vec::new());
     for (part, part_hits, share) in parts {
@@ -358,48 +452,26 @@ fn joined([width, height]: [u32; 2], parts: Vec<(Radiance, usize, Share)>, left_
 
 /// Returns the time in milliseconds of the slowest device when all devices cast their rows of a frame at the same time.
 /// A device's time is the median of a few casts.
-fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
+fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Tried<f64> {
     let rows = team.rows(image_size[1]);
     let pairs: Vec<(&Ready, [u32; 2])> =
         team.ready.iter().copied().zip(rows).filter(|(_, [first, end])| first < end).collect();
     let all_there = Barrier::new(pairs.len());
-    let times = at_once(&pairs, |(ready, rows)| {
-        let caster = ready.caster(image_size, *rows).and_then(|caster| cast_first(&caster).map(|()| caster));
+    let times = at_once(&pairs, |(ready, rows)| -> Tried<f64> {
+        let caster = ready.caster(image_size, *rows);
+        let caster = caster.and_then(|caster| ready.cast_first(&caster).map(|()| caster));
         // The thread of a device that failed must reach the barrier, too: the other threads wait at the
         // barrier for all threads.
         all_there.wait();
-        let mut times = cast_times(&caster?)?;
+        let mut times = ready.cast_times(&caster?)?;
         times.sort_unstable_by(f64::total_cmp);
         Ok(times[times.len() / 2])
     })?;
-    Ok(times.into_iter().fold(0.0, f64::max))
-}
-
-/// Casts the first frame of a caster, in which the driver may compile. Only one device at a time casts the
-/// first frame of a caster. If two devices of one process compile a kernel at the same time, PoCL 3.1
-/// miscounts the users of the kernel, and aborts when the devices release the kernel.
-fn cast_first(caster: &Caster) -> Result<()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread
-    // that holds the lock is harmless.
-    let _turn = locked(&TURN);
-    caster.cast().map(drop).map_err(failed)
-}
-
-/// Returns the shortest device time of a few casts, in milliseconds. The first cast, in which the driver may
-/// compile, is not timed.
-fn fastest_ms(caster: &Caster) -> Result<f64> {
-    cast_first(caster)?;
-    Ok(cast_times(caster)?.into_iter().fold(f64::INFINITY, f64::min).max(1e-6))
-}
-
-/// Returns the device times of a few casts, in milliseconds.
-fn cast_times(caster: &Caster) -> Result<Vec<f64>> {
-    (0..CASTS).map(|_| caster.cast().map(|times| times.frame_ms).map_err(failed)).collect()
+    times.into_iter().try_fold(0.0, |longest, ms| Ok(f64::max(longest, ms?)))
 }
 
 /// Calls `work` for each element, in a separate thread per element.
-fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -> Result<Vec<B>> {
+fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> B + Sync) -> Result<Vec<B>> {
     in_threads(all, Builder::new, work)
 }
 
@@ -408,7 +480,7 @@ fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -
 fn in_threads<A: Sync, B: Send>(
     all: &[A],
     mut builder: impl FnMut() -> Builder,
-    work: impl Fn(&A) -> Result<B> + Sync,
+    work: impl Fn(&A) -> B + Sync,
 ) -> Result<Vec<B>> {
     let work = &work;
     std::thread::scope(|scope| {
@@ -425,8 +497,8 @@ fn in_threads<A: Sync, B: Send>(
             thread
         });
         let threads: Vec<_> = begun.collect();
-        let panicked = || Err(failed("its thread panicked"));
-        threads.into_iter().map(|thread| thread.join().ok().flatten().unwrap_or_else(panicked)).collect()
+        let panicked = || Error::fault("a thread that used a device panicked");
+        threads.into_iter().map(|thread| thread.join().ok().flatten().ok_or_else(panicked)).collect()
     })
 }
 
@@ -498,9 +570,8 @@ mod tests {
     #[test]
     fn a_team_leaves_out_its_slowest_device_and_is_compared_with_its_fastest() {
         let split = split(1);
-        let ready =
-            at_once(&castings(&[("a", "naive"), ("b", "naive"), ("c", "naive")]), |one| split.ready(one));
-        let ready = ready.unwrap();
+        let castings = castings(&[("a", "naive"), ("b", "naive"), ("c", "naive")]);
+        let ready = split.all_ready(&castings).unwrap().0;
         let cost = |whole_ms| Cost { whole_ms, parts: Vec::new() };
         let costs = [4.0, 12.0, 6.0].map(cost).into();
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -522,10 +593,62 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_needs_a_device_and_a_device_that_fails_is_to_be_left_out() {
+    fn a_frame_needs_a_device() {
         let error = split(1).cast(&[]).err().expect("there is no device");
-        assert_eq!(error.to_string(), "a device failed: no device was given");
-        assert!(error.remedy().contains("leave this device out of --devices"), "{}", error.remedy());
+        assert_eq!(error.to_string(), "no device was given to cast the frame");
+        assert!(error.exit_code() == 1 && error.remedy().contains("a bug in raycl"), "{}", error.remedy());
+    }
+
+    /// Returns two devices that are ready. The second one fails when it casts: its work-groups are too large.
+    fn the_second_fails(split: &Split<'_>) -> Vec<Ready> {
+        let castings = castings(&[("cpu-a", "deferred"), ("cpu-b", "deferred")]);
+        let mut ready = split.all_ready(&castings).unwrap().0;
+        ready[1].prepared.workload.local_size = [1 << 20, 1];
+        ready
+    }
+
+    #[test]
+    fn a_device_that_fails_is_left_out_with_the_reason_unless_all_are_wanted() {
+        let some = Split { every_device: false, ..split(1) };
+        let whole = some.cast_ready(the_second_fails(&some), Vec::new()).unwrap();
+        assert_eq!((whole.shares.len(), whole.shares[0].rows), (1, [0, SIZE[1]]));
+        assert_eq!((whole.shares[0].device.as_str(), whole.left_out.len()), ("cpu-a", 1));
+        let LeftOut { device, reason } = &whole.left_out[0];
+        let said = "preparing the frame failed: the local size has 1048576 work-items";
+        assert!(device == "cpu-b" && reason.starts_with(said), "{device}: {reason}");
+        let every = split(1);
+        let error = every.cast_ready(the_second_fails(&every), Vec::new()).err().unwrap();
+        assert!(error.to_string().starts_with(&format!("on cpu-b: {said}")), "{error}");
+        let mut ready = the_second_fails(&some);
+        let alone = some.cast_ready(vec![ready.remove(1)], Vec::new()).err().unwrap();
+        assert_eq!((alone.to_string(), alone.exit_code()), (error.to_string(), 2));
+    }
+
+    #[test]
+    fn a_failure_names_its_device_and_has_the_exit_code_and_the_advice_of_its_cause() {
+        let split = split(1);
+        let ready = split.ready(&castings(&[("cpu-a", "naive")])[0]).unwrap();
+        let heap = LaunchError::HeapExhausted { used: 2, size: 1, has_own_file: true };
+        for (error, code, advice) in [
+            (heap, 2, "docs/own-kernels.md"),
+            (LaunchError::OpenCl("clFinish returned -5".to_owned()), 1, "another --strategy"),
+        ] {
+            let reason = format!("reading the image failed: {error}");
+            let Failure::Device((left_out, error)) = ready.failed("reading the image")(error) else {
+                panic!("the device is to blame")
+            };
+            assert_eq!((left_out.device.as_str(), left_out.reason.as_str()), ("cpu-a", reason.as_str()));
+            assert_eq!((error.to_string(), error.exit_code()), (format!("on cpu-a: {reason}"), code));
+            assert!(error.remedy().contains(advice), "{}", error.remedy());
+        }
+    }
+
+    #[test]
+    fn an_error_that_names_its_device_does_not_name_it_again() {
+        let device = castings(&[("cpu-a", "naive")]).remove(0).device;
+        let named = |message: &str| lost(&device.info, String::new(), Error::input(message)).1.to_string();
+        assert_eq!(named("cpu-a cannot cast this frame"), "cpu-a cannot cast this frame");
+        assert_eq!(named("the build failed"), "on cpu-a: the build failed");
     }
 
     #[test]
@@ -559,13 +682,12 @@ mod tests {
     }
 
     #[test]
-    fn work_at_once_keeps_its_order_and_a_failure_or_a_panic_is_an_error() {
-        assert_eq!(at_once(&[3, 1, 2], |number| Ok(10 * number)).unwrap(), [30, 10, 20]);
-        let failing = at_once(&[1, 2], |number| if *number == 2 { Err(Error::run("full")) } else { Ok(()) });
-        assert_eq!(failing.unwrap_err().to_string(), "full");
-        let panicking =
-            at_once(&[1, 2], |number| if *number == 2 { panic!("a test's panic") } else { Ok(()) });
-        assert_eq!(panicking.unwrap_err().to_string(), "a device failed: its thread panicked");
+    fn work_at_once_keeps_its_order_and_a_panic_is_an_error() {
+        assert_eq!(at_once(&[3, 1, 2], |number| 10 * number).unwrap(), [30, 10, 20]);
+        let failing = at_once(&[1, 2], |number| if *number == 2 { Err("full") } else { Ok(()) });
+        assert_eq!(failing.unwrap(), [Ok(()), Err("full")]);
+        let panicking = at_once(&[1, 2], |number| assert_eq!(*number, 1, "a test's panic"));
+        assert_eq!(panicking.unwrap_err().to_string(), "a thread that used a device panicked");
     }
 
     #[test]
@@ -574,10 +696,7 @@ mod tests {
         let refused = Builder::new().stack_size(1 << (usize::BITS - 1));
         let mut builders = [Builder::new(), refused].into_iter();
         let has_begun = AtomicBool::new(false);
-        let work = |_: &i32| {
-            has_begun.store(true, Ordering::Relaxed);
-            Ok(())
-        };
+        let work = |_: &i32| has_begun.store(true, Ordering::Relaxed);
         let error = in_threads(&[1, 2], || builders.next().unwrap(), work).unwrap_err();
         assert!(!has_begun.into_inner());
         assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");

@@ -40,7 +40,8 @@ struct Report {
     /// The number of primary and shadow rays of all samples, divided by the longest device time in seconds.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
-    /// Devices that were not used, because they would have slowed the frame down or because the frame has too few rows.
+    /// Devices that were not used, because they could not be prepared, because they failed, because they would have
+    /// slowed the frame down, or because the frame has too few rows.
     left_out: Vec<LeftOut>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     frames: u32,
