@@ -197,10 +197,17 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
-    // A sum of ones stops growing at 2^24, where adding 1 is lost by rounding.
+    // A sum of equal powers of two stops growing after 2^24 of them, where adding another one is lost by rounding.
     let reads = f64::from(loops).min(f64::from(1 << 24));
-    expect("__local reads", f64::from(sums[items - 1]), reads * (SLOTS * width) as f64)?;
+    let expected = reads * (SLOTS * width) as f64 * own_number(group - 1);
+    expect("__local reads", f64::from(sums[items - 1]), expected)?;
     read_locally(items, width, &seconds)
+}
+
+/// Returns the number with which a work-item fills its vectors in `__local` memory; `item` is the work-item's
+/// index in its work-group. A work-item that read its neighbour's vectors would find another number there.
+fn own_number(item: usize) -> f64 {
+    f64::from(1 << (item % 4))
 }
 
 /// Returns the bytes per second. In each loop, every work-item reads vectors of `width` floats. `seconds` are
@@ -408,6 +415,25 @@ mod tests {
             let (actual, expected) = (f64::from(sum[0]), after_a_loop(0, width));
             assert!((actual - expected).abs() < 1e-3 * expected, "{width}: {actual}, expected {expected}");
         }
+    }
+
+    /// On most CPUs, a measurement has one work-item per work-group, so this test runs a larger work-group.
+    #[test]
+    fn each_work_item_reads_its_own_vectors_in_local_memory() {
+        const GROUP: usize = 8;
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let rig = Rig::open(&device, &Sources::Embedded).unwrap();
+        let out = rig.buffer::<f32>(GROUP).unwrap();
+        let program = rig.program("peak/local.cl", &[("WIDTH", 4), ("GROUP", GROUP as u64)]).unwrap();
+        let kernel = rig.kernel(&program, "local_rate", [GROUP, GROUP], |kernel| {
+            kernel.arg(3_i32).arg(&out);
+        });
+        rig.launch(&kernel.unwrap()).unwrap();
+        let mut sums = [0.0_f32; GROUP];
+        out.read(&mut sums[..]).enq().unwrap();
+        // In each of three loops, a work-item reads 8 vectors of 4 floats.
+        let expected: Vec<f64> = (0..GROUP).map(|item| 3.0 * 8.0 * 4.0 * own_number(item)).collect();
+        assert_eq!(sums.map(f64::from).to_vec(), expected);
     }
 
     /// The pointer chases in private and `__local` memory end at the same entry, so their results cannot show
