@@ -1,10 +1,10 @@
-//! Tests of offsets and indices, most of which have more than 31 bits. Most of the tests' kernels compute
-//! addresses, but read nothing from these addresses, so that the tests need no large buffers. The kernel of
-//! this file's last test computes indices.
+//! Tests of offsets, indices and positions, many of which have more than 31 bits. Most of the tests' kernels
+//! compute addresses, but read nothing from these addresses, so that the tests need no large buffers. The
+//! kernels of this file's last two tests compute indices, and positions of tiles.
 
 use super::alone::Alone;
-use super::buffers::allocate;
-use crate::manifest::{LIGHT_FLOATS, soup_floats};
+use super::buffers::{allocate, upload};
+use crate::manifest::{LIGHT_FLOATS, SAMPLED_BLOCK, soup_floats};
 use crate::scene::Material;
 use crate::sources::Sources;
 use ocl::Buffer;
@@ -115,4 +115,55 @@ fn the_loop_over_a_queue_ends_at_the_largest_number_of_entries() {
     let device = Alone::of([queued, after], &[], "");
     let most = u64::from(u32::MAX);
     assert_eq!(results_of(&device, "find", 4), [most - 100, most - 40, 0, 0]);
+}
+
+/// Returns the program of a kernel that stores the first column and row of tiles that cover rough blocks. Each
+/// work-item computes the tile of one group. A tile has 8 x 8 rays, and each pixel has 4 x 4 rays. The functions of
+/// tile_gpu/frame.cl that compute the tile come before `// STACK_LOCALS`.
+fn tiles_of_rough_blocks() -> Alone {
+    let text = Sources::Embedded.read_joined("tile_gpu/frame.cl").unwrap().0;
+    let (_, rest) = text.split_once("INLINED int2 tile_in_row").expect("the first function");
+    let (functions, _) = rest.split_once("// STACK_LOCALS").expect("the end of the last function");
+    let after = format!(
+        "#define INLINED
+         #define get_global_id(dimension) 0
+         #define get_group_id(dimension) 0
+         #define get_num_groups(dimension) 1
+         typedef struct {{ int number, bits; }} Group;
+         INLINED int2 tile_in_row{functions}
+         #undef get_global_id
+         __kernel void find(__global int *results, const __global uint *rough, int rough_count) {{
+             Group group;
+             group.number = (int)get_global_id(0), group.bits = 2;
+             const int2 at = unpacked_tile(own_tile(&group, rough, rough_count));
+             results[2 * group.number] = at.x, results[2 * group.number + 1] = at.y;
+         }}"
+    );
+    let options = format!(
+        "-D SAMPLED=1 -D SAMPLED_BLOCK={SAMPLED_BLOCK} -D TILE_X=8 -D TILE_Y=8 -D LOCAL_Y=1 -D TILES_ACROSS=1 \
+         -D TILES_DOWN=1"
+    );
+    Alone::of(["", &after], &["common/samples.cl"], &options)
+}
+
+/// A picture may have 65,536 pixels across and down. A block's column and row therefore have up to 14 bits. A tile's
+/// packed column and row have up to 16 bits.
+#[test]
+fn the_tiles_of_rough_blocks_lie_in_their_blocks() {
+    let blocks: [[u32; 2]; 6] = [[0, 0], [255, 256], [256, 255], [1, 16_383], [16_383, 1], [16_383, 16_383]];
+    let device = tiles_of_rough_blocks();
+    let rough: Vec<u32> = blocks.iter().map(|[column, row]| row << 16 | column).collect();
+    let rough = upload(&device.queue, &rough).unwrap();
+    let items = 4 * blocks.len() + 1;
+    let found: Vec<i32> = device.results(2 * items, |found| {
+        device.kernel("find", items).arg(found).arg(&rough).arg(blocks.len() as i32).build()
+    });
+    // A block has 16 x 16 rays, and so 2 x 2 tiles. The last group has no tile, and gets a position beyond every
+    // picture.
+    let tiles = blocks.iter().flat_map(|block| {
+        [[0, 0], [8, 0], [0, 8], [8, 8]]
+            .map(|within| [0, 1].map(|axis| 16 * block[axis] as i32 + within[axis]))
+    });
+    let expected: Vec<i32> = tiles.chain([[8 * 0xffff, 4 * 0xffff]]).flatten().collect();
+    assert_eq!(found, expected);
 }
