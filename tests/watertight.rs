@@ -2,15 +2,17 @@
 //! meets a net, which is a grid of triangles. No ray leaks with the watertight test under any traversal, nor with the
 //! rasteriser. The leaks of the other ray-triangle tests are counted, to show that the rays do meet edges.
 
+use crate::binary::WorkFolder;
 use crate::common::apart::apart;
 use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
     rays_beside_edges, slivers_beside_the_rays,
 };
 use crate::common::{Stand, compiles_soon};
+use raycl::image::Radiance;
 use raycl::launch::Ray;
 use raycl::program::Sources;
-use raycl::scene::Scene;
+use raycl::scene::{Sample, Sampling, Scene};
 use raycl::strategy::{
     Intersector, NodeWidth, Passes, Records, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
 };
@@ -21,6 +23,11 @@ const RAYS: usize = 60_000;
 /// work-groups are outside.
 const SIDE: u32 = 246;
 const PIXELS: usize = (SIDE * SIDE) as usize;
+/// The side in pixels of the small square images of some tests, which have 6,724 pixels.
+const SMALL_SIDE: u32 = 82;
+/// The number of rays that may leak in small images. On a device that rounds unlike PoCL, about one ray in ten thousand
+/// leaks.
+const FEW: usize = 4;
 const LOCAL_SIZE: [u32; 2] = [8, 2];
 
 fn of(name: &str) -> Strategy {
@@ -97,18 +104,30 @@ impl Meshes {
 
 /// Returns a scene on the device, for square images.
 fn square(kernels: &Sources, scene: Scene) -> Stand {
-    Stand::of(kernels, scene, [SIDE; 2], |builtins| builtins)
+    square_of(SIDE, kernels, scene)
+}
+
+/// Returns a scene on the device, for square images with sides of `side` pixels.
+fn square_of(side: u32, kernels: &Sources, scene: Scene) -> Stand {
+    Stand::of(kernels, scene, [side; 2], |builtins| builtins)
 }
 
 /// Returns two numbers of pixels of a frame: those that are lit, and those whose primary rays hit something.
 fn lit_and_hit(stand: &Stand, strategy: &Strategy) -> (usize, usize) {
     let (image, hits) = stand.cast_and_count(strategy, LOCAL_SIZE).expect("a strategy that fits");
-    (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
+    (lit(&image), hits)
+}
+
+/// Returns the number of pixels that are not black.
+fn lit(image: &Radiance) -> usize {
+    image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count()
 }
 
 /// Scenes with nets (grids of triangles whose vertices and edges rays meet), on the device. Several
 /// strategies cast the same nets, since the trees of the nets take long to build.
 struct Nets {
+    /// The number of pixels, and so of rays, of a frame.
+    pixels: usize,
     /// Two nets in front of the eye: a crumpled net (with vertices at different depths) and a flat net.
     before_the_eye: [Stand; 2],
     /// The net between a light and a floor, which shadow rays meet.
@@ -117,18 +136,25 @@ struct Nets {
 
 impl Nets {
     fn new(kernels: &Sources) -> Self {
+        Self::of_side(SIDE, kernels)
+    }
+
+    /// Returns nets for square images with sides of `side` pixels.
+    fn of_side(side: u32, kernels: &Sources) -> Self {
+        let square = |scene| square_of(side, kernels, scene);
         Self {
-            before_the_eye: [false, true].map(|is_flat| square(kernels, net_before_the_eye(SIDE, is_flat))),
-            before_the_light: square(kernels, net_before_the_light(SIDE, true)),
+            pixels: (side * side) as usize,
+            before_the_eye: [false, true].map(|is_flat| square(net_before_the_eye(side, is_flat))),
+            before_the_light: square(net_before_the_light(side, true)),
         }
     }
 
-    /// Returns the number of primary rays that pass through the crumpled net or the flat net, of [`PIXELS`] rays each.
+    /// Returns the number of primary rays that pass through the crumpled net or the flat net, of `pixels` rays each.
     fn leaks_to(&self, strategy: &Strategy) -> usize {
-        self.before_the_eye.iter().map(|net| PIXELS - lit_and_hit(net, strategy).1).sum()
+        self.before_the_eye.iter().map(|net| self.pixels - lit_and_hit(net, strategy).1).sum()
     }
 
-    /// Returns how many of [`PIXELS`] shadow rays pass through the net in front of the light.
+    /// Returns how many of `pixels` shadow rays pass through the net in front of the light.
     fn leaks_from(&self, strategy: &Strategy) -> usize {
         lit_and_hit(&self.before_the_light, strategy).0
     }
@@ -196,6 +222,51 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
         let lit_and_hit = lit_and_hit(&nets.before_the_light, &strategy);
         assert_eq!(lit_and_hit, (0, PIXELS), "shadow rays: {strategy}");
     }
+}
+
+/// Without `make test-long`, no other test of this file casts tiles that work-items share, since PoCL takes long to
+/// compile them. The program of this test is also that of `rounds_of_lights_of_every_tile` (tests/trees.rs).
+#[test]
+fn tiles_that_work_items_share_leak_hardly_any_ray() {
+    apart!();
+    let nets = Nets::of_side(SMALL_SIDE, &Sources::Embedded);
+    let strategy = Strategy { tile: TileSize::T8x4, passes: Passes::Separate, ..of("tile-group") };
+    let leaks = [nets.leaks_to(&strategy), nets.leaks_from(&strategy)];
+    assert!(leaks.iter().all(|leaks| *leaks <= FEW), "{leaks:?} primary and shadow rays: {strategy}");
+}
+
+/// Returns the number of shadow rays to the light that pass through the net. The light's radius is so small that all
+/// its points are equal in single precision, but kernels cast rays to this light as to a large one. The cast sample is
+/// at the pixels' centres, since shadow rays from there meet the net's edges.
+fn leaks_of_soft_light(kernels: &Sources, strategy: &Strategy) -> usize {
+    let mut scene = net_before_the_light(SMALL_SIDE, true);
+    scene.lights[0].radius = 1e-9;
+    let camera = scene.camera;
+    let stand = square_of(SMALL_SIDE, kernels, scene).with_sampling(Sampling::all(2));
+    let built = stand.build(strategy, LOCAL_SIZE).expect("a strategy that fits");
+    let caster = built.caster().expect("a caster");
+    let centre = Sample { count: 2, most: 2, ..Sample::CENTRE };
+    caster.cast_sample(&camera, &centre).expect("a cast");
+    let (image, hits) = caster.read().expect("an image");
+    assert_eq!(hits, image.pixels.len(), "the floor fills the image");
+    lit(&image)
+}
+
+/// Rays to a light with a radius are tested by other code than rays to a point. This code also enlarges triangles a
+/// little. The changed kernel of this test makes triangles smaller.
+#[test]
+fn soft_light_leaks_hardly_any_ray() {
+    apart!();
+    for name in ["wide-common-origin", "tile"] {
+        let leaks = leaks_of_soft_light(&Sources::Embedded, &of(name));
+        assert!(leaks <= FEW, "{name}: {leaks} rays");
+    }
+    let folder = WorkFolder::new();
+    let [from, to] =
+        ["", "-"].map(|sign| format!("slack1 = {sign}ROUNDING * size2 * distance, slack2 = {sign}ROUNDING"));
+    let kernels = Sources::Folder(folder.path(&folder.kernels("common/soft.cl", &from, &to)));
+    let leaks = leaks_of_soft_light(&kernels, &of("tile"));
+    assert!(leaks > 1000, "{leaks} rays");
 }
 
 /// In neighbouring triangles, the rasteriser's edge functions have exactly opposite values, like the edge

@@ -11,7 +11,7 @@ use raycl::image::Radiance;
 use raycl::launch::{LaunchError, Prepared, Refused, Session};
 use raycl::program::Sources;
 use raycl::reference::{Reference, reference};
-use raycl::scene::{Scene, load_scene};
+use raycl::scene::{Sampling, Scene, load_scene};
 use raycl::strategy::{Culling, PRESETS, Preset, Shading, Strategy};
 use raycl::verify::{Verdict, verify};
 use std::cell::RefCell;
@@ -109,6 +109,12 @@ impl Stand {
         let builtins = change(session.builtins());
         let session = RefCell::new(session.with_builtins(builtins));
         Self { device, session, scene, size, references: HashMap::new() }
+    }
+
+    /// Sets how many samples pixels get.
+    pub fn with_sampling(self, sampling: Sampling) -> Self {
+        let session = RefCell::new(self.session.into_inner().with_sampling(sampling));
+        Self { session, ..self }
     }
 
     pub fn is_cpu(&self) -> bool {
