@@ -62,11 +62,15 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
     }
 }
 
-/// Returns the image of the last scene, and true if the caster accepted this scene. The caster is created for
-/// the first scene, and then has to change to each of the other scenes.
+/// Returns the image of the last scene, cast with adaptive samples, and true if the caster accepted this scene. The
+/// caster is created for the first scene, and then has to change to each of the other scenes.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
+    sampled_image_of(strategy, Sampling { first: 2, ..Sampling::all(6) }, scenes)
+}
+
+/// Returns the image and the answer of [`image_of`], with other samples.
+fn sampled_image_of(strategy: &str, sampling: Sampling, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
-    let sampling = Sampling { first: 2, ..Sampling::all(6) };
     let session = Session::open(&device(), &Sources::Embedded, Arc::clone(scenes[0])).expect("it works");
     let mut session = session.with_sampling(sampling);
     let mut prepared =
@@ -118,4 +122,19 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
     assert!(!change(|scene| scene.lights.push(scene.lights[0])));
     assert!(!change(|scene| scene.sky = None));
     assert!(!change(|scene| scene.transparent = true));
+}
+
+/// The first frame of a picture replaces the image of the last picture. If the frame updated the last image with a
+/// weight of 0 instead, rounding errors of that much brighter image would remain. The 13 samples of a pixel are cast in
+/// one frame.
+#[test]
+fn nothing_of_a_bright_picture_remains_in_a_dark_one() {
+    apart!();
+    let dark = scene("pyramid-lower.toml");
+    let mut bright = dark.clone();
+    bright.lights[0].power *= 1e6;
+    let [bright, dark] = [bright, dark].map(Arc::new);
+    let (alone, _) = sampled_image_of("tile", Sampling::all(13), &[&dark]);
+    let (after, shown) = sampled_image_of("tile", Sampling::all(13), &[&bright, &dark]);
+    assert!(shown && alone == after, "another image");
 }
