@@ -57,6 +57,7 @@ fn nothing_nearer_than_the_near_plane_is_seen() {
 #[test]
 fn triangles_that_extend_behind_the_eye_are_seen_in_front_of_it() {
     is_right_in_all("behind.toml");
+    is_right_in_all("vast.toml");
 }
 
 #[test]
