@@ -2,7 +2,7 @@
 
 use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::{due, soon};
-use crate::textures::gltf;
+use crate::textures::{gltf, with_picture};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 
 /// A sheet in front of a wall and above a floor: light falls through the sheet's holes.
@@ -248,15 +248,36 @@ fn a_triangle_has_its_own_holes_at_whichever_place_in_the_tree() {
     }
 }
 
-/// A quad from a glTF file with the leaf's picture, in front of the wall.
+/// Returns a folder with a scene that shows a quad from a glTF file, with the leaf's picture.
+fn quad() -> WorkFolder {
+    let folder = room(MTL);
+    folder.write("scene.toml", &SCENE.replace("room.obj", "quad.gltf"));
+    folder
+}
+
+/// Each way in which a texture continues beyond its edges also applies to its mask. In the changed kernel, all masks
+/// repeat.
+#[test]
+fn a_mask_continues_beyond_its_edges_like_its_texture() {
+    let folder = quad();
+    let of = |sampler: &str| {
+        let text = with_picture(&gltf(sampler, ""), "leaf.png");
+        let masked = text.replace("\"materials\": [{", "\"materials\": [{\"alphaMode\": \"MASK\", ");
+        folder.write("quad.gltf", &masked);
+        folder.picture(&["--verify"]).0
+    };
+    let repeated = of("{}");
+    let other = of(r#"{"wrapS": 33071, "wrapT": 33648}"#);
+    assert!(apart(&repeated, &other) > 100, "{}", apart(&repeated, &other));
+    let repeats =
+        ("common/cutouts.cl", "(whole_texture(head), head[3],", "(whole_texture(head), WRAP_REPEAT,");
+    folder.notices(repeats, "bvh", &["--verify"]);
+}
+
 #[test]
 fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
-    let folder = room(MTL);
-    let whole = gltf("{}", "");
-    let (before, after) = whole.split_once("\"uri\": \"data:image").expect("a picture in the file");
-    let after = after.split_once('"').expect("its end").1;
-    let whole = format!("{before}\"uri\": \"leaf.png\"{after}");
-    std::fs::write(folder.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
+    let folder = quad();
+    let whole = with_picture(&gltf("{}", ""), "leaf.png");
     let of = |mode: &str, factor: &str| {
         let text = whole.replace("\"materials\": [{", &format!("\"materials\": [{{{mode} "));
         let text = text.replace("0.7, 1]", &format!("0.7, {factor}]"));

@@ -44,7 +44,9 @@ const LAMP: &str =
     "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.2 0.2 0.2\nKs 0.3 0.3 0.3\nKe 4.5 1.5 0.3\n";
 const TEXTURED: &str = "newmtl wall\nKd 0.7 0.6 0.5\nmap_Kd wall.png\nnewmtl lamp\nKd 0.4 0.4 0.4\nmap_Kd wall.png\n\
                         Ke 4.5 4.5 4.5\nmap_Ke glow.png\n";
-const STRATEGIES: [&str; 9] = [
+/// `make test` tries the first and the ninth of those that compile soon. In the first, materials are in global memory;
+/// in the ninth, which is the last one, they are in `__local` memory.
+const STRATEGIES: [&str; 10] = [
     "naive",
     "deferred,layout=indexed16,passes=separate",
     "deferred,layout=indexed32,triangles=constant",
@@ -54,13 +56,15 @@ const STRATEGIES: [&str; 9] = [
     "tile",
     "tile,passes=separate,intersector=watertight",
     "tile-group",
+    "local-triangles",
 ];
 
 fn room(mtl: &str) -> WorkFolder {
     let folder = WorkFolder::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
     let wall = RgbImage::from_fn(6, 4, |x, y| Rgb([240 - 20 * x as u8, 120 + 30 * y as u8, 90]));
-    let glow = RgbImage::from_fn(32, 32, |x, y| match (x / 4 + y / 4) % 2 {
-        0 => Rgb([250, 40 + 6 * x as u8, 30]),
+    // The emission texture is not square, so that its width and its height cannot be exchanged unnoticed.
+    let glow = RgbImage::from_fn(64, 16, |x, y| match (x / 4 + y / 4) % 2 {
+        0 => Rgb([250, 40 + 3 * x as u8, 30]),
         _ => Rgb([0, 0, 90]),
     });
     wall.save(folder.path("wall.png")).expect("a picture");
@@ -166,6 +170,13 @@ fn broken_emission_is_a_wrong_picture() {
         ("tile-group", "tile_gpu/shade.cl", "if (emits) received", "if (!emits) received"),
         ("tile", textures, "(int)number.each[lane] - 1", "(int)number.each[lane] - 2"),
         ("bvh", textures, "wanted += 0.5f * log2", "wanted -= 0.5f * log2"),
+        ("bvh", textures, "(float)head[1] * (float)head[2] /", "(float)head[1] * (float)head[1] /"),
+        (
+            "local-triangles",
+            "cast/layout/soup.cl",
+            "#define MATERIAL_STRIDE MATERIAL_FLOATS",
+            "#define MATERIAL_STRIDE 8",
+        ),
     ];
     for (strategy, file, from, to) in due(changes) {
         folder.notices((file, from, to), strategy, &["--verify"]);

@@ -107,6 +107,18 @@ fn directions_are_where_they_belong() {
     assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
 }
 
+/// The first row of the sky's picture is in the direction of the camera's `up`. In the changed kernel of this test, the
+/// first row is in the direction of the y axis.
+#[test]
+fn the_picture_s_first_row_is_where_the_cameras_up_is() {
+    let folder = folder_with(SCENE);
+    let turned = ["--verify=300", "--set", "camera.up=[1, 0, 0]"];
+    for strategy in ["bvh", "tile"] {
+        render(&folder, &[&turned[..], &["--strategy", strategy]].concat());
+    }
+    folder.notices(("common/environment.cl", "dot3(direction, splat(up))", "direction.y"), "bvh", &turned);
+}
+
 /// After half a turn, the seam at which the picture's edges meet is straight ahead. Each changed kernel of
 /// this test fails to continue the picture beyond its left or its right edge.
 #[test]
@@ -228,6 +240,34 @@ fn what_is_mirrored_from_below_a_surface_is_dark() {
     let lighter =
         ("common/environment.cl", "max(dot3(direction, normal), (varying)(0.0f))", "dot3(direction, normal)");
     folder.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
+}
+
+/// A shiny triangle whose normals lean away from the eye, so that many half vectors point away from the eye. The
+/// directions that are mirrored at such half vectors may be above the surface.
+const LEANING: &str = "[camera]
+position = [0, 0, 3]
+fov_x_degrees = 40
+[sky]
+picture = \"sky.hdr\"
+[[object]]
+vertices = [[-1, -1, 0], [1, -1, 0], [0, 1, 0]]
+faces = [[0, 1, 2]]
+normals = [[0.96, 0, -0.28]]
+face_normals = [[0, 0, 0]]
+material = { k_l = 0, k_g = 1, shininess = 2 }
+";
+
+#[test]
+fn a_half_vector_that_points_away_from_the_eye_mirrors_nothing() {
+    let folder = folder_with(LEANING);
+    for strategy in ["bvh", "tile"] {
+        render(&folder, &["--verify", "--strategy", strategy]);
+    }
+    folder.notices(
+        ("common/environment.cl", "max(to_half, (varying)(0.0f))", "to_half"),
+        "bvh",
+        &["--verify"],
+    );
 }
 
 /// A shiny square, seen from straight ahead. Kernels choose half vectors around a fixed axis, and apply the

@@ -2,16 +2,18 @@
 
 use crate::binary::{WorkFolder, device, has};
 use crate::common::{due, soon};
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
 /// A tetrahedron, and a plate above it. The tetrahedron lies in the plate's shadow.
 const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -1\nv 0 1.5 1\n\
                     f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
-/// The strategies from which `render` chooses, each named explicitly.
-const FAMILIES: [&str; 4] = ["tile", "tile-group", "bvh", "bvh-packet"];
+/// The strategies from which `render` chooses, each named explicitly, and one that casts shadow rays from the lights.
+const FAMILIES: [&str; 5] = ["tile", "tile-group", "bvh", "bvh-packet", "wide-common-origin"];
 /// A size at which a row of the half picture consists of whole vectors of 16 pixels.
 const EVEN: [&str; 4] = ["--width", "96", "--height", "64"];
 const ODD: [&str; 4] = ["--width", "75", "--height", "61"];
+/// The option after which the mesh's upward direction is the z axis.
+const UPWARDS: [&str; 2] = ["--up", "z"];
 
 fn options<'a>(device: &'a str, size: [&'a str; 4], more: &[&'a str]) -> Vec<&'a str> {
     let usual = ["render", "mesh.obj", "--force", "-o", "a.png", "--device", device];
@@ -79,22 +81,77 @@ fn a_grey_background_lights_no_surface_and_is_not_shadowed() {
     }
 }
 
+/// The sky's zenith is in the mesh's upward direction.
+#[test]
+fn the_sky_is_above_a_mesh_whose_up_is_the_z_axis() {
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
+    for family in ["tile", "bvh"] {
+        picture(&folder, EVEN, &[&UPWARDS[..], &["--verify", "--strategy", family]].concat());
+    }
+}
+
+/// Returns options that put a sky and 17 lights over the mesh. The strategy `tile-group` processes 15 lights
+/// at a time, so these lights take two rounds.
+fn many_lights() -> Vec<String> {
+    let light = |number: i32| {
+        let [x, z] = [number % 4, number / 4].map(|place| 2 * place - 4);
+        let position = format!("light.{number}.position=[{x}, 3, {z}]");
+        [position, format!("light.{number}.power=6"), format!("light.{number}.radius=0.1")]
+    };
+    let sky = ["sky.zenith=0.1", "sky.horizon=0.05"].map(str::to_owned);
+    (0..17).flat_map(light).chain(sky).flat_map(|value| ["--set".to_owned(), value]).collect()
+}
+
+/// In each round of lights, the lights are numbered from the round's first light.
+#[test]
+fn the_unoccluded_light_of_a_second_round_is_that_of_its_own_lights() {
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
+    let lights = many_lights();
+    let lights: Vec<&str> = lights.iter().map(String::as_str).collect();
+    picture(&folder, EVEN, &[&lights[..], &["--verify=500", "--strategy", "tile-group"]].concat());
+}
+
+/// Returns a folder with the mesh in one colour: the value of `Kd` in its material file.
+fn coloured(colour: &str) -> WorkFolder {
+    let mesh = format!("mtllib mesh.mtl\nusemtl one\n{MESH}");
+    let material = format!("newmtl one\nKd {colour}\n");
+    WorkFolder::with(&[("mesh.obj", &mesh), ("mesh.mtl", &material)])
+}
+
+/// A surface of one primary colour has light in one channel only, so the brightest channel may be any of the three.
+#[test]
+fn a_mesh_of_a_primary_colour_has_light_in_one_channel() {
+    for (channel, colour) in ["1 0 0", "0 1 0", "0 0 1"].into_iter().enumerate() {
+        let folder = coloured(colour);
+        let shown = picture(&folder, EVEN, &["--verify", "--strategy", "bvh"]);
+        let is_pure = |pixel: &&Rgb<u8>| (0..3).all(|other| (pixel.0[other] > 0) == (other == channel));
+        let pure = shown.pixels().filter(is_pure).count();
+        assert!(pure > 500, "{colour}: {pure}");
+    }
+    is_noticed(&coloured("0 0 1"), ["max(max(own.x, own.y), own.z)", "max(own.x, own.y)"]);
+}
+
+/// Fails unless verification notices a change of the filter.
+#[track_caller]
+fn is_noticed(folder: &WorkFolder, [from, to]: [&str; 2]) {
+    let (device, kernels) = (device(), folder.kernels(FILTER, from, to));
+    let changed = ["--verify", "--quiet", "--strategy", "bvh", "--cl-dir", &kernels];
+    has(&folder.mistake(&options(&device, EVEN, &changed), 1), &["the picture is wrong: "]);
+}
+
 /// The unoccluded light of a black surface is 0. The filter that smooths the half picture (a picture of half
 /// the width and height) therefore finds no similar pixel. Even so, the filter must not give all pixels the
 /// weight 0, since it divides by the sum of the weights. In the changed kernel of this test, the filter's
 /// weights are 0.
 #[test]
 fn a_black_mesh_is_black() {
-    let black = format!("mtllib mesh.mtl\nusemtl black\n{MESH}");
-    let folder = WorkFolder::with(&[("mesh.obj", &black), ("mesh.mtl", "newmtl black\nKd 0 0 0\n")]);
+    let folder = coloured("0 0 0");
     for family in soon(FAMILIES) {
         let shown = picture(&folder, EVEN, &["--verify", "--strategy", family]);
         let blacks = shown.pixels().filter(|pixel| pixel.0 == [0; 3]).count();
         assert!(blacks > 500, "{family}: {blacks}");
     }
-    let (device, kernels) = (device(), folder.kernels(FILTER, " + 1e-37f", ""));
-    let changed = ["--verify", "--quiet", "--strategy", "bvh", "--cl-dir", &kernels];
-    has(&folder.mistake(&options(&device, EVEN, &changed), 1), &["the picture is wrong: "]);
+    is_noticed(&folder, [" + 1e-37f", ""]);
 }
 
 const FILTER: &str = "common/half_light.cl";
@@ -129,6 +186,7 @@ const CHANGES: &[[&str; 4]] = &[
     [SOFT, "0.2122f + cosine", "0.3122f + cosine", "bvh"],
     [SOFT, "0.1211f * cosine", "0.2211f * cosine", "bvh"],
     ["cast/shade.cl", "#if SOFT\n        if (!IS_UNOCCLUDED(&scene->soft))\n#endif", "", "bvh"],
+    ["cast/shade.cl", "else if (!IS_UNOCCLUDED(&scene->soft)) lit &=", "else lit &=", "wide-common-origin"],
     ["cast/soft.cl", "if (IS_UNOCCLUDED(&scene->soft)) {", "if (0) {", "bvh"],
     ["tile_cpu/shade.cl", "if (!IS_UNOCCLUDED(&lighting->soft))\n", "if (1)\n", "tile"],
     ["tile_cpu/sky.cl", "if (IS_UNOCCLUDED(&lighting->soft)) {", "if (0) {", "tile"],
@@ -157,13 +215,20 @@ fn a_broken_half_picture_is_a_wrong_picture() {
         [ROWS, "colour.z.scdef, hit.scdef", "colour.z.scdef, hit.scdee", "tile"],
         [FILTER, "to_right ? row.hit.s1223344556677889 : row.hit", "row.hit", "tile"],
     ];
+    // The first of these changes is only visible if there are many lights, the second only if up is not the y axis.
+    let light = ["lights + LIGHT_FLOATS * source)", "lights + LIGHT_FLOATS * light)"];
+    let rounds = ["tile_gpu/shadow.cl", light[0], light[1], "tile-group"];
+    let upwards = [SOFT, "dot3(normal, splat(LOAD3(soft->numbers + 6)))", "normal.y", "bvh"];
+    let lights = many_lights();
+    let lights: Vec<&str> = lights.iter().map(String::as_str).collect();
     let mut unnoticed = Vec::new();
     let grounded = CHANGES.iter().map(|change| (*change, &[][..]));
     let all = grounded.chain(behind.map(|change| (change, &["--background", "#808080"][..])));
-    for ([file, from, to, family], background) in due(all) {
+    let all = all.chain([(rounds, &lights[..]), (upwards, &UPWARDS[..])]);
+    for ([file, from, to, family], options_of_change) in due(all) {
         let kernels = folder.kernels(file, from, to);
         let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
-        let more = [&more[..], background].concat();
+        let more = [&more[..], options_of_change].concat();
         let mut command = folder.raycl(&options(&device(), EVEN, &more));
         command.env("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable");
         let output = command.output().expect("the program");

@@ -249,6 +249,31 @@ pub fn gltf(sampler: &str, transform: &str) -> String {
     )
 }
 
+/// Returns a glTF file of [`gltf`] whose picture is in the file `picture`.
+pub fn with_picture(gltf: &str, picture: &str) -> String {
+    let (before, after) = gltf.split_once("\"uri\": \"data:image").expect("a picture in the file");
+    let after = after.split_once('"').expect("its end").1;
+    format!("{before}\"uri\": \"{picture}\"{after}")
+}
+
+/// The picture has four areas of one colour each, and so many texels that pixels mix two mip levels. In the changed
+/// kernel, the coarser of the two levels repeats.
+#[test]
+fn mip_levels_continue_beyond_their_edges_like_the_picture() {
+    let folder = room(MTL);
+    folder.write("scene.toml", &SCENE.replace("room.obj", "quad.gltf"));
+    let channel = |place: u32| if place < 32 { 250 } else { 20 };
+    let fine = RgbImage::from_fn(64, 64, |x, y| Rgb([channel(x), channel(y), 60]));
+    fine.save(folder.path("fine.png")).expect("a picture");
+    let [from, to] = ["head[3]", "WRAP_REPEAT"].map(|wrap| format!("texels_at(next_level(level), {wrap},"));
+    for wrap in [33071, 33648] {
+        let sampler = format!(r#"{{"wrapS": {wrap}, "wrapT": {wrap}}}"#);
+        folder.write("quad.gltf", &with_picture(&gltf(&sampler, ""), "fine.png"));
+        folder.picture(&["--verify"]);
+        folder.notices(("common/textures.cl", from.as_str(), to.as_str()), "bvh", &["--verify"]);
+    }
+}
+
 #[test]
 fn samplers_of_gltf_repeat_clamp_and_mirror() {
     let folder = room(MTL);
