@@ -152,12 +152,13 @@ impl View {
     fn towards_eye(&self, opening: Option<DVec3>) -> [DVec3; 2] {
         let [right, front] = self.level();
         let DVec3 { x, y, z } = THREE_QUARTER;
+        // An open mesh is seen through its opening; any other mesh is seen from the right, above and in front.
+        let usual = opening.unwrap_or_else(|| (right * x + self.up * y + front * z).normalize());
         if self.azimuth_degrees.is_none() && self.elevation_degrees.is_none() {
-            // An open mesh is seen through its opening; any other mesh is seen from the right,
-            // above and in front.
-            let three_quarter = (right * x + self.up * y + front * z).normalize();
-            return [opening.unwrap_or(three_quarter), self.up];
+            return [usual, self.up];
         }
+        // If the user sets only one angle, the other angle is that of the usual direction.
+        let [x, y, z] = [right, self.up, front].map(|axis| usual.dot(axis));
         let azimuth = self.azimuth_degrees.map_or_else(|| x.atan2(z), f64::to_radians);
         let elevation = self.elevation_degrees.map_or_else(|| y.atan2(x.hypot(z)), f64::to_radians);
         let level = right * azimuth.sin() + front * azimuth.cos();

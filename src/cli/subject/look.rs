@@ -20,11 +20,12 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
     /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh
-    /// without a camera: about 31, unless the mesh is open on one side]
+    /// without a camera, or if only --elevation is given: about 31; for a mesh that is open on one side, the
+    /// angle of a room's missing wall or of a scan's front]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a
-    /// camera: about 21, unless the mesh is open on one side]
+    /// camera, or if only --azimuth is given: about 21; for a mesh that is open on one side, 0]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or

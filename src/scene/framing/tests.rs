@@ -170,17 +170,19 @@ fn azimuth_goes_from_front_to_right_and_elevation_up() {
 
 #[test]
 fn an_angle_that_is_not_given_is_that_of_a_bare_mesh() {
-    let mesh = block(Vec3::ONE, Vec3::ZERO);
-    for (azimuth_degrees, elevation_degrees, angles) in [
-        (None, None, [31.0, 21.0]),
-        (None, Some(10.0), [31.0, 10.0]),
-        (Some(50.0), None, [50.0, 21.0]),
-        (Some(50.0), Some(10.0), [50.0, 10.0]),
-    ] {
-        let view = View { azimuth_degrees, elevation_degrees, ..three_quarter(1.6) };
-        let eye = -camera(&mesh, Ball::around(&mesh, view.up), &view).forward;
-        let actual = [eye.x.atan2(eye.z), eye.y.asin()].map(f32::to_degrees);
-        assert!((0..2).all(|i| (actual[i] - angles[i]).abs() < 0.2), "{actual:?}, expected {angles:?}");
+    let without_left_wall = sides_of_box(Vec3::ZERO, Vec3::new(3.0, 2.0, 4.0), [0, 1, 1, 1, -1, -1]);
+    for (mesh, usual) in [(block(Vec3::ONE, Vec3::ZERO), [31.0, 21.0]), (without_left_wall, [-90.0, 0.0])] {
+        for given in [[None, None], [None, Some(10.0)], [Some(50.0), None], [Some(50.0), Some(10.0)]] {
+            let [azimuth_degrees, elevation_degrees] = given;
+            let view = View { azimuth_degrees, elevation_degrees, ..three_quarter(1.6) };
+            let eye = -camera(&mesh, Ball::around(&mesh, view.up), &view).forward.as_dvec3();
+            let actual = [eye.x.atan2(eye.z), eye.y.asin()].map(f64::to_degrees);
+            let expected = [0, 1].map(|angle: usize| given[angle].unwrap_or(usual[angle]));
+            assert!(
+                (0..2).all(|i| (actual[i] - expected[i]).abs() < 0.2),
+                "{actual:?}, expected {expected:?}"
+            );
+        }
     }
 }
 
