@@ -95,8 +95,8 @@ pub struct Args {
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
     /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the frame is cast more than once
-    /// and the first frame takes at most a second, raycl does not count the first frame, and casts one frame more. With
-    /// --devices, the first frame never counts
+    /// and the first frame takes at most a second, raycl does not time the first frame, and casts one frame more. With
+    /// --devices, each device always casts one frame more, which is not timed
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it

@@ -170,7 +170,8 @@ fn or_unnamed(name: String) -> String {
 /// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, if its properties have
 /// changed, or if the platforms cannot be listed. Three properties are copied from `known`, so their changes are not
 /// noticed: the lane operations (how work-items exchange values), the label, and `twins_before` (the number of earlier
-/// devices with the same name). Only the driver of the device's platform is started.
+/// devices with the same name). The loader loads all drivers, but raycl asks only platforms with the known platform's
+/// name for their devices.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded().ok()?;

@@ -13,9 +13,10 @@ use crate::record::{Group, HOST, Record, ratio};
 const ROOM: usize = 12;
 
 /// The end of the captions of both heat maps.
-const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all scenes and sizes. A value such as 1.00 (1 of 2) has no ring: \
-                           it is the mean over only one of two scenes and sizes, because the point has no time or too \
-                           few samples for the other one.";
+const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all combinations of scene and image size. \
+                           (1 of 2) means that the value is the mean over only one of two combinations: in the \
+                           other combination, there is no time, or one with too few samples or with samples of \
+                           0 ms. Such a value has no ring.";
 
 /// A group, and those of its records that have a rank (enough samples, none of which is 0), the fastest
 /// first.
@@ -65,7 +66,7 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let rows = names.iter().map(row).collect();
     let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
         same scene, image size and device. The cell shows the strategy's time divided by the best strategy's time, as \
-        the geometric mean over scenes and image sizes.";
+        the geometric mean over the combinations of scene and image size.";
     plot(
         "strategies-by-device",
         "Strategies by device: time relative to the device's best",
@@ -89,15 +90,18 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
                 let there = group.records.iter().find(|record| (&record.name, record.local_size) == point)?;
                 Some((over_best(ranked, there)?.0, format!("{}: {}", group.scene, title(best))))
             });
-            cell(slower.collect(), both.len(), &format!("the best of {from}, used on {on}"))
+            let what = format!(
+                "the fastest points of {from}, measured on {on}: time divided by the best time on {on}, for each \
+                 scene and image size"
+            );
+            cell(slower.collect(), both.len(), &what)
         };
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "Each cell belongs to the point (strategy and local size) that is the fastest on the row's device. The \
-        value is this point's time on the column's device, divided by the best time on that device. The value is a geometric mean over the \
-        scenes and image sizes that were measured on both devices and in which this point has a time on the column's device. \
-        (3 of 5) means that the point has such a time in only 3 of 5.";
+    let caption = "Each cell belongs to the point (strategy and local size) that is the fastest on the row's \
+        device. The value is this point's time on the column's device, divided by the best time on that device, as \
+        the geometric mean over the combinations of scene and image size that were measured on both devices.";
     plot(
         "losses-by-device",
         "Time of one device's fastest point on another device, relative to the other device's best time",
@@ -129,9 +133,9 @@ fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, 
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))
 }
 
-/// Returns a cell with the mean of the ratios in `slower`; `of` is the number of scenes and image sizes. If some of
-/// these have no ratio, the cell shows the number of ratios, such as "(1 of 2)", and has no ring. Without ratios, the
-/// cell is empty.
+/// Returns a cell with the mean of the ratios in `slower`; `of` is the number of combinations of scene and image size.
+/// If some combinations have no ratio, the cell shows the number of ratios, such as "(1 of 2)", and has no ring.
+/// Without ratios, the cell is empty.
 fn cell(slower: Vec<(f64, String)>, of: usize, what: &str) -> Cell {
     if slower.is_empty() {
         return Cell::Empty;
@@ -213,7 +217,8 @@ mod tests {
         let plots = side_by_side(&groups);
         assert_eq!(plots.len(), 2);
         assert!(
-            plots[1].svg.contains("the best of gpu, used on cpu") && plots[1].svg.contains(">2.00<"),
+            plots[1].svg.contains("the fastest points of gpu, measured on cpu: ")
+                && plots[1].svg.contains(">2.00<"),
             "{}",
             plots[1].svg
         );

@@ -104,12 +104,12 @@ impl ShardPlan {
         let is_shard = |block: &Block| (1..=shards).contains(&block.shard);
         let is_point = |control: usize| control < points;
         [
-            (!contain_each_once(&self.blocks, points), "its blocks do not contain each point exactly once"),
-            (self.cases.len() != points, "the numbers of its cases and points differ"),
-            (!self.blocks.iter().all(is_shard), "a block belongs to none of its shards"),
+            (!contain_each_once(&self.blocks, points), "the blocks do not contain each point exactly once"),
+            (self.cases.len() != points, "the plan's numbers of cases and points differ"),
+            (!self.blocks.iter().all(is_shard), "a block names a shard that the plan does not have"),
             (
                 !self.blocks.iter().all(|block| block.control.is_none_or(is_point)),
-                "a control is none of its points",
+                "a control point is not in the plan's list of points",
             ),
         ]
         .into_iter()
@@ -275,11 +275,11 @@ mod tests {
         let with = |blocks| ShardPlan { blocks, ..whole.clone() };
         let beyond = Block { control: Some(2), ..block(1, 0) };
         for (damaged, rule) in [
-            (with(vec![block(1, 1)]), "its blocks do not contain each point exactly once"),
-            (with(vec![block(0, 0), block(1, 1)]), "a block belongs to none of its shards"),
-            (with(vec![block(5, 0), block(1, 1)]), "a block belongs to none of its shards"),
-            (with(vec![beyond, block(1, 1)]), "a control is none of its points"),
-            (ShardPlan { cases: vec![0], ..whole.clone() }, "the numbers of its cases and points differ"),
+            (with(vec![block(1, 1)]), "the blocks do not contain each point exactly once"),
+            (with(vec![block(0, 0), block(1, 1)]), "a block names a shard that the plan does not have"),
+            (with(vec![block(5, 0), block(1, 1)]), "a block names a shard that the plan does not have"),
+            (with(vec![beyond, block(1, 1)]), "a control point is not in the plan's list of points"),
+            (ShardPlan { cases: vec![0], ..whole.clone() }, "the plan's numbers of cases and points differ"),
         ] {
             let error = read(&damaged).unwrap_err();
             let message = format!("{} is damaged: {rule}", path(folder.path()).display());

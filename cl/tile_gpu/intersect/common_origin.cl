@@ -45,8 +45,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float overlap = OVERLAP * shaft->longest;
     triangle->a = across;
     triangle->b = down;
-    // A ray's direction is (x, y, 1), so a plane's third component has no factor. The triangles' overlap is added to
-    // the third component here, once for all rays.
+    // A ray's direction is (x, y, 1), so is_hit adds the third component of a plane as it is. The overlap, by which the
+    // three edge planes move outwards, is added to their third components here, once per triangle instead of per ray.
     triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);

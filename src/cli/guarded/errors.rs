@@ -13,7 +13,7 @@ use std::process::ExitStatus;
 /// The remedy after a crash of a process that used kernel files of the user.
 const OWN_KERNELS: &str = "a mistake in a kernel file of yours is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
 /// The first remedy after a crash of a process that opens a window.
-const WINDOW: &str = "if no window opened, the display may be the cause: a window needs a display with 24-bit colours; --terminal shows the scene in this terminal instead";
+const WINDOW: &str = "if no window opened, the display or its libraries may be the cause: `--terminal` shows the scene in this terminal, without a window";
 /// The remedy if SIGKILL ended the child process.
 const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`dmesg` then says so): a smaller picture or scene needs less memory";
 /// The remedy after a signal from outside the process other than SIGKILL and SIGINT, for example SIGTERM.

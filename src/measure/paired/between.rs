@@ -51,10 +51,10 @@ impl BetweenRuns {
         known(self.own_variance(points))
     }
 
-    /// Returns the variance that the differences between runs add equally to all ratios to one reference
-    /// time. The reference time is the mean time of `points` points. The variance comes from the own factor
-    /// (`own`) of each of the `points` points and, if `reference` is another kind of device, from the common
-    /// factors (`shared`) of both kinds.
+    /// All ratios with the same reference time share this time's error. Returns the part of this error's
+    /// variance that comes from the differences between runs. The reference time is the mean time of `points`
+    /// points. The returned variance comes from the own factor (`own`) of each of the `points` points and, if
+    /// `reference` is another kind of device, from the common factors (`shared`) of both kinds.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }
