@@ -1,4 +1,4 @@
-//! The usual anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. (Without
+//! The usual anchor is a kernel that never changes: the user's kernel files (`--cl-dir`) do not replace it. (Without
 //! the times of this kernel, baselines or other points serve as the anchor.) A run with several launches times this
 //! kernel on each device. In each launch, raycl runs the kernel after the device's first sample, and then after every
 //! six further samples. If a round (one sample of each point) has fewer than six samples on the device, raycl runs the

@@ -32,7 +32,7 @@
 //!
 //! # Internals
 //!
-//! All modules are internal and change without notice. [`scene`] is public, since fields of the stable API
+//! All modules are internal, and may change without notice. [`scene`] is public, since fields of the stable API
 //! have its types. Other modules that raycl's own binary and tests use are public too, but hidden in these
 //! pages. All remaining modules are private.
 //!

@@ -48,7 +48,7 @@ pub enum Kind {
 /// module does not limit the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 10] = [
     (Kind::Toml, "a TOML file", Some(16)),
-    (Kind::Materials, "a material file", Some(16)),
+    (Kind::Materials, "an MTL file", Some(16)),
     (Kind::Texture, "a texture", Some(256)),
     (Kind::Peaks, "a file of a device's peak rates", Some(16)),
     (Kind::Kernel, "a kernel file", Some(1)),

@@ -164,10 +164,10 @@ impl Sources {
     /// their names. The second returned value is true if the program contains a file that the user added or changed.
     /// raycl then takes the mistake for the user's, since built-in files compile by themselves. The mistake may be the
     /// user's even if the compiler finds the error in a built-in file, for example where the built-in file calls a
-    /// function of the user with other arguments. If the compiler reports no error in a file of the user, the returned
-    /// messages begin with the names of the user's files. The program's text, `text`, consists of the files `files`.
-    /// The compiler names a file by its path relative to `cl/` or to the user's folder of kernels. The compiler may
-    /// also state only a line number in the program's whole text.
+    /// function of the user's file with arguments that this function does not take. If the compiler reports no error in
+    /// the user's files, the returned messages begin with the names of the user's files. The program's text, `text`,
+    /// consists of the files `files`. The compiler names a file by its path relative to `cl/` or to the user's folder
+    /// of kernels. The compiler may also state only a line number in the program's whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
@@ -224,7 +224,7 @@ fn built_in_lines(name: &str, text: &str) -> Option<&'static [SourceLine<'static
 const LAYOUT: &str =
     "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
 
-/// The remedy for an error in a kernel file of the user.
+/// The remedy for an error in one of the user's kernel files.
 const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
 /// The remedy for a link in the user's folder that leads to no file that raycl can reach.
@@ -261,8 +261,8 @@ pub fn stem(path: &str) -> &str {
     name.strip_suffix(".cl").unwrap_or(name)
 }
 
-/// Returns the error for a program with kernel files of the user that does not compile; `log` has the compiler's
-/// messages.
+/// Returns the error for a program that contains the user's kernel files and does not compile; `log` has the
+/// compiler's messages.
 pub fn does_not_compile(log: &str) -> Error {
     Error::input(format!("a kernel file does not compile: {log}")).with_help(OWN_FILE)
 }
@@ -282,7 +282,7 @@ impl Chain {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
             return Err(Error::input(format!("a kernel file includes itself: {chain}"))
-                .with_help("remove one of these #include lines"));
+                .with_help("remove an #include line from one of these files"));
         }
         if length > LONGEST_PROGRAM_MIB << 20 {
             let message = format!(

@@ -89,7 +89,7 @@ fn every_family_adds_emitted_light_like_the_reference() {
     for strategy in due(soon(["tile", "tile-group", "bvh", "raster"])) {
         folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
     }
-    // The scene's value of `emitted` replaces that of the material file, and only the lamp looks different.
+    // The scene's value of `emitted` replaces that of the MTL file, and only the lamp looks different.
     let dark = folder.picture(&["--set", "object.0.material.emitted=0", "--verify"]).0;
     let (lamp, wall) = ((34, 22), (22, 14));
     assert_eq!(bright[wall], dark[wall]);

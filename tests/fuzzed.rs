@@ -56,7 +56,7 @@ pub fn mesh(bytes: &[u8], folder: &Path) {
     load(&write(folder, "mesh", bytes));
 }
 
-/// Reads an OBJ file as a bare mesh. An input is the OBJ file and, after a line `====`, its material file.
+/// Reads an OBJ file as a bare mesh. An input is the OBJ file and, after a line `====`, its MTL file.
 pub fn obj(bytes: &[u8], folder: &Path) {
     let cut = bytes.windows(5).position(|window| window == b"====\n");
     let (obj, mtl) = cut.map_or((bytes, &b""[..]), |at| (&bytes[..at], &bytes[at + 5..]));

@@ -38,11 +38,11 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If the
-    // tetrahedron's volume is near zero, the origin lies nearly in the triangle's plane. A ray that hits the triangle
-    // at the distance t has the determinant height / t. If this determinant is a rounding error even at the triangle's
-    // nearest point, all rays see the triangle edge-on, and miss. All points of the triangle are at least `nearest`
-    // away. The first corner's distance is not used for the rounding error, since this corner may be far away.
+    // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If `height` is
+    // near zero, the origin lies nearly in the triangle's plane. A ray that hits the triangle at the distance t has the
+    // determinant height / t. All rays miss if this determinant is no larger than its rounding error even at the
+    // distance `nearest` (all points of the triangle are at least as far away), or if |height| is at most
+    // LEAST_VISIBLE. The rounding error does not use the first corner's distance: this corner may be far away.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
     const float distance = uniform_size(a), nearest = max(distance - longer, 0.0f);

@@ -68,7 +68,7 @@ Uniform3 texel_colour(const __global uint *words, uint at) {
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
 }
 
-// Returns a texture's head: the words that describe the texture.
+// Returns a pointer to a texture's head: the 32-bit words that state the place of the texels, the size and more.
 const __global uint *texture_head(const Textures *textures, int number) {
     return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
 }

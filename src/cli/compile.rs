@@ -35,8 +35,7 @@ pub struct Args {
     /// 1`
     pub(super) scene: PathBuf,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). The option may
-    /// be given several times; if the program of one strategy cannot be built, the programs of the other
-    /// strategies are built nevertheless
+    /// be given several times. If one strategy's program cannot be built, raycl still builds the others
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which

@@ -178,7 +178,7 @@ mod tests {
         let (before, examples) = text.split_once(".SH EXAMPLES\n.nf\nraycl run ").expect("examples");
         let (examples, notes) = examples.split_once("\n.fi\n.SH NOTES\n").expect("notes");
         assert!(examples.lines().any(|line| line.ends_with("--fail-on-regression 5")), "{examples}");
-        assert!(notes.starts_with("Exit code: 0"), "{notes}");
+        assert!(notes.starts_with("The exit code is 0 "), "{notes}");
         assert!(before.contains("\n.if n .ad l\n.nh\n.SH NAME\n") && !text.contains(".SH EXTRA"), "{text}");
     }
 

@@ -18,7 +18,7 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device, or are meant for another kind of device, are not failures), 1 if a point is missing, if a point failed, or if the merge failed for another reason, 2 for a mistake in the arguments or files. With --status, the exit code is 0 even if points are missing or failed.")]
+Merging needs no device. The exit code is 0 if no point is missing and none has failed. It is 1 if a point is missing or has failed, or if the merge itself fails. It is 2 for a mistake in the arguments or files. A point that does not fit on its device, or that is meant for another kind of device, has not failed. With --status, the exit code is 0 even if points are missing or have failed.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote: the value of its option --out
     #[arg(value_name = "OUT")]
@@ -63,7 +63,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Merges the results that the shards have written so far, and writes the summary and the report of the merged folder.
-/// Returns an error if points are missing or failed. With `--status`, only prints the state of each attempt.
+/// Returns an error if points are missing or have failed. With `--status`, only prints the state of each attempt.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
@@ -119,8 +119,8 @@ fn counts(merged: &Merged) -> String {
     )
 }
 
-/// Returns an error if no shard has begun, or if points of the experiment are missing or failed. The error's help names
-/// the commands that measure the missing and the failed points.
+/// Returns an error if no shard has begun, or if points of the experiment are missing or have failed. The error's help
+/// names the commands that measure the missing and the failed points.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")

@@ -54,7 +54,7 @@ use crate::{printer, settings};
 use colour::Colour;
 use guarded::{Guarded, Screen};
 
-/// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
+/// Casts rays through triangle scenes with OpenCL, and finds by experiment the fastest way to cast them.
 #[derive(Debug, Parser)]
 #[command(name = "raycl", version = env!("RAYCL_VERSION"), arg_required_else_help = true, max_term_width = 100)]
 #[command(after_help = "Examples:
@@ -92,7 +92,7 @@ enum Command {
     Merge(merge::Args),
     /// Generate a page, plots and exports from results
     Report(report::Args),
-    /// Run the experiments of the student paper that raycl repeats, and judge the paper's claims
+    /// Run the experiments of a student paper on ray casting, and judge the paper's claims
     Reproduce(reproduce::Args),
     /// Compare two folders of results, and report which points are faster, slower, the same or unclear
     Compare(compare::Args),
@@ -127,7 +127,7 @@ enum Command {
     /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),
     /// Predict how many work-groups and threads an NVIDIA multiprocessor holds, as in Figure 5 of the student paper
-    /// that raycl repeats
+    /// whose experiments raycl repeats
     Occupancy(occupancy::Args),
     /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]

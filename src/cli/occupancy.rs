@@ -31,8 +31,8 @@ pub struct Args {
     /// Bytes of __local memory that each work-group uses
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper", value_parser = number::<u32>(BYTES))]
     local_bytes: u32,
-    /// Bytes of __local memory per work-item, added to those per work-group (optimisation 1 of the student
-    /// paper that raycl repeats uses 108)
+    /// Bytes of __local memory per work-item, added to those per work-group (108 in optimisation 1 of the
+    /// student paper whose experiments raycl repeats)
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper", value_parser = number::<u32>(BYTES))]
     local_bytes_per_item: u32,
     /// Local sizes (work-items per work-group, across and down), such as 8x8,64x1; 8 stands for 8x8
@@ -45,11 +45,11 @@ pub struct Args {
     /// options but --compute-capability and --json can be given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// For each local size, print three numbers of threads per multiprocessor. The first number of threads is
-    /// the prediction of Figure 5 in the student paper that raycl repeats. The second number of threads is
-    /// what the paper's 63 registers per work-item allow. For the third number of threads, each work-item
-    /// also needs the 108 B of __local memory of the paper's optimisation 1. With --paper, no options but
-    /// --local-sizes and --json can be given
+    /// For each local size, print three numbers of threads per multiprocessor. The first number is the
+    /// prediction in Figure 5 of the student paper whose experiments raycl repeats. The second number is what
+    /// the paper's 63 registers per work-item allow. For the third number, each work-item also needs the 108 B
+    /// of __local memory of the paper's optimisation 1. With --paper, no options but --local-sizes and --json
+    /// can be given
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

@@ -65,7 +65,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 if no point failed (points that do not fit on their device, or are meant for another kind of device, are not failures), 1 if a point failed, if --fail-on-regression found a regression, or if the run failed for another reason, 2 for a mistake in the arguments or files, 130 if Ctrl-C or SIGTERM stopped the run.")]
+The exit code is 0 if no point has failed. It is 1 if a point has failed, if --fail-on-regression finds a regression, or if the run itself fails. It is 2 for a mistake in the arguments or files, and 130 if Ctrl-C or SIGTERM stops the run. A point that does not fit on its device, or that is meant for another kind of device, has not failed.")]
 pub struct Args {
     /// The config: a TOML file that describes the experiment
     config: PathBuf,

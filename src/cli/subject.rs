@@ -45,7 +45,7 @@ pub struct Subject {
     /// raycl chooses for the strategy and the device]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub local_size: Option<[u32; 2]>,
-    /// Change an axis of the strategy or a value of the scene; may be given several times
+    /// Change the value of an axis of the strategy, or a value of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     pub set: Vec<(String, String)>,
     #[command(flatten)]

@@ -44,7 +44,7 @@ pub fn schema() -> serde_json::Value {
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \
-            `raycl reproduce` contains the paper's experiments";
+            `raycl reproduce` runs the experiments of the student paper (docs/paper.md) without a file";
         Error::unreadable("experiment", path, &error, otherwise)
     };
     if is_standard_input(path) {

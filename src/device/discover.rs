@@ -32,8 +32,8 @@ pub struct Survey {
 
 impl Survey {
     /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in
-    /// kernel files of the user: a mistake must not stop a command that uses another device. A device on
-    /// which a kernel file of the user causes an error stays untested. If the user chooses an untested
+    /// the user's kernel files: a mistake must not stop a command that uses another device. A device on
+    /// which one of the user's kernel files causes an error stays untested. If the user chooses an untested
     /// device, [`Device::test_lanes`] is called again and returns the error.
     pub(super) fn test_lanes(&mut self, sources: &Sources) {
         for device in &mut self.devices {

@@ -52,8 +52,8 @@ struct Entry {
 ///
 /// # Errors
 ///
-/// Fails if `choose` fails, if no device can be listed, or if a kernel file of the user causes an error on the chosen
-/// device.
+/// Fails if `choose` fails, if no device can be listed, or if one of the user's kernel files causes an error on the
+/// chosen device.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
@@ -90,7 +90,7 @@ fn chosen(
 }
 
 /// Lists all devices, and stores the list for [`pick_one`] in this and other processes. The lane operations of a device
-/// (how its work-items exchange values) stay untested if a kernel file of the user causes an error on this device;
+/// (how its work-items exchange values) stay untested if one of the user's kernel files causes an error on this device;
 /// [`Device::test_lanes`] then returns the error.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
     listed(cache, &key(sources)?, sources, LaneTest::Now)

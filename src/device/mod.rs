@@ -306,7 +306,7 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// Fails if a kernel file of the user is wrong, or if no thread can be started.
+    /// Fails if one of the user's kernel files is wrong, or if no thread can be started.
     pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
         if !self.lanes_are_tested {
             let _patience = patience::Patience::of_guarded()?;

@@ -9,7 +9,8 @@ use crate::report::paper::curve;
 pub fn published(words: &[&str]) -> Result<Figure, String> {
     let [scene, preset, size] = words[..] else {
         return Err(format!(
-            "'{}' is not a published point; expected \"SCENE PRESET WxH\", such as \"teapot naive 8x8\"",
+            "'{}' does not name a point of the paper's plots; expected \"SCENE PRESET WxH\", such as \
+             \"teapot naive 8x8\"",
             words.join(" ")
         ));
     };

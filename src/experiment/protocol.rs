@@ -64,7 +64,7 @@ pub enum DeviceList {
 pub struct Listed {
     /// The device's properties.
     pub info: DeviceInfo,
-    /// The mistake in a kernel file of the user because of which the device cannot be used; `None` if there
+    /// The mistake in one of the user's kernel files because of which the device cannot be used; `None` if there
     /// is no such mistake.
     mistake: Option<Failure>,
 }
@@ -81,7 +81,7 @@ impl Listed {
     ///
     /// # Errors
     ///
-    /// Fails if a kernel file of the user is wrong on this device.
+    /// Fails if one of the user's kernel files is wrong on this device.
     pub fn chosen(&self) -> Result<&DeviceInfo> {
         self.mistake.clone().map_or(Ok(&self.info), |mistake| Err(mistake.into_error()))
     }

@@ -43,14 +43,14 @@ const SMALLER_GROUP: &str = "choose a smaller --local-size";
 const ANOTHER: &str =
     "choose another --strategy; `raycl strategies` lists the presets, and all axes with their values";
 
-/// The remedy if a kernel file of the user lacks a kernel, or changes its parameters.
+/// The remedy if one of the user's kernel files lacks a kernel, or changes its parameters.
 const OWN_KERNEL: &str = "if a file replaces a built-in file, the file's kernels must keep their names and their parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
-/// The remedy if the header of a kernel file of the user states too little memory.
+/// The remedy if the header of one of the user's kernel files states too little memory.
 const OWN_HEADER: &str =
     "docs/own-kernels.md describes the keys of a file's header, such as `memory` and `bytes_per_ray`";
 /// The remedy if a step fails for another reason than missing memory.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
-/// The remedy if the compiler rejects a program that contains no file of the user.
+/// The remedy if the compiler rejects a program that contains none of the user's files.
 const ANOTHER_BUILD: &str =
     "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device";
 /// The remedy if a step or a build fails because memory is missing.

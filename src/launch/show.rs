@@ -56,12 +56,12 @@ impl ShowProgram {
         Ok(Self { built, own_files: sources.changed_paths(&spec.files) })
     }
 
-    /// Builds the program like [`build`](Self::build). Returns `None` if the program contains no file of the user and
-    /// cannot be built; the host then applies the display transform.
+    /// Builds the program like [`build`](Self::build). Returns `None` if the program contains none of the user's files
+    /// and cannot be built; the host then applies the display transform.
     ///
     /// # Errors
     ///
-    /// Fails if the program contains a file of the user and cannot be built.
+    /// Fails if the program contains one of the user's files and cannot be built.
     pub fn usable(
         queue: &Queue,
         spec: &ProgramSpec,

@@ -11,7 +11,8 @@ use super::Fact::{
 pub struct Parameter {
     /// The condition under which kernels have this parameter.
     pub when: Fact,
-    /// The parameter's type in OpenCL C. A word in capitals is a macro that a file of the strategy defines.
+    /// The parameter's type in OpenCL C. A word in capitals is a macro that a kernel file of the strategy defines:
+    /// the files in `cl/cast/triangles/` define SOURCE_SPACE.
     pub of_type: &'static str,
     /// The parameter's name.
     pub name: &'static str,

@@ -87,7 +87,7 @@ impl<'a> Rig<'a> {
     ///
     /// # Errors
     ///
-    /// The error is an input error (a mistake of the user) if the program contains a file of the user and does not
+    /// The error is an input error (a mistake of the user) if the program contains one of the user's files and does not
     /// compile.
     pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<PeakProgram> {
         let (source, files) = self.sources.read_joined(file)?;
@@ -113,8 +113,8 @@ impl<'a> Rig<'a> {
     /// # Errors
     ///
     /// Fails if the compiled kernel does not support work-groups of `group` work-items, or if OpenCL cannot make the
-    /// kernel. The error is an input error (a mistake of the user) if a kernel file of the user lacks the kernel, or
-    /// changes its parameters.
+    /// kernel. The error is an input error (a mistake of the user) if one of the user's kernel files lacks the kernel,
+    /// or changes its parameters.
     pub fn kernel<'b>(
         &self,
         PeakProgram { program, own_files }: &'b PeakProgram,

@@ -35,7 +35,7 @@ pub struct Loaded {
     /// The animation, if the scene file has one. The animation makes the scenes of all frames after the
     /// first.
     pub animation: Option<Animation>,
-    /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
+    /// Notes on parts that were ignored or replaced by defaults, such as a missing MTL file.
     pub notes: Vec<String>,
 }
 

@@ -32,8 +32,8 @@ pub struct Wishes {
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
 /// Returns a shell script that submits the scripts of the shards and of the merge. The command `sbatch` reads
-/// these scripts from its standard input. The shell script therefore writes no file, and cannot replace a
-/// file of the user. The merge is submitted only if the shards were submitted.
+/// these scripts from its standard input. The shell script therefore writes no file, and cannot replace one
+/// of the user's files. The merge is submitted only if the shards were submitted.
 pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));

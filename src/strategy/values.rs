@@ -162,7 +162,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
     all.iter().map(read).collect()
 }
 
-/// Returns the error about a file of the user that has the name of a built-in value. In `FOLDERS`, the file's
+/// Returns the error about one of the user's files that has the name of a built-in value. In `FOLDERS`, the file's
 /// folder comes before the folder of the built-in header.
 fn taken(path: &str, name: &str, built_in: &str) -> Error {
     Error::input(format!(

@@ -285,7 +285,7 @@ impl Live {
             let sizes = named.into_iter().chain([usual]);
             sizes.map(move |local_size| (strategies.clone(), local_sizes(local_size)))
         });
-        self.take(selections.collect())
+        self.take(selections.collect(), "strategy")
     }
 
     /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative.
@@ -299,7 +299,7 @@ impl Live {
     pub fn next_local_size(&mut self, steps: isize) -> Result<()> {
         let Casting { strategies, local_sizes, .. } = &self.casting;
         let selections = local_sizes.others(steps).map(|sizes| (strategies.clone(), sizes));
-        self.take(selections.collect())
+        self.take(selections.collect(), "local size")
     }
 
     /// Returns the strategy and the local size with which the device casts first: the strategy and the local
@@ -309,8 +309,9 @@ impl Live {
     }
 
     /// Changes to the first pair in `selections` (a strategy and a local size) that the device can use. Fails if the
-    /// device can use none of them.
-    fn take(&mut self, selections: Vec<Selection>) -> Result<()> {
+    /// device can use none of them, or if there is none: the message then says that there is no other `choice`, such as
+    /// "strategy".
+    fn take(&mut self, selections: Vec<Selection>, choice: &str) -> Result<()> {
         let mut last = None;
         for selection in selections {
             match self.casting.change(&self.subject, selection) {
@@ -323,7 +324,7 @@ impl Live {
         }
         Err(match last {
             Some(refused) => refused.into_error(self.device()),
-            None => Error::input("no other strategy or local size is available"),
+            None => Error::input(format!("there is no other {choice} to choose")),
         })
     }
 
@@ -451,7 +452,7 @@ fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
 ///
 /// # Errors
 ///
-/// Fails if the program is a file of the user that does not compile.
+/// Fails if the program is one of the user's files, and does not compile.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<ShowProgram>> {
     if queue.shares_memory {
         return Ok(None);

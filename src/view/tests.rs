@@ -347,7 +347,7 @@ fn the_first_note_about_the_scene_is_shown_until_something_is_chosen_and_after_i
         viewer.note.as_ref().is_some_and(|note| note.contains(part))
     };
     assert!(tells(&viewer, "no.mtl"), "{:?}", viewer.note);
-    // Some notes are not shown, but counted. One of them says that the material `red` is in no material file.
+    // Some notes are not shown, but counted. One of them says that the material `red` is defined in no MTL file.
     let others = viewer.live.loaded().notes.len() - 1;
     assert!(others > 0 && tells(&viewer, &format!(" (and {others} more note")), "{:?}", viewer.note);
     assert!(!tells(&viewer, "usemtl"), "{:?}", viewer.note);

@@ -148,7 +148,7 @@ fn early(
 ///
 /// # Errors
 ///
-/// Fails if the program is a file of the user that does not compile.
+/// Fails if the program is one of the user's files, and does not compile.
 fn show(
     args: &Args,
     sources: &Sources,

@@ -34,7 +34,7 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed
-    /// [default: 15, as in the student paper that raycl repeats; a scene file may set another]
+    /// [default: 15, as in the student paper whose experiments raycl repeats; a scene file may set another]
     #[arg(long, help_heading = HEADING, value_name = "FACTOR", value_parser = number::<f64>(FACTOR))]
     exposure: Option<f64>,
     /// The tone curve: clip cuts what is brighter than white; filmic has more contrast in dark parts, and keeps shades

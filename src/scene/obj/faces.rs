@@ -383,7 +383,7 @@ pub(super) fn note_unknown_materials(
             "the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used, unless the scene sets another `k_l`"
         ),
     };
-    notes.push(format!("{materials} in no material file{first}: {instead}"));
+    notes.push(format!("{materials} defined in no MTL file{first}: {instead}"));
 }
 
 #[cfg(test)]

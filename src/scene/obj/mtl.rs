@@ -65,7 +65,7 @@ pub(super) fn load_all<'a>(
         }
         lines.push(known[&**library].clone());
     }
-    notes.extend(loader.missing.rest("material file"));
+    notes.extend(loader.missing.rest("MTL file"));
     let order: Vec<usize> = lines.into_iter().rev().flatten().collect();
     Ok(loader.named(&order))
 }
@@ -142,7 +142,7 @@ impl Loader {
     }
 }
 
-/// Returns a note on a material file that cannot be used because of `reason`.
+/// Returns a note on an MTL file that cannot be used because of `reason`.
 fn unusable(reach: Reach<'_>, name: &str, reason: &str, is_coloured: bool) -> String {
     let (name, hint) = match reach.permitted.quotes {
         true => (format!(" {}", quoted_name(name)), reach.other_case(possible_paths(name))),
@@ -154,10 +154,10 @@ fn unusable(reach: Reach<'_>, name: &str, reason: &str, is_coloured: bool) -> St
             format!("its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}")
         }
     };
-    format!("material file{name} {reason}{hint}: {instead}")
+    format!("MTL file{name} {reason}{hint}: {instead}")
 }
 
-/// Reads the bytes of a material file. Returns an error if the file cannot be read, or if it is known to have another
+/// Reads the bytes of an MTL file. Returns an error if the file cannot be read, or if it is known to have another
 /// format.
 fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let bytes = reader::bytes(path, Kind::Materials).map_err(|error| format!("cannot be read ({error})"))?;
@@ -272,14 +272,14 @@ impl Materials {
         // The name comes from the mesh's text, so messages contain the name only if they may quote the mesh.
         let name = &match reach.permitted.quotes {
             true => reach.folder.join(&relative).display().to_string(),
-            false => "its material file".to_owned(),
+            false => "its MTL file".to_owned(),
         };
         let source = Source { name, text: &text, quotes };
         let checked = check(&text);
         notes.extend(checked.ignored.notes(&source));
         notes.extend(values::note_more(checked.more, &source));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
-            .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
+            .map_err(|error| source.error(Mistake::new(0, format!("not an MTL file: {error}"))))?;
         for (material, Extras { name: own, mut asked, model, colour, mask, emission, emitted }) in
             list.iter().zip(checked.extras)
         {
@@ -302,7 +302,7 @@ impl Materials {
     }
 }
 
-/// A checked material file.
+/// A checked MTL file.
 #[derive(Default)]
 struct Checked {
     /// The lines for `tobj`.
@@ -382,7 +382,7 @@ impl Checked {
     }
 }
 
-/// Checks the lines of a material file, and converts those that raycl uses to a form that `tobj` accepts.
+/// Checks the lines of an MTL file, and converts those that raycl uses to a form that `tobj` accepts.
 /// `tobj` refuses an empty `map_Kd`, a single grey value, a comment within a line, and Latin-1 text.
 fn check(text: &[u8]) -> Checked {
     let mut checked = Checked::default();
@@ -412,7 +412,7 @@ mod tests {
     use super::super::parse;
     use super::*;
 
-    /// Reads a mesh of one triangle, whose folder has the material files `files`. `library` is the text after
+    /// Reads a mesh of one triangle, whose folder has the MTL files `files`. `library` is the text after
     /// `mtllib` in the mesh. Returns the notes, and the triangle's material.
     fn read(library: &str, files: &[(&str, &str)], quotes: bool) -> (Vec<String>, Material) {
         let folder = tempfile::tempdir().unwrap();
@@ -427,14 +427,18 @@ mod tests {
     #[test]
     fn names_of_missing_files_and_materials_are_quoted_only_where_that_is_permitted() {
         let (notes, _) = read("none.mtl", &[], true);
-        assert!(notes[0].starts_with("material file `none.mtl` cannot be read ("), "{notes:?}");
+        assert!(notes[0].starts_with("MTL file `none.mtl` cannot be read ("), "{notes:?}");
         assert!(
-            notes[1].starts_with("1 material named by `usemtl` is in no material file (material `paint`): "),
+            notes[1]
+                .starts_with("1 material named by `usemtl` is defined in no MTL file (material `paint`): "),
             "{notes:?}"
         );
         let (notes, _) = read("none.mtl", &[], false);
-        assert!(notes[0].starts_with("material file cannot be read ("), "{notes:?}");
-        assert!(notes[1].starts_with("1 material named by `usemtl` is in no material file: "), "{notes:?}");
+        assert!(notes[0].starts_with("MTL file cannot be read ("), "{notes:?}");
+        assert!(
+            notes[1].starts_with("1 material named by `usemtl` is defined in no MTL file: "),
+            "{notes:?}"
+        );
     }
 
     #[test]
@@ -453,12 +457,12 @@ mod tests {
             let start = format!("{}:2: `x` in Kd (expected ", path.display());
             assert!(noted[0].starts_with(&start), "{noted:?}");
             assert!(noted[1].starts_with(&format!("{}:3: texture `no.png` ", path.display())), "{noted:?}");
-            // The mesh contains the name of the material file, so notes that must not quote the mesh leave
+            // The mesh contains the name of the MTL file, so notes that must not quote the mesh leave
             // the name out.
             let noted = notes(library, false);
-            let start = "its material file:2: a line with Kd cannot be used (expected ";
+            let start = "its MTL file:2: a line with Kd cannot be used (expected ";
             assert!(noted[0].starts_with(start), "{noted:?}");
-            assert!(noted[1].starts_with("its material file:3: texture cannot be read ("), "{noted:?}");
+            assert!(noted[1].starts_with("its MTL file:3: texture cannot be read ("), "{noted:?}");
             assert!(!noted.concat().contains("m.mtl"), "{noted:?}");
         }
     }
@@ -479,7 +483,7 @@ mod tests {
     fn a_blank_after_a_backslash_belongs_to_the_name_if_there_is_such_a_file() {
         let (paint, other) = ("newmtl paint\nKd 0.25 0.25 0.25\n", "newmtl other\n");
         let missing = |notes: &[String]| -> Vec<String> {
-            let missing = notes.iter().filter_map(|note| note.strip_prefix("material file `"));
+            let missing = notes.iter().filter_map(|note| note.strip_prefix("MTL file `"));
             missing.map(|note| note.split('`').next().unwrap_or_default().to_owned()).collect()
         };
         let (notes, material) = read(r"a\ b.mtl", &[("a b.mtl", paint)], true);
@@ -501,14 +505,14 @@ mod tests {
         let library = names.join(" ");
         let (notes, _) = read(&library, &[], true);
         for (note, name) in notes.iter().zip(&names[..3]) {
-            assert!(note.starts_with(&format!("material file `{name}` cannot be read (")), "{notes:?}");
+            assert!(note.starts_with(&format!("MTL file `{name}` cannot be read (")), "{notes:?}");
         }
-        assert_eq!(notes[3], "2 more material files cannot be used either");
+        assert_eq!(notes[3], "2 more MTL files cannot be used either");
         // The names must not be quoted, so the first three notes would be equal, and only one of them is
         // shown.
         let (notes, _) = read(&library, &[], false);
-        assert!(notes[0].starts_with("material file cannot be read ("), "{notes:?}");
-        assert_eq!(notes[1], "4 more material files cannot be used either");
+        assert!(notes[0].starts_with("MTL file cannot be read ("), "{notes:?}");
+        assert_eq!(notes[1], "4 more MTL files cannot be used either");
     }
 
     #[test]
@@ -558,13 +562,13 @@ mod tests {
     #[test]
     fn a_missing_file_whose_name_has_spaces_is_one_file() {
         let (notes, _) = read("my paints.mtl", &[], true);
-        let missing: Vec<_> = notes.iter().filter(|note| note.starts_with("material file")).collect();
+        let missing: Vec<_> = notes.iter().filter(|note| note.starts_with("MTL file")).collect();
         assert_eq!(missing.len(), 1, "{notes:?}");
-        assert!(missing[0].starts_with("material file `my paints.mtl` cannot be read ("), "{notes:?}");
+        assert!(missing[0].starts_with("MTL file `my paints.mtl` cannot be read ("), "{notes:?}");
         // The file `paints.mtl` is not read: its name is only the last word of the text `my paints.mtl` after
         // `mtllib`.
         let (notes, material) = read("my paints.mtl", &[("paints.mtl", "newmtl paint\nKd 1 0 0\n")], true);
-        assert!(notes[0].starts_with("material file `my paints.mtl` "), "{notes:?}");
+        assert!(notes[0].starts_with("MTL file `my paints.mtl` "), "{notes:?}");
         assert_eq!(material, Material::default());
         // The materials of the file that the first word names are used, even if there are no files with the
         // names that the other words state.
@@ -572,7 +576,7 @@ mod tests {
             let paint = "newmtl paint\nKd 0.25 0.25 0.25\n";
             let (notes, material) = read(library, &[("body.mtl", paint), ("body", paint)], true);
             assert_eq!(material.lambertian, Vec3::splat(0.25), "{library}");
-            assert!(notes.iter().all(|note| note.starts_with("material file `")), "{notes:?}");
+            assert!(notes.iter().all(|note| note.starts_with("MTL file `")), "{notes:?}");
             assert_eq!(notes.len(), library.split(' ').count() - 1, "{notes:?}");
         }
         // Two words that end in `.mtl` are the names of two files.

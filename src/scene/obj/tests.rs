@@ -224,12 +224,12 @@ fn of_several_faces_with_normals_at_some_corners_the_first_is_noted() {
     assert!(note.starts_with("line 6: a face has a normal index at some corners only"), "{note}");
 }
 
-/// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.
+/// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the MTL file `mtl`.
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
     with_materials(obj, mtl).notes
 }
 
-/// Reads an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.
+/// Reads an OBJ file that contains `obj` and then one triangle, with the MTL file `mtl`.
 fn with_materials(obj: &str, mtl: &str) -> MeshFile {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
@@ -332,11 +332,11 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
         (
             "usemtl None",
-            "is in no material file (material `None`): the default, k_L 0.8 (grey), is used, unless the scene sets",
+            "is defined in no MTL file (material `None`): the default, k_L 0.8 (grey), is used, unless the scene sets",
         ),
         (
             "usemtl b\nusemtl a\nusemtl",
-            "2 materials named by `usemtl` are in no material file (for example material `a`)",
+            "2 materials named by `usemtl` are defined in no MTL file (for example material `a`)",
         ),
     ];
     for (lines, expected) in cases {

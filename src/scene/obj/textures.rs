@@ -117,7 +117,7 @@ pub(super) struct Map {
     named: String,
     /// The location of the line that names the file, for messages.
     at: String,
-    /// The folder of the material file, relative to the mesh's folder; empty, or with a slash at its end.
+    /// The folder of the MTL file, relative to the mesh's folder; empty, or with a slash at its end.
     folder: String,
     /// True if the material's own colour (`Ke` for an emission texture, otherwise `Kd`) is missing or black.
     /// The texture is then multiplied by white, since black would hide it and the default grey would darken
@@ -227,7 +227,7 @@ impl Map {
     }
 
     /// Returns the paths at which raycl looks for the picture, in this order. The paths are relative to the
-    /// mesh's folder. A picture may be in the mesh's folder or in the folder of the material file.
+    /// mesh's folder. A picture may be in the mesh's folder or in the folder of the MTL file.
     fn paths(&self) -> impl Iterator<Item = String> {
         let folder = &self.folder;
         possible_paths(&self.named).flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])

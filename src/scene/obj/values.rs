@@ -1,4 +1,4 @@
-//! Parses the numbers in material files. Lines with numbers that raycl cannot use are ignored, with a note.
+//! Parses the numbers in MTL files. Lines with numbers that raycl cannot use are ignored, with a note.
 
 use super::text::{Seen, Source, number, quoted, tokens, words};
 use super::wishes;
@@ -19,7 +19,7 @@ pub(super) struct Unfit {
     instead: String,
 }
 
-/// The ignored lines of a material file. Each kind of ignored line has one element: the reason why its first
+/// The ignored lines of an MTL file. Each kind of ignored line has one element: the reason why its first
 /// line is ignored, and the number of its lines.
 #[derive(Default)]
 pub(super) struct Ignored(Vec<(Unfit, Seen)>);

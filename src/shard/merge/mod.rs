@@ -152,7 +152,7 @@ fn refuse_lost_attempts(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let has_records = existing::is_file(&records)? && records.metadata().is_ok_and(|file| file.len() > 0);
     match attempts.is_empty() && has_records {
         true => Err(Error::input(format!(
-            "{} holds merged results, but parts/ has no attempts; the results are unchanged",
+            "{} was not merged again: its folder parts/ has no attempts; its merged results are unchanged",
             out.display()
         ))
         .with_help("put the attempts' folders back into parts/ to merge again")),
@@ -742,7 +742,7 @@ mod tests {
         merge_one_record(out);
         let parts = out.join("parts");
         let expected = format!(
-            "{} holds merged results, but parts/ has no attempts; the results are unchanged",
+            "{} was not merged again: its folder parts/ has no attempts; its merged results are unchanged",
             out.display()
         );
         std::fs::remove_dir_all(&parts).unwrap();

@@ -1,4 +1,4 @@
-//! Refuses kernel files of the user that have no effect, with advice on the path or the folder that is meant.
+//! Refuses the user's kernel files that have no effect, with advice on the path or the folder that is meant.
 
 use super::folders::{FOLDERS, named, names_of, value_in};
 use super::includes::{Include, has_name_of, includes_of_all, wrong_include};

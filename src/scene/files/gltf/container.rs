@@ -72,7 +72,7 @@ struct Chunk<'a> {
 
 /// Returns the chunk at the offset `at`, and the offset after this chunk.
 fn chunk(bytes: &[u8], at: usize) -> std::result::Result<(Chunk<'_>, usize), String> {
-    let cut = || format!("the file ends in the header of the chunk at byte {at}");
+    let cut = || format!("the file ends within the header of the chunk at byte {at}");
     let length = number(bytes, at).ok_or_else(cut)? as usize;
     let start = at + CHUNK_HEADER_BYTES;
     let kind = bytes.get(start - 4..start).ok_or_else(cut)?;
@@ -138,7 +138,7 @@ mod tests {
         let whole = file(28, &[(b"JSON", b"{}  "), (b"BIN\0", b"abcd")]);
         let message_of = |bytes: &[u8]| split("a", bytes).err().unwrap().to_string();
         assert!(message_of(&whole[..6]).contains("the header of this binary glTF file is cut off"));
-        assert!(message_of(&whole[..14]).contains("the file ends in the header of the chunk at byte 12"));
+        assert!(message_of(&whole[..14]).contains("the file ends within the header of the chunk at byte 12"));
         assert!(
             message_of(&whole[..22]).contains("the chunk at byte 12 has 4 bytes, of which the file holds 2")
         );

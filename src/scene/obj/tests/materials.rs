@@ -1,9 +1,9 @@
-//! Tests of material files: the folders from which they are read, and the materials that they define.
+//! Tests of MTL files: the folders from which they are read, and the materials that they define.
 
 use super::*;
 
-/// Makes a folder with a mesh, and a material file outside this folder. `library` is the name of the material
-/// file in the mesh. Returns true if the material file was read, and the notes.
+/// Makes a folder with a mesh, and an MTL file outside this folder. `library` is the name of the MTL file
+/// in the mesh. Returns true if the MTL file was read, and the notes.
 #[cfg(unix)]
 fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let outer = tempfile::tempdir().unwrap();
@@ -222,7 +222,7 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
 }
 
 /// Reads a mesh file with the lines `obj` and then one triangle. Returns the red channel of the triangle's
-/// material, and the notes on the file. The folder of the mesh file has two material files, `my paints.mtl`
+/// material, and the notes on the file. The folder of the mesh file has two MTL files, `my paints.mtl`
 /// and `#1.mtl`, which both contain the text `mtl`.
 fn red(mtl: &str, obj: &str) -> (f32, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
@@ -255,10 +255,7 @@ fn a_comment_may_follow_a_name() {
     assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # paint").0, 0.25);
     let (grey, notes) = red(mtl, "mtllib none.mtl # lib\nusemtl red # walls");
     assert_eq!(grey, 0.8);
-    assert!(
-        notes[0].starts_with("material file `none.mtl` cannot be read (") && notes.len() == 2,
-        "{notes:?}"
-    );
+    assert!(notes[0].starts_with("MTL file `none.mtl` cannot be read (") && notes.len() == 2, "{notes:?}");
     assert!(notes[1].contains("(material `red`)"), "{notes:?}");
     // If no space follows a `#`, the `#` begins a comment only if the name before it is known.
     assert_eq!(red(&both, "mtllib #1.mtl\nusemtl red #walls"), (1.0, Vec::new()));
@@ -270,7 +267,7 @@ fn a_comment_may_follow_a_name() {
 #[test]
 fn a_material_whose_name_has_a_number_sign_is_not_taken_for_another() {
     let numbered = "newmtl Material #25\nKd 0.5 0 0\nnewmtl Material #26\nKd 0.75 0 0\n";
-    let (mtllib, missing) = ("mtllib #1.mtl", "1 material named by `usemtl` is in no material file");
+    let (mtllib, missing) = ("mtllib #1.mtl", "1 material named by `usemtl` is defined in no MTL file");
     for (mtl, obj, name) in [
         (numbered, format!("{mtllib}\nusemtl Material #27"), "Material #27"),
         (numbered, format!("{mtllib}\nusemtl Material"), "Material"),
@@ -285,7 +282,7 @@ fn a_material_whose_name_has_a_number_sign_is_not_taken_for_another() {
     assert_eq!(red("newmtl #1\nKd 0.5 0 0\n", mtllib), (0.8, Vec::new()));
     assert_eq!(red("newmtl #1\nKd 0.5 0 0\n", "mtllib #1.mtl\nusemtl #1"), (0.5, Vec::new()));
     let (_, notes) = red("", "mtllib #3.mtl");
-    assert!(notes[0].starts_with("material file `#3.mtl` cannot be read ("), "{notes:?}");
+    assert!(notes[0].starts_with("MTL file `#3.mtl` cannot be read ("), "{notes:?}");
 }
 
 #[test]
@@ -304,7 +301,7 @@ fn a_picture_may_lie_beside_its_material_file_and_have_a_number_sign_in_its_name
         ("mats/m.mtl", "wood #2.png", 2),
         ("mats/m.mtl", "C:\\work\\wood #2.png", 2),
         ("mats/m.mtl", "#3.png", 3),
-        // The mesh's folder is searched before the material file's folder.
+        // The mesh's folder is searched before the MTL file's folder.
         ("mats/m.mtl", "bark.png", 5),
         ("mats/m.mtl", "mats/bark.png", 4),
     ] {
@@ -426,7 +423,7 @@ fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
     assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.5));
 }
 
-/// A material file outside the mesh's folder may be somebody else's, so its text is not quoted.
+/// An MTL file outside the mesh's folder may be somebody else's, so its text is not quoted.
 #[test]
 fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
     let folder = tempfile::tempdir().unwrap();
@@ -441,11 +438,9 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
         parse("test.obj", reach, text.as_bytes()).unwrap().notes.concat()
     };
     assert!(notes("a.mtl", true).contains("secret"));
-    for (library, quotes, name) in [
-        ("../a.mtl", true, "a.mtl"),
-        ("a.mtl", false, "its material file"),
-        ("../a.mtl", false, "its material file"),
-    ] {
+    for (library, quotes, name) in
+        [("../a.mtl", true, "a.mtl"), ("a.mtl", false, "its MTL file"), ("../a.mtl", false, "its MTL file")]
+    {
         let note = notes(library, quotes);
         let start = format!(
             "{name}:2: a line with Kd cannot be used (expected one or three numbers from 0 to 1e6). "
@@ -524,8 +519,8 @@ fn of_many_files_that_are_missing_the_first_are_noted_and_the_others_counted() {
     let reach = Reach { folder: folder.path(), permitted };
     let notes = parse("test.obj", reach, text.as_bytes()).unwrap().notes;
     assert_eq!(notes.len(), 8, "{notes:?}");
-    assert!(notes[2].starts_with("material file `no2.mtl` cannot be read ("), "{notes:?}");
-    assert_eq!(notes[3], "997 more material files cannot be used either");
+    assert!(notes[2].starts_with("MTL file `no2.mtl` cannot be read ("), "{notes:?}");
+    assert_eq!(notes[3], "997 more MTL files cannot be used either");
     assert!(notes[6].contains("m.mtl:6: texture `none2.png` cannot be read ("), "{notes:?}");
     assert_eq!(notes[7], "997 more textures cannot be used either");
 }
