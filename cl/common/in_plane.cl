@@ -1,4 +1,4 @@
-// Finds rays that start in a triangle's plane. Such a ray does not see the triangle. If the ray starts on the triangle,
+// Finds rays that start in a triangle's plane. Such a ray misses the triangle. If the ray starts on the triangle,
 // a test of edges nevertheless finds a hit, at a distance that consists of rounding errors.
 
 // A bound of the rounding error of a sum of three products, relative to the sum of the products' absolute values.

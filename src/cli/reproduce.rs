@@ -85,7 +85,7 @@ pub fn run(args: Args) -> Result<()> {
     match failed.as_slice() {
         [] => Ok(()),
         some => Err(Error::run(some.join("; ")).with_help(
-            "the reproduction's page was written nevertheless; for each config, the file summary.md in the \
+            "raycl still wrote the reproduction's page; for each config, the file summary.md in the \
                  config's folder of results says why points failed; the same command with \
                  --resume --retry-failed measures these points again",
         )),

@@ -663,7 +663,7 @@ mod tests {
         assert!(small < 1.001 && large > 1.2, "{small} {large}");
     }
 
-    /// The triangle is behind the camera, so all rays see the sky's picture.
+    /// The triangle is behind the camera, so all rays reach the sky's picture.
     #[test]
     fn the_colours_of_a_skys_picture_are_found_quickly_too() {
         let mut scene = fixtures::single_triangle();

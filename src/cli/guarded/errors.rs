@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::ExitStatus;
 
 /// The remedy after a crash of a process that used the user's kernel files.
-const OWN_KERNELS: &str = "a mistake in a kernel file of yours is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
+const OWN_KERNELS: &str = "a mistake in one of your kernel files is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
 /// The first remedy after a crash of a process that opens a window.
 const WINDOW: &str = "if no window opened, the display or its libraries may be the cause: `--terminal` shows the scene in this terminal, without a window";
 /// The remedy if SIGKILL ended the child process.
