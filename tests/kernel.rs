@@ -167,11 +167,11 @@ fn a_kernel_is_printed_to_be_read() {
             "// local size: 8 x 8 work-items; a small scene: 12 triangles",
             "// for any device",
             "WIDTH=1",
-            "kernels that frames can need: cast_frame\n",
+            "kernels that a frame with one sample per pixel may need: cast_frame\n",
             "// ---- cast/intersect/moller_trumbore.cl, line ",
             "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
             "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",
-            "// files that contain only macros, expanded above: ",
+            "// files that contain only macros (expanded above): ",
             "are left out; --all prints them",
         ],
     );

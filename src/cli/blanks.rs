@@ -39,7 +39,9 @@ fn is_without_value(error: &clap::Error) -> bool {
 
 /// Returns the tip about a colour without quotes, of which the shell passes nothing on.
 fn cut_colour(option: &str) -> Option<String> {
-    option.starts_with("--background").then(|| "quote a colour with #: '#203040'".to_owned())
+    option
+        .starts_with("--background")
+        .then(|| "put a colour that begins with # in quotes: '#203040'".to_owned())
 }
 
 /// Returns the tip with the strategy without blanks; `None` if the word `unexpected` does not belong to a strategy.
@@ -187,7 +189,7 @@ mod tests {
     fn a_colour_that_the_shell_took_for_a_comment_is_answered_with_quotes() {
         for line in ["raycl render a.obj --background", "raycl view a.obj --background --plain"] {
             let said = message(line);
-            assert!(said.contains("quote a colour with #: '#203040'"), "{said}");
+            assert!(said.contains("put a colour that begins with # in quotes: '#203040'"), "{said}");
         }
         let other = message("raycl render a.obj --exposure");
         assert!(!other.contains("colour"), "{other}");

@@ -225,7 +225,7 @@ fn text(report: &Report, values: [Values; 2]) -> String {
             };
             lines.push(format!("largest error     {error}    {of_white}at column {x}, row {y}"));
             lines.push(format!(
-                "relative error    {:8.2e}    largest of all pixels, divided by the expected pixel's brightest channel",
+                "relative error    {:8.2e}    largest of all pixels: error divided by the expected pixel's brightest channel",
                 report.largest_relative_difference
             ));
             let percent = 100.0 * report.different_pixels as f64 / report.pixels.max(1) as f64;
@@ -349,7 +349,7 @@ mod tests {
             [
                 "PSNR 43.69 dB",
                 "largest error 0.20000 of white (51.0 of 255), at column 12, row 7",
-                "relative error 5.00e-1 largest of all pixels, divided by the expected pixel's brightest channel",
+                "relative error 5.00e-1 largest of all pixels: error divided by the expected pixel's brightest channel",
                 "different pixels 3 of 400 (0.75%)",
                 "differences d.png",
                 "note a remark",

@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions, and counts the instructions of each kind, such as loads from global memory. PoCL, a driver for CPUs, compiles a kernel for its local size only when the kernel is launched; with --out or --json, raycl therefore casts a frame of one pixel with PoCL. With drivers other than PoCL, raycl casts no ray.
 
-The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel: in PTX and SASS from one label to the next, on a CPU for each function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. The table that `raycl compile` prints shows the number of registers only if the compiler prints it, and the number of memory instructions only if the program's binary is PTX.")]
+The compiler's line table assigns instructions to source lines. If there is no line table, raycl counts the instructions of each part of the kernel instead. In PTX and SASS, a part is the code from one label to the next; on a CPU, a part is a function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. The table that `raycl compile` prints shows the number of registers only if the compiler prints it, and the number of memory instructions only if the program's binary is PTX.")]
 pub struct Args {
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which
     /// parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks and of
@@ -43,7 +43,7 @@ pub struct Args {
     /// barriers, else 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
+    /// The device: part of its name, platform or vendor; its label in `raycl devices`; or its kind (cpu, gpu,
     /// accelerator). If several devices match, raycl uses the first of them in the order of `raycl devices` [default:
     /// the device in RAYCL_DEVICE or your settings, else the most capable device]
     #[arg(long)]

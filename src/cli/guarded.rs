@@ -39,8 +39,8 @@ const SCENE_AS_FILE: &str = "give the scene as a file instead of `-`; raycl can 
     without the drivers that fail";
 /// The remedy if a command that writes frames to standard output cannot run again.
 const FRAMES_AS_FILES: &str = "set the environment variable OCL_ICD_VENDORS to a folder that contains only the .icd \
-    files of the other drivers; or let `render` write its frames to files (`-o NAME.png`), since it can then restart \
-    itself, without the drivers that fail";
+    files of the other drivers; or let `raycl render` write its frames to files (`-o NAME.png`): raycl can then \
+    restart the command itself, without the drivers that fail";
 
 /// Returns true if this process is the child process that [`run`] starts.
 pub fn is_inside() -> bool {

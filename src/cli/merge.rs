@@ -26,10 +26,10 @@ pub struct Args {
     /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (driver's name,
     /// common name, platform, driver and other properties that affect times), a kind (cpu, gpu, accelerator), or all.
     /// A NAME of digits matches only a whole number of the description: 1 does not match H100. Results of the baselines
-    /// (ray casters on the host) are always merged; host merges only these. If no device on which a shard has begun
-    /// matches any NAME, raycl merges nothing. If such devices match only some of several NAMEs, raycl reports all
-    /// points of the other NAMEs except the baselines as missing. Not with --status [default: all devices on which a
-    /// shard has begun]
+    /// (ray casters on the host) are always merged; with the NAME host, raycl merges only these results. If no NAME
+    /// matches a device on which a shard has begun, raycl merges nothing. If only some of several NAMEs match such a
+    /// device, then all points, except the baselines, count as missing for each NAME without a match. Not with
+    /// --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
@@ -143,7 +143,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         help.extend(missing.failed.iter().map(command_text));
     }
     if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
-        let remedy = "a wrong image stays the result of its point; to discard this image, move out of parts/ the folder of the attempt that cast the image";
+        let remedy = "a point with a wrong image keeps this result; to discard the image, move the folder of the attempt that cast it out of parts/";
         help.push(remedy.to_owned());
     }
     match said.is_empty() {

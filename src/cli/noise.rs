@@ -25,8 +25,8 @@ pub struct Args {
     /// all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository). Paths of
-    /// scenes are relative to the current folder
+    /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository). If VALUE
+    /// contains paths of scenes, they are relative to the current folder
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
@@ -132,7 +132,7 @@ fn text(noise: &Noise, device: &str) -> String {
     if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {
         let words = [others, stolen].map(number);
         lines.push(format!(
-            "  on average, other processes kept {} of {all} processors busy, and other virtual machines took {} of them",
+            "  on average, other processes kept {} of {all} processors busy, and other virtual machines on the same hardware used {} more",
             words[0], words[1]
         ));
     }
@@ -203,7 +203,7 @@ mod tests {
                 format!("smallest difference that all launches together can show {}", percent(0.02)),
                 format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
                 "1 of 4 points was not compared".to_owned(),
-                "on average, other processes kept 0.25 of 8 processors busy, and other virtual machines took 0.50 of them"
+                "on average, other processes kept 0.25 of 8 processors busy, and other virtual machines on the same hardware used 0.50 more"
                     .to_owned(),
                 "4 samples are left out of all results, since other programs probably used the processors"
                     .to_owned(),

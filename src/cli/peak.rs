@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the
-    /// table. If FILE exists already and a device fails, FILE keeps its earlier rates
+    /// table. If FILE exists already and a device fails, raycl does not change FILE
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace the file of --out even if it was not written by raycl, or was changed after raycl wrote it

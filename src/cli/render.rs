@@ -66,8 +66,8 @@ pub struct Args {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write layers: depth, normals, base colour, triangle and object numbers, and the numbers of triangle tests
-    /// and tree nodes per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not with
-    /// --devices, --turntable or --animate
+    /// and visited tree nodes per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not
+    /// with --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them
@@ -78,16 +78,17 @@ pub struct Args {
     /// bare mesh (a mesh file) is shown as with --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
-    /// With --devices: use all selected devices, even if the frame takes longer because of one of them; without
-    /// this option, devices that slow the frame down, cannot be prepared or fail are left out
+    /// With --devices: use all selected devices, even if one of them slows the frame down. If a device cannot be
+    /// prepared or fails, the command then fails too. Without this option, raycl leaves out devices that slow the frame
+    /// down, cannot be prepared or fail
     #[arg(long, requires = "devices", conflicts_with_all = ["device", "watch", "layers", "adaptive", motion::MOVING])]
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. N samples take about N times as
-    /// long as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default:
-    /// 1; for a bare mesh, 6 where neighbouring pixels differ and 1 elsewhere; with --plain or
-    /// --devices, always 1]
+    /// long as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default: 1;
+    /// with --adaptive, 16; for a bare mesh without --adaptive, --plain and --devices, 6 where neighbouring pixels
+    /// differ and 1 elsewhere]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring

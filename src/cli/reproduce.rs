@@ -43,7 +43,8 @@ pub struct Args {
     /// Existing measurements are never replaced
     #[arg(long)]
     force: bool,
-    /// Change a value in the configs of all experiments. Paths of scenes are relative to the current folder
+    /// Change a value in the configs of all experiments. If VALUE contains paths of scenes, they are relative to the
+    /// current folder
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points

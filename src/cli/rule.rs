@@ -32,15 +32,15 @@ pub struct Args {
     /// A TOML file of cases, such as docs/rule.toml: each case names a scene and a picture size to measure
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
-    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
+    /// The device: part of its name, platform or vendor; its label in `raycl devices`; or its kind (cpu, gpu,
     /// accelerator)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
     /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Number of rounds, 1 to 100. In each round, every candidate strategy is timed once; the shortest of its
-    /// times counts
+    /// Number of rounds, 1 to 100. In each round, every candidate strategy is timed once; raycl uses the
+    /// candidate's shortest time
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = whole::<u32>(1..=100))]
     rounds: u32,
     /// If another process is measuring on the device, end at once instead of waiting for it

@@ -55,7 +55,10 @@ fn preset_json(preset: &Preset) -> Value {
 }
 
 fn text() -> String {
-    let mut text = "A strategy has one value on each axis.\n\n".to_owned();
+    let mut text =
+        "A strategy has one value on each axis. Below, \"the paper\" is the student paper whose experiments \
+        raycl repeats, and \"the book\" is Computer Graphics: Principles and Practice.\n\n"
+            .to_owned();
     for axis in AXES {
         text += &axis_text(axis);
     }

@@ -32,7 +32,7 @@ pub struct Subject {
     /// Pixels down, 1 to 65,536
     #[arg(long, default_value_t = 800, value_parser = whole::<u32>(1..=65536))]
     pub height: u32,
-    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
+    /// The device: part of its name, platform or vendor; its label in `raycl devices`; or its kind (cpu, gpu,
     /// accelerator). If several devices match, raycl uses the first of them in the order of `raycl devices` [default:
     /// the device in RAYCL_DEVICE or your settings, else the most capable device]
     #[arg(long)]

@@ -64,7 +64,7 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
         (Ok(_), Some(first)) => format!(
-            "a strategy has only one preset, but '{part}' is a second one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
+            "a strategy has only one preset, but '{part}' is a second one: leave out one of the two. Only `raycl compile` takes several strategies, each with an option of its own: --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
             // Of the other parts, the suggested option `--strategy` has only those with `=`, because a part

@@ -113,7 +113,7 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
     let another = "try another device (`raycl devices` lists all devices, --device chooses one), another --strategy or a smaller --local-size";
     match address_space_bytes {
         Some(bytes) => format!(
-            "this process may use only {} of address space, in which a driver may not fit: remove the limit with `ulimit -v unlimited`; or {another}",
+            "this process may use only {} of address space, which may be too little for a driver: remove the limit with `ulimit -v unlimited`; or {another}",
             readable(bytes)
         ),
         None => another.to_owned(),

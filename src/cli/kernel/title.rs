@@ -30,7 +30,7 @@ impl Title<'_> {
             self.compiler(program),
             format!("options: {options}"),
             format!("defines: {defines}"),
-            format!("kernels that frames can need: {}", kernels.join(", ")),
+            format!("kernels that a frame with one sample per pixel may need: {}", kernels.join(", ")),
         ];
         lines.iter().map(|line| comment(line)).collect()
     }
@@ -67,7 +67,10 @@ impl Title<'_> {
             None if program.asked.is_empty() => format!("for any device{lanes}"),
             None => {
                 let names: Vec<&str> = program.undefined().into_iter().collect();
-                format!("for any device{lanes}; its compiler is assumed not to define: {}", names.join(", "))
+                format!(
+                    "for any device{lanes}; the device's compiler is assumed not to define: {}",
+                    names.join(", ")
+                )
             }
         }
     }
@@ -82,7 +85,7 @@ pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
         program.files.iter().filter(|file| !has_code(file)).map(String::as_str).collect();
     let mut foot = String::new();
     if !without.is_empty() {
-        foot += &comment(&format!("files that contain only macros, expanded above: {}", without.join(", ")));
+        foot += &comment(&format!("files that contain only macros (expanded above): {}", without.join(", ")));
     }
     if left_out > 0 {
         let lines = counted_are(left_out, "line that these kernels do not need");

@@ -78,7 +78,7 @@ fn text(rows: &[Row]) -> String {
         ]);
     }
     let mut text = format!(
-        "The paper names four limits for its Figure 5: {GROUPS} blocks, {THREADS} threads and 48 KB of shared memory per multiprocessor,\nand {PAPER_REGISTERS} registers per thread. The figure uses only the limits of blocks and threads:\nthreads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
+        "The student paper names four limits for its Figure 5: {GROUPS} blocks, {THREADS} threads and 48 KB of shared memory per multiprocessor,\nand {PAPER_REGISTERS} registers per thread. The figure uses only the limits of blocks and threads:\nthreads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", named(row.size), contradiction(row));
@@ -97,7 +97,7 @@ fn contradiction(row: &Row) -> String {
     match &row.held.limiter {
         Limiter::CannotLaunch(reason) => format!("cannot launch: {reason}."),
         _ => format!(
-            "with {PAPER_REGISTERS} registers per thread, a multiprocessor holds {} threads, not {}.",
+            "with {PAPER_REGISTERS} registers per thread, a multiprocessor holds {} threads, not the {} of Figure 5.",
             row.held.threads, row.predicted
         ),
     }
@@ -142,7 +142,7 @@ mod tests {
         let text = text(&rows(&sizes()).unwrap());
         assert!(
             text.contains(
-                "\n16x16: with 63 registers per thread, a multiprocessor holds 512 threads, not 1536."
+                "\n16x16: with 63 registers per thread, a multiprocessor holds 512 threads, not the 1536 of Figure 5."
             ),
             "{text}"
         );

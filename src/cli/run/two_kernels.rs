@@ -40,7 +40,7 @@ fn remedy(comparison: &Comparison, folder: &Folder) -> String {
         false => {
             let images = folder.path.join(IMAGES);
             format!(
-                "points with the kernels of {second} fail or have wrong pictures; pictures are in {}",
+                "with the kernels of {second}, points fail or have wrong pictures; the pictures are in {}",
                 images.display()
             )
         }

@@ -37,12 +37,12 @@ pub struct Look {
     /// [default: 15, as in the student paper whose experiments raycl repeats; a scene file may set another]
     #[arg(long, help_heading = HEADING, value_name = "FACTOR", value_parser = number::<f64>(FACTOR))]
     exposure: Option<f64>,
-    /// The tone curve: clip cuts what is brighter than white; filmic has more contrast in dark parts, and keeps shades
-    /// in bright ones [default: clip; a scene file may set another]
+    /// The tone curve: clip shows all values above white as white; filmic adds contrast in dark parts, and still shows
+    /// differences in bright parts [default: clip; a scene file may set another]
     #[arg(long, help_heading = HEADING, value_name = "CURVE", value_parser = Tone::NAMES)]
     tone: Option<String>,
-    /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than DEGREES, 0 to 180
-    /// [default for a bare mesh: 40]
+    /// For meshes without normals: keep an edge sharp if the normals of its two faces differ by more than DEGREES, 0 to
+    /// 180 [default for a bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     crease: Option<f64>,
     /// Reverse the normals of faces that show their back to the viewer, so that back faces are lit like front

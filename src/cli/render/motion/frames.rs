@@ -159,12 +159,13 @@ fn other(file: &Path, number: u32) -> Error {
         file.display()
     );
     Error::input(message).with_help(
-        "`--force` replaces the file, `-o FILE` writes elsewhere; raycl may have chosen another strategy if the frame was cast on another kind of device: name that strategy with `--strategy`, so that raycl recognises the frame",
+        "`--force` replaces the file, `-o FILE` writes elsewhere; if the frame was cast on another kind of device, raycl may have chosen another strategy there: name that strategy with `--strategy`, so that raycl recognises the frame",
     )
 }
 
 fn still(file: &Path) -> Error {
-    let message = format!("'{}' exists and is not a frame: it is a single picture of raycl", file.display());
+    let message =
+        format!("'{}' exists and is not a frame: it is a single picture that raycl made", file.display());
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 
