@@ -25,7 +25,8 @@ pub const DEVICE: &str = "RAYCL_DEVICE";
 /// The environment variable that names the folder in which runs create their folders of results.
 const RESULTS: &str = "RAYCL_RESULTS";
 /// The remedy for a folder of results that cannot be found.
-const FOLDER: &str = "name an absolute folder, such as /home/me/results, or one in the current folder";
+const FOLDER: &str =
+    "give an absolute path, such as /home/me/results, or a path relative to the current folder";
 /// The remedy for a mistake in the settings file.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
 

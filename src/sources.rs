@@ -176,7 +176,7 @@ impl Sources {
         if own.is_empty() || log.lines().any(|line| line.contains("error") && is_in_own(line)) {
             return (log, !own.is_empty());
         }
-        let why = "no built-in kernel file is wrong by itself, but this program contains";
+        let why = "the built-in kernel files compile by themselves, but this program contains";
         (format!("{why} {}: {log}", some_of(&own)), true)
     }
 

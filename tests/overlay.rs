@@ -177,7 +177,8 @@ fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
     let cl = changed(&folder, FILE, "varying t_max, Hit *hit) {", "Hit *hit, varying t_max) {");
     let device = device();
     let strategy = "deferred,intersector=baldwin-weber";
-    let file = format!("no built-in kernel file is wrong by itself, but this program contains {cl}/{FILE}: ");
+    let file =
+        format!("the built-in kernel files compile by themselves, but this program contains {cl}/{FILE}: ");
     for command in ["render", "compile"] {
         let arguments = [command, "scene.toml", "--device", &device, "--cl-dir", &cl, "--strategy", strategy];
         has(
@@ -213,7 +214,7 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
             "copied: scene",
             "copied: nothing",
             "local-triangles",
-            "STAGE_VERTICES is not 0, as `copied` in the header of this file requires",
+            "`copied` in the header of this file requires STAGE_VERTICES to be 0",
         ),
     ];
     for (file, from, to, strategy, message) in mistakes.into_iter().skip(usize::from(!is_reported)) {

@@ -87,10 +87,10 @@ fn results_lie_where_the_settings_say() {
 fn a_folder_in_the_home_folder_needs_a_home_folder() {
     let folder = folder_with("results = \"~/kept\"\n");
     let message = mistake(raycl(&folder, &["run", "config.toml", "--quiet"]).env_remove("HOME"));
-    has(&message, &["home/raycl/config.toml:1", "needs HOME", "name an absolute folder"]);
+    has(&message, &["home/raycl/config.toml:1", "needs HOME", "give an absolute path"]);
     let variable = ("RAYCL_RESULTS", "~nobody/kept");
     let message = mistake(raycl(&folder, &["run", "config.toml", "--quiet"]).env(variable.0, variable.1));
-    has(&message, &["RAYCL_RESULTS: only `~` alone", "name an absolute folder"]);
+    has(&message, &["RAYCL_RESULTS: only `~` alone", "give an absolute path"]);
     assert!(!folder.path("~").exists() && !folder.path("~nobody").exists());
 }
 

@@ -52,7 +52,9 @@ fn why_unfit(folder: &Path) -> Option<&'static str> {
     } else if !can_be_written(folder) {
         Some("raycl cannot write to it")
     } else if !is_private(folder) {
-        Some("another user owns it or the folder around it, or may write into one of them")
+        Some(
+            "another user owns this folder or the folder that contains it, or may write into one of the two folders",
+        )
     } else {
         is_noexec(folder).then_some("its file system is mounted with the option noexec")
     }
@@ -82,7 +84,7 @@ fn cache_advice_on(folder: &Path) -> Option<String> {
 fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String {
     let reason = |folder: &Path| {
         let why = why_unfit(folder).unwrap_or("it is a link, or it cannot be created");
-        format!("not '{}': {why}", folder.display())
+        format!("'{}' cannot be used: {why}", folder.display())
     };
     let default = default.map_or_else(|| "neither XDG_CACHE_HOME nor HOME is set".to_owned(), reason);
     let reasons: Vec<_> = std::iter::once(default).chain(temporary.map(reason)).collect();
@@ -285,12 +287,15 @@ mod tests {
         std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o777)).expect("a mode");
         let advice = no_folder_advice(Some(Path::new("/dev/null/kcache")), Some(&folder));
         let reasons = format!(
-            "(not '/dev/null/kcache': raycl cannot write to it; not '{}': another user owns it or the folder around it",
+            "('/dev/null/kcache' cannot be used: raycl cannot write to it; '{}' cannot be used: another user owns this folder",
             folder.display()
         );
         assert!(advice.contains(&reasons) && advice.contains("set POCL_CACHE_DIR to"), "{advice}");
         let advice = no_folder_advice(None, Some(parent.path()));
-        let reasons = format!("(neither XDG_CACHE_HOME nor HOME is set; not '{}': ", parent.path().display());
+        let reasons = format!(
+            "(neither XDG_CACHE_HOME nor HOME is set; '{}' cannot be used: ",
+            parent.path().display()
+        );
         assert!(advice.contains(&reasons), "{advice}");
     }
 

@@ -115,7 +115,7 @@ impl Locks {
                 return Err(refused(&holder, device));
             }
             if reported.as_ref() != Some(&holder) {
-                let line = format!("waiting for {holder}, which is measuring on {device}");
+                let line = format!("waiting for {holder}: the process is measuring on {device}");
                 match named::is_first(&self.folder.path(device.file()), &holder) {
                     true => tells(LockWait::For(&line)),
                     false => tells(LockWait::Again(&line)),

@@ -252,7 +252,8 @@ mod tests {
         // The next two messages of the compiler do not name the user's file, so raycl's message must add the
         // file's name. The first of these two messages names a built-in file, which may use a name that the
         // user's file defines wrongly. The second of these two messages names no file.
-        let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
+        let why =
+            format!("the built-in kernel files compile by themselves, but this program contains {shade}: ");
         let note = "\nnote: cast/shade.cl:2:2: it is declared here";
         let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));
         let note = format!("\nnote: {shade}:2:2: it is declared here");

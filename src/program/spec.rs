@@ -111,7 +111,7 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     ];
     let check = |(name, is_set): (&str, bool)| {
         let value = u8::from(is_set);
-        let why = format!("{name} is not {value}, as `copied` in the header of this file requires");
+        let why = format!("`copied` in the header of this file requires {name} to be {value}");
         format!("#line {line} \"{file}\"\n#if {name} != {value}\n#error \"{why}\"\n#endif\n")
     };
     Ok(macros.map(check).concat())

@@ -184,7 +184,7 @@ file_axis! {
 }
 axis! {
     /// The time at which a triangle's data for the ray-triangle test is computed.
-    Records "records" "when the data that a ray-triangle test reads of a triangle is computed" {
+    Records "records" "when the data for a ray-triangle test is computed from the triangle" {
         EachTest "each-test" "at each test, from the triangle's corners; with triangles = tiled, whenever a work-group copies the triangle to __local memory; tests with planes, and tiles of rays, compute the data at other times",
         Once "once" "once per scene, by a kernel of its own, which writes a record per triangle to global memory",
     }

@@ -259,7 +259,7 @@ impl Reader<'_> {
         match parsed.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
             Some((line, _, Said::Word("tile"))) if folders.contains(&NO_TILES) => {
                 let message = format!(
-                    "'prepared_for' is tile, but the kernels that include {NO_TILES} have no tiles of rays; expected any-ray or origin or pixels"
+                    "'prepared_for' is tile, but the kernels that include {NO_TILES} have no tiles of rays; expected any-ray, origin or pixels"
                 );
                 Err(self.wrong(*line, message, None))
             }
@@ -275,7 +275,7 @@ impl Reader<'_> {
         match yes {
             Some((line, ..)) if folders.contains(&NO_TILES) && !(self.includes)(EXACT_SIGNS)? => {
                 let message = format!(
-                    "'exact_signs' is yes, but the file does not include {EXACT_SIGNS}, without which compilers may contract products and sums to fma, which can change signs"
+                    "'exact_signs' is yes, but the file does not include {EXACT_SIGNS}; without this include, compilers may contract products and sums to fma, and an fma can change a sign"
                 );
                 let help =
                     format!("write #include \"{EXACT_SIGNS}\" between the header and the first function");

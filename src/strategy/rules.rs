@@ -108,7 +108,7 @@ impl Strategy {
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
-                "intersector = {intersector} computes the depth of a hit, but shading = {shading} needs its distance, so shading must be deferred",
+                "intersector = {intersector} computes the depth of a hit, but shading = {shading} needs the hit's distance, so shading must be deferred",
             ),
         ];
         let (_, reason) = rules.into_iter().find(|(broken, _)| *broken)?;

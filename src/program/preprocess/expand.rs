@@ -5,6 +5,7 @@
 use super::macros::{Macro, Macros};
 use super::substitute::substitute;
 use super::token::{Kind, Token, lex};
+use crate::words::counted;
 use std::collections::VecDeque;
 
 /// A mistake in a macro call: the number of the call's line in the whole text, and a message.
@@ -55,7 +56,10 @@ impl Expander<'_> {
         };
         if arguments.len() != parameters.len().max(1) {
             let (wanted, got) = (parameters.len(), arguments.len());
-            return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
+            return Err((
+                token.line,
+                format!("{} takes {}, not {got}", token.text, counted(wanted, "argument")),
+            ));
         }
         let mut call = token;
         // The name and the closing bracket of a call may come from different macros. If both came from the

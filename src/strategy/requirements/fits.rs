@@ -67,7 +67,7 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
     if strategy.needs_tree() && triangles > most {
         return Err(Infeasible::beyond(format!(
-            "a tree's leaves: {triangles} triangles > {most} triangles that they can index"
+            "a tree's leaves: {triangles} triangles > the {most} triangles that leaves can index"
         )));
     }
     Ok(())

@@ -135,7 +135,7 @@ fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name
     let refused = Requirements::check(&preset("bvh").unwrap().strategy, &many, &limits).unwrap_err();
     assert_eq!(
         refused.reason,
-        "a tree's leaves: 33554433 triangles > 33554432 triangles that they can index"
+        "a tree's leaves: 33554433 triangles > the 33554432 triangles that leaves can index"
     );
 }
 

@@ -63,7 +63,7 @@ fn is_known(file: &str) -> bool {
 fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) -> Error {
     let (path, folder_name) = (folder.join(file), folder.display());
     let by = if is_included { "only files without effect include it" } else { "no file includes it" };
-    let message = format!("is neither a file of raycl nor a value of an axis, and {by}");
+    let message = format!("has no effect: it replaces no built-in file, it is no value of an axis, and {by}");
     let error = Error::input(format!("{} {message}", path.display()));
     if let Some(include) = wrong_include(file, includes) {
         let Include { path, location, .. } = include;
@@ -152,7 +152,10 @@ mod tests {
         for path in ["../helper.cl", "helper.cl"] {
             let text = format!("int a;\n#include \"{path}\"\n");
             let error = refused_of(&[(value, &text), ("cast/helper.cl", "")]);
-            assert!(error.to_string().contains("cast/helper.cl is neither a file of raycl"), "{error}");
+            assert!(
+                error.to_string().contains("cast/helper.cl has no effect: it replaces no built-in file"),
+                "{error}"
+            );
             let line = format!("{value}, line 2 includes \"{path}\", but paths in #include are relative to ");
             let help = error.remedy();
             assert!(help.contains(&line) && help.ends_with("write #include \"cast/helper.cl\""), "{help}");
@@ -174,7 +177,7 @@ mod tests {
     #[test]
     fn a_file_that_has_no_effect_is_refused() {
         let message = refused("cast/other.cl", refuse_unused).unwrap_or_default();
-        assert!(message.contains("other.cl is neither a file of raycl nor a value"), "{message}");
+        assert!(message.contains("other.cl has no effect: it replaces no built-in file"), "{message}");
         assert_eq!(refused("cast/vectors/mine.cl", refuse_unused), None, "a value");
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(folder.path().join("cast/vectors")).unwrap();
@@ -193,7 +196,10 @@ mod tests {
         }
         for file in ["my/a_privat.cl", "my/private.cl", "my/a_watertight.cl", "your/a_private.cl"] {
             let message = with(file).unwrap_err().to_string();
-            assert!(message.contains(&format!("{file} is neither a file of raycl nor a value")), "{message}");
+            assert!(
+                message.contains(&format!("{file} has no effect: it replaces no built-in file")),
+                "{message}"
+            );
         }
         // In the paths of files, names of values have underscores instead of dashes.
         let files = [("cast/vectors/my_own.cl", text.as_str()), ("my/a_my_own.cl", "int a;\n")];
@@ -212,12 +218,11 @@ mod tests {
         let (one, two) =
             (("my/one.cl", "#include \"my/two.cl\"\n"), ("my/two.cl", "#include \"my/one.cl\"\n"));
         let error = refused_of(&[one, two]);
-        let said =
-            "my/one.cl is neither a file of raycl nor a value of an axis, and only files without effect";
+        let said = "my/one.cl has no effect: it replaces no built-in file, it is no value of an axis, and only files without effect";
         assert!(error.to_string().contains(said), "{error}");
         // If one file includes the other, the error is about the file that nothing includes.
         let error = refused_of(&[("my/a.cl", "int a;\n"), ("my/z.cl", "#include \"my/a.cl\"\n")]);
-        assert!(error.to_string().contains("my/z.cl is neither"), "{error}");
+        assert!(error.to_string().contains("my/z.cl has no effect"), "{error}");
         assert!(error.to_string().ends_with("and no file includes it"), "{error}");
     }
 }
