@@ -210,7 +210,7 @@ fn no_platform(limit_bytes: Option<u64>, files: Option<u64>) -> Error {
     });
     let Some((may, remedy)) = of_files.or(of_space) else {
         return Error::run(
-            "no OpenCL platform was found: no driver is installed, or the loader does not find any",
+            "no OpenCL platform was found: no driver is installed, or the OpenCL loader finds none",
         )
         .with_help(HOW_TO_GET_ONE);
     };

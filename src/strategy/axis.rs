@@ -126,7 +126,7 @@ axis! {
         Exhaustive "exhaustive" "no tree: each ray is tested against one triangle after another, as in the paper",
         Raster "raster" "one work-item per triangle, depth resolved by atomics, then a shading pass",
         Bvh "bvh" "every ray, or packet of rays, walks a tree of boxes",
-        Tile "tile" "a tile of rays with a common origin walks the tree together",
+        Tile "tile" "the rays of a tile, which have a common origin, walk the tree together",
     }
 }
 file_axis! {

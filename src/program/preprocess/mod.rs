@@ -122,7 +122,7 @@ struct Position {
 
 /// The advice in an error about an `#error` or a condition. The line with the error may require another value
 /// of a macro.
-const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or with an axis, such as \
+const VALUES: &str = "if the line requires another value of a macro, set this value with --local-size or with an axis, such as \
     width=4; otherwise correct this line of the file in the folder of --cl-dir";
 /// The advice in an error about a line other than an `#error` or a condition.
 const CORRECT: &str = "correct this line of the file in the folder of --cl-dir";

@@ -66,7 +66,7 @@ fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     while made.last().is_some_and(|last| last.kind == Kind::Space) {
         made.pop();
     }
-    let Some(left) = made.pop() else { return Err((0, "## has nothing before it".to_owned())) };
+    let Some(left) = made.pop() else { return Err((0, "the operator ## has nothing before it".to_owned())) };
     let mut right = right.into_iter();
     let Some(first) = right.next() else {
         made.push(left);

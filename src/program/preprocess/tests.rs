@@ -164,7 +164,7 @@ fn only_errors_of_lines_that_may_ask_for_a_value_advise_to_set_it() {
         [("#error A\n", true), ("#if 1 / A\n#endif\n", true), ("#else\n", false), ("#nonsense\n", false)]
     {
         let remedy = run(source, "").unwrap_err().remedy().to_owned();
-        assert_eq!(remedy.contains("asks for a macro's value"), asks, "{source}: {remedy}");
+        assert_eq!(remedy.contains("requires another value of a macro"), asks, "{source}: {remedy}");
         assert!(remedy.contains("the folder of --cl-dir"), "{source}: {remedy}");
     }
 }
