@@ -44,7 +44,7 @@ pub(super) fn note(
     let part = averted_part_of(&scene.mesh, own, &scene.camera, aspect)?;
     let ground = if own < scene.mesh.triangles.len() { " beside the ground" } else { "" };
     let remedy = match is_turned {
-        true => "raycl reverses either all normals or none of a scene that is seen from all sides",
+        true => "in a scene that is seen from all sides, raycl reverses either all normals or none",
         false => "--two-sided (two_sided = true) reverses the normals of this part",
     };
     (part > MOST).then(|| {

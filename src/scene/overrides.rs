@@ -56,8 +56,10 @@ fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path));
     let position = settings.iter().find(|setting| sets_camera_position(&setting.path, &setting.value));
     let Some((angle, position)) = angle.zip(position) else { return Ok(()) };
-    let message =
-        format!("this angle and '{}' both place the camera, so one of them has no effect", position.origin);
+    let message = format!(
+        "this angle and '{}' both place the camera, so one of them would have no effect",
+        position.origin
+    );
     Err(angle.error(message).with_help("leave out the angle or the position"))
 }
 
@@ -206,7 +208,7 @@ mod tests {
             for angle in ["camera.azimuth_degrees", "camera.elevation_degrees"] {
                 let (path, value) = &position;
                 let expected = format!(
-                    "{angle} = 1: this angle and '{path} = {value}' both place the camera, so one of them has no effect"
+                    "{angle} = 1: this angle and '{path} = {value}' both place the camera, so one of them would have no effect"
                 );
                 assert_eq!(applied(&[one(angle), position.clone()]), Err(expected.clone()));
                 assert_eq!(applied(&[position.clone(), one(angle)]), Err(expected));

@@ -58,7 +58,7 @@ pub(super) fn check_lights(
     for (wire, light) in wire.light.iter().flatten().zip(lights) {
         if let (Some(shape), None) = (&wire.shape, &wire.edges) {
             let message = "a light has a shape but no edges; expected edges = [[x, y, z], [x, y, z]]";
-            return Err(document.error(shape.span(), message, "of which size?"));
+            return Err(document.error(shape.span(), message, "the edges of this shape are missing"));
         }
         let span = wire.edges.as_ref().map_or(wire.position.span(), |edges| edges.span());
         check_light(light).map_err(|error| document.located(span, error, "this light"))?;

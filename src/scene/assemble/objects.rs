@@ -280,8 +280,8 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
         let least = triangles - triangles / 16;
         if least > most {
             let message = format!(
-                "the shapes up to this one have at least {least} triangles; expected at most {most}, the \
-                 largest number that a tree can index"
+                "this shape and the shapes before it have at least {least} triangles in all; expected at most \
+                 {most}, the largest number that a tree can index"
             );
             return Err(document
                 .error(name.span(), message, "too many triangles")

@@ -41,7 +41,7 @@ pub(super) fn build(
             Some(Arc::new(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen }))
         }
         (None, _) if wire.strength.is_some() || wire.turn_degrees.is_some() => {
-            return refused("strength and turn_degrees belong to a picture", "no picture here");
+            return refused("strength and turn_degrees belong to a picture", "this sky has no picture");
         }
         (None, None) => return refused("a sky has a zenith or a picture", "this sky has neither"),
         (None, Some(_)) => None,

@@ -119,7 +119,7 @@ fn within_limit(picture: Decoded, sum: &mut usize) -> Parsed<Decoded> {
     let all = *sum + picture.1.len();
     if all > MOST_TEXELS {
         return Err(format!(
-            "makes the textures of the mesh too large together: they may have at most {MOST_TEXELS} texels"
+            "makes the textures of the mesh too large: all together may have at most {MOST_TEXELS} texels"
         ));
     }
     *sum = all;
@@ -265,7 +265,7 @@ mod tests {
         assert_eq!(added(MOST_TEXELS - 6), Ok(0));
         let message = added(MOST_TEXELS - 5).unwrap_err();
         let expected =
-            "makes the textures of the mesh too large together: they may have at most 268435456 texels";
+            "makes the textures of the mesh too large: all together may have at most 268435456 texels";
         assert_eq!(message, expected);
     }
 

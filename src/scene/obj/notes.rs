@@ -17,8 +17,8 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
     let made = if edges { made(mesh) } else { 0 };
     if made > 0 {
         notes.push(format!(
-            "smoothing groups (s) are not read: {} smooth, except at edges with an angle above `crease`, if there \
-             is a `crease` (a bare mesh has a default); flat = true in an [[object]] gives every face its own normal",
+            "smoothing groups (s) are not read: {} smooth. A `crease` in the scene (a bare mesh has a default) keeps \
+             edges with a larger angle sharp; flat = true in an [[object]] gives every face its own normal",
             counted_are(made, "triangle without normals")
         ));
     }

@@ -75,10 +75,8 @@ pub(super) fn notes(root: &Root, quotes: bool) -> impl Iterator<Item = String> {
         let listed = || if quotes { format!(": {}", names.join(", ")) } else { String::new() };
         (!names.is_empty()).then(|| what.to_owned() + &listed())
     };
-    let needed = note(
-        "the file requires extensions that are not supported, without which the picture may be wrong",
-        needed,
-    );
+    let needed =
+        note("the file requires extensions that raycl does not support, so the picture may be wrong", needed);
     needed.into_iter().chain(note("unsupported extensions are ignored", ignored))
 }
 

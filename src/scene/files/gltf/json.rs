@@ -29,7 +29,7 @@ pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
     let version = needed.or(stated)?;
     let named =
         if quotes { format!("version {}", quoted(version.as_bytes())) } else { "another version".to_owned() };
-    Some(format!("the file asks for {named} of glTF: it is read as version 2.0"))
+    Some(format!("the file asks for {named} of glTF, but is read as version 2.0"))
 }
 
 /// Reads the JSON without the parts that raycl does not use. Adds empty `nodes` and `attributes` where they
@@ -189,7 +189,7 @@ mod tests {
             (r#""version": "2.1", "minVersion": "2.1""#, "version `2.1`"),
         ] {
             let expected = |version: &str| {
-                Some(format!("the file asks for {version} of glTF: it is read as version 2.0"))
+                Some(format!("the file asks for {version} of glTF, but is read as version 2.0"))
             };
             assert_eq!(note(asset, true), expected(version));
             assert_eq!(note(asset, false), expected("another version"));

@@ -72,7 +72,7 @@ impl LeftOut {
             (
                 self.flat_cameras,
                 "camera without a viewing direction",
-                "left out: expected a scale other than 0",
+                "left out: the scales of nodes must not be 0",
             ),
             (self.other_cameras, "camera outside the shown scene", "not used"),
             (
@@ -94,7 +94,7 @@ impl LeftOut {
             (
                 self.coarse,
                 "triangle with texture coordinates beyond +-4096",
-                "shown with an inexact picture: in single precision, such numbers have steps of at least 1/2048; \
+                "shown with an inexact texture: in single precision, such numbers have steps of at least 1/2048; \
                  expected numbers near 0",
             ),
         ];
@@ -115,10 +115,12 @@ pub(super) fn other_scenes(root: &Root) -> Option<String> {
             let default = format!("the file's default is scene {}, counted from 0", scene.value());
             return Some(format!("{default}, but the file has {scenes}: {instead} shown"));
         }
-        Some(scene) => format!("the file's default is shown: scene {}, counted from 0", scene.value()),
-        None => "the first is shown".to_owned(),
+        Some(scene) => {
+            format!("of which the file's default is shown (scene {}, counted from 0)", scene.value())
+        }
+        None => "of which the first is shown".to_owned(),
     };
-    (root.scenes.len() > 1).then(|| format!("of {} scenes, {shown}", root.scenes.len()))
+    (root.scenes.len() > 1).then(|| format!("the file has {} scenes, {shown}", root.scenes.len()))
 }
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ use gltf::json::{Index, Root};
 use std::collections::HashSet;
 
 /// The remedy for a node that occurs in several places of the scene.
-const ONE_PARENT: &str = "glTF allows a node at most one parent: export the scene with a node of \
-     its own for each place (these nodes may name the same mesh)";
+const ONE_PARENT: &str = "glTF allows a node at most one parent: export the scene with one node per \
+     place (several nodes may name the same mesh)";
 
 /// A node of the scene, and the transform from the node's coordinates to the scene's coordinates.
 pub(super) type PlacedNode = (Index<Node>, DMat4);

@@ -377,7 +377,7 @@ fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     assert!(error.to_string().contains(expected), "{error}");
     assert!(miette::Diagnostic::help(&error).unwrap().to_string().contains("without compression"));
     let notes = required(r#""KHR_techniques_webgl", "X_y""#).unwrap().notes;
-    let expected = "requires extensions that are not supported, without which the picture may be wrong: \
+    let expected = "requires extensions that raycl does not support, so the picture may be wrong: \
         `KHR_techniques_webgl`, `X_y`";
     assert!(notes.iter().any(|note| note.contains(expected)), "{notes:?}");
     assert!(required(r#""KHR_materials_unlit", "KHR_mesh_quantization""#).is_ok());
@@ -454,11 +454,14 @@ fn meshes_that_no_node_places_are_shown_and_other_scenes_noted() {
     assert_eq!(file.notes, ["1 mesh that no node places is shown without a transform"]);
     let scenes = triangle().replace(r#""scenes": ["#, r#""scene": 1, "scenes": [{"nodes": []}, "#);
     let notes = read(&scenes).unwrap().notes;
-    assert_eq!(notes, ["of 2 scenes, the file's default is shown: scene 1, counted from 0"]);
+    assert_eq!(
+        notes,
+        ["the file has 2 scenes, of which the file's default is shown (scene 1, counted from 0)"]
+    );
     let first = scenes
         .replace(r#""scene": 1, "#, "")
         .replace(r#"[{"nodes": []}, {"nodes": [0]}]"#, r#"[{"nodes": [0]}, {}]"#);
-    assert_eq!(read(&first).unwrap().notes, ["of 2 scenes, the first is shown"]);
+    assert_eq!(read(&first).unwrap().notes, ["the file has 2 scenes, of which the first is shown"]);
 }
 
 #[test]
@@ -643,7 +646,7 @@ fn a_camera_whose_values_are_not_valid_is_noted() {
     }
     for scale in ["[0, 0, 0]", "[1, 1, 0]", "[1, 0, 1]"] {
         let (is_used, notes) = with("perspective", "1", scale);
-        let note = "1 camera without a viewing direction is left out: expected a scale other than 0";
+        let note = "1 camera without a viewing direction is left out: the scales of nodes must not be 0";
         assert!(!is_used && notes == [note], "{scale}: {notes:?}");
     }
     for (kind, note) in [
@@ -668,7 +671,7 @@ fn a_camera_outside_the_shown_scene_is_noted() {
 #[test]
 fn the_version_and_the_length_of_a_file_are_noted_if_they_are_not_those_that_are_read() {
     let notes = read(&triangle().replace(r#""version": "2.0""#, r#""version": "1.0""#)).unwrap().notes;
-    assert_eq!(notes, ["the file asks for version `1.0` of glTF: it is read as version 2.0"]);
+    assert_eq!(notes, ["the file asks for version `1.0` of glTF, but is read as version 2.0"]);
     let mut json = triangle().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let length = (json.len() as u32).to_le_bytes();

@@ -150,7 +150,7 @@ impl Files<'_> {
                 let bytes = &buffer[start.min(end) as usize..end as usize];
                 pictures.bytes(&key, || Ok(Cow::Borrowed(bytes)), usage)
             }
-            (None, None) => Err("has neither a file nor bytes".to_owned()),
+            (None, None) => Err("has an image with neither a `uri` nor a `bufferView`".to_owned()),
         }
     }
 }

@@ -94,7 +94,9 @@ pub(super) fn notes(header: &Header) -> Vec<String> {
         let count = names.iter().filter(|name| has_number(element, name)).count();
         if (1..names.len()).contains(&count) {
             let all = names.join(", ");
-            notes.push(format!("{who} have only {count} of the properties {all}: these are not read"));
+            notes.push(format!(
+                "{who} have only {count} of the properties {all}, so raycl reads none of these properties"
+            ));
         }
     }
     notes

@@ -565,9 +565,10 @@ fn properties_of_vertices_of_which_some_are_missing_are_noted() {
     let notes = |from: &str, to: &str| parse("a.ply", SQUARE.replace(from, to).as_bytes()).unwrap().notes;
     let edges = "elements other than the first `vertex`, `face` and `tristrips` are left out (`edge` 1)";
     assert_eq!(notes("float z", "float w"), ["4 vertices without z: z is 0", edges]);
-    let incomplete = "vertices have only 2 of the properties red, green, blue: these are not read";
+    let incomplete =
+        "vertices have only 2 of the properties red, green, blue, so raycl reads none of these properties";
     assert_eq!(notes("uchar blue", "uchar bleu"), [incomplete, edges]);
-    let one = "vertices have only 1 of the properties nx, ny, nz: these are not read";
+    let one = "vertices have only 1 of the properties nx, ny, nz, so raycl reads none of these properties";
     assert_eq!(notes("uchar blue", "uchar nx"), [one, incomplete, edges]);
     let of_faces = parse("a.ply", PAINTED.replace("uchar blue", "uchar bleu").as_bytes()).unwrap().notes;
     assert_eq!(of_faces, [incomplete.replace("vertices", "faces")]);

@@ -134,7 +134,7 @@ fn stored_texture_coordinates_far_from_0_are_noted_unless_the_picture_is_clamped
         let text = textured(&transformed(transform)).replace(r#""textures": [{"source": 0}]"#, &samplers);
         read(&text).unwrap().notes
     };
-    let expected = "1 triangle with texture coordinates beyond +-4096 is shown with an inexact picture: in single \
+    let expected = "1 triangle with texture coordinates beyond +-4096 is shown with an inexact texture: in single \
          precision, such numbers have steps of at least 1/2048; expected numbers near 0";
     // The second coordinates of the triangle's corners are 0, 1 and 0.
     assert_eq!(notes(r#""scale": [1, -4097]"#, "{}"), [expected]);
