@@ -310,14 +310,14 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
         return Err(Error::input(
             "run_experiment started this process as a worker, which cannot run an experiment itself",
         )
-        .with_help("call raycl::serve_if_worker first in `main`: in a worker process, it does the worker's task and ends the process"));
+        .with_help("call raycl::serve_if_worker first in `main`: in a worker process, this function does the worker's task and ends the process"));
     }
     check_paths(config, out)?;
     if !SERVES.load(Ordering::Relaxed) {
         return Err(Error::input(
             "run_experiment was called in a program that has not called serve_if_worker",
         )
-        .with_help("call raycl::serve_if_worker first in `main`: raycl's workers are the same program"));
+        .with_help("call raycl::serve_if_worker first in `main`: each of raycl's workers is the same program, started again"));
     }
     check_variables()?;
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();

@@ -277,8 +277,11 @@ fn a_journal_with_damaged_lines_is_shown_reported_and_repaired() {
     // `raycl repair` can repair only journals (files with one record or sample per line), so the remedy for any other
     // damaged file is to delete it.
     std::fs::write(folder.path("out/peak.json"), "no rates").expect("a file");
-    let damaged =
-        ["out/peak.json does not contain peak rates: ", "line 1", "; delete the file; then `raycl run"];
+    let damaged = [
+        "out/peak.json does not contain peak rates: ",
+        "line 1",
+        "; delete the file; then measure the rates again, with `raycl run",
+    ];
     let reported = folder.raycl(&["report", "out"]).output().expect("raycl starts");
     has(&String::from_utf8_lossy(&reported.stderr), &damaged);
     let repaired = folder.output(&["repair", "out"]);

@@ -261,7 +261,7 @@ fn a_dry_run_says_under_which_name_an_equal_strategy_is_measured() {
     let folder = new_folder();
     let twin = "strategy=[{ preset = \"naive\", name = \"twin\" }]";
     let text = folder.output(&["run", "config.toml", "--asleep", "0.1", "--dry-run", "--set", twin]);
-    has(&text, &["note: Strategy twin equals naive on all axes; it is measured once, as naive.\n"]);
+    has(&text, &["note: Strategy twin equals naive on all axes; raycl measures only naive.\n"]);
 }
 
 #[test]

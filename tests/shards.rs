@@ -281,7 +281,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     let before = files(&ground.attempts()[0]);
     has(
         &ground.folder.output(&["merge", "out", "--status", "--between", "2"]),
-        &["lost: the counter in its folder no longer increases"],
+        &["lost: the counter in the attempt's folder no longer increases"],
     );
     has(&ground.folder.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
     let second = run(&mut ground.command("1/1", "20", &[]));
@@ -310,7 +310,7 @@ fn of_scenes_with_the_same_content_one_is_measured() {
     let scenes = format!("[{scene:?}, \"copy.toml\", {other:?}]");
     let text = ground.folder.text("test.toml").replace(&format!("[{scene:?}]"), &scenes);
     ground.folder.write("test.toml", &text);
-    let note = "scene copy.toml has the same content as triangle; it is measured once, as triangle";
+    let note = "scene copy.toml has the same content as triangle; raycl measures only triangle";
     let message = ground.folder.output(&["run", "test.toml", "--dry-run", "--asleep", "1"]);
     has(&message, &[&format!("note: {note}"), &format!("{} points, 0 of which", 2 * POINTS)]);
     ["1/2", "2/2"].iter().for_each(|shard| ground.shard(shard));

@@ -49,7 +49,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     };
     if is_standard_input(path) {
         return Err(Error::input("an experiment is not read from standard input (`-`)").with_help(
-            "save the experiment as a file, and name this file: raycl reads it again, for example to resume the run",
+            "save the experiment as a file, and name this file: raycl reads the file again, for example when a run is resumed",
         ));
     }
     let opened = Opened::at(path).map_err(unreadable)?;

@@ -242,7 +242,7 @@ impl NamedStrategy {
                 format!("at {}, ", all.join(", "))
             }
         };
-        format!("Strategy {} equals {first} on all axes; {sizes}it is measured once, as {first}.", self.name)
+        format!("Strategy {} equals {first} on all axes; {sizes}raycl measures only {first}.", self.name)
     }
 
     /// Returns why the strategy is not measured on devices of this kind; `None` if it is measured on them.

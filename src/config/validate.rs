@@ -88,7 +88,12 @@ pub(super) fn refuse_name(document: &Document, name: &Spanned<String>) -> Result
 
 fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<DeviceWord>> {
     let Some(list) = list else { return Ok(Vec::new()) };
-    not_empty(document, &list, "devices", "one word: \"all\", a kind or a part of a device's name")?;
+    not_empty(
+        document,
+        &list,
+        "devices",
+        "one word: \"all\", a kind of device, or a part of a device's name",
+    )?;
     for device in list.get_ref() {
         sentence(document, device, "device")?;
     }

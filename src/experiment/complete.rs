@@ -42,10 +42,9 @@ pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>
 /// Returns a warning if a point's frames are too short for comparisons, or if the device throttled its clock
 /// during samples; otherwise `None`.
 fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
-    let throttled = record
-        .throttled_samples
-        .filter(|count| *count > 0)
-        .map(|count| format!("the device throttled in {count} of {} samples", record.samples_ms.len()));
+    let throttled = record.throttled_samples.filter(|count| *count > 0).map(|count| {
+        format!("the device throttled its clock in {count} of {} samples", record.samples_ms.len())
+    });
     let warnings: Vec<_> = start_bound(record, frames).into_iter().chain(throttled).collect();
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }

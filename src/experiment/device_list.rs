@@ -74,7 +74,7 @@ fn ask_with(
     Ok(serde_json::from_str(last_line(&text).unwrap_or_default()).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);
         let last_words = last_line(&words).unwrap_or("it printed nothing");
-        format!("a driver ended the process that listed its devices ({}; {last_words})", output.status)
+        format!("a driver ended the process that lists the devices ({}; {last_words})", output.status)
     }))
 }
 

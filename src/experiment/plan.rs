@@ -246,9 +246,9 @@ mod tests {
         assert_eq!(experiment.notes_on_equal_strategies(), Vec::<String>::new());
         experiment.strategies.extend(copies);
         let expected = [
-            "Strategy twin equals naive on all axes; it is measured once, as naive.",
-            "Strategy more equals naive on all axes; at 1x2, 2x4, it is measured once, as naive.",
-            "Strategy last equals more on all axes; it is measured once, as more.",
+            "Strategy twin equals naive on all axes; raycl measures only naive.",
+            "Strategy more equals naive on all axes; at 1x2, 2x4, raycl measures only naive.",
+            "Strategy last equals more on all axes; raycl measures only more.",
         ];
         assert_eq!(experiment.notes_on_equal_strategies(), expected);
     }

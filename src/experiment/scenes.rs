@@ -36,7 +36,7 @@ pub fn distinct_scenes(mut experiment: Experiment) -> Result<Experiment> {
     }
     for ((_, original, _), copy) in copies.into_iter().zip(names) {
         let name = &originals[original].scene;
-        let note = format!("scene {copy} has the same content as {name}; it is measured once, as {name}");
+        let note = format!("scene {copy} has the same content as {name}; raycl measures only {name}");
         experiment.scenes[original].notes.push(note);
     }
     Ok(experiment)
@@ -110,12 +110,12 @@ mod tests {
             (vec!["tri".to_owned(), "named".to_owned()], &[1][..])
         );
         let [note] = &distinct.scenes[0].notes[..] else { panic!("{:?}", distinct.scenes[0].notes) };
-        let end = "b/tri.toml has the same content as tri; it is measured once, as tri";
+        let end = "b/tri.toml has the same content as tri; raycl measures only tri";
         assert!(note.starts_with("scene ") && note.ends_with(end), "{note}");
         assert!(distinct.scenes[1].notes.is_empty());
         let (namesakes, _folder) = experiment("scenes = ['a/tri.toml', 'b/tri.toml', 'c/tri.toml']");
         let notes = distinct_scenes(namesakes).unwrap().scenes.swap_remove(0).notes;
-        let end = "b/tri.toml has the same content as a/tri; it is measured once, as a/tri";
+        let end = "b/tri.toml has the same content as a/tri; raycl measures only a/tri";
         assert!(notes.len() == 1 && notes[0].ends_with(end), "{notes:?}");
         // A worker reads the config again, and leaves out the scenes that the run has left out.
         let mut of_worker = all;
@@ -172,7 +172,7 @@ mod tests {
         let devices = [&device];
         let run = fixtures::run(&distinct, &devices, &locks);
         let (first, copy) = ("tri+position=[0.0, 0, 0]", "tri+position=[0, 0, 0]");
-        let note = format!("scene {copy} has the same content as {first}; it is measured once, as {first}");
+        let note = format!("scene {copy} has the same content as {first}; raycl measures only {first}");
         let forecasts = dry_run(&run, &Past::default()).unwrap();
         assert!(forecasts.iter().all(|forecast| forecast.scene_notes.contains(&note)), "{forecasts:?}");
         let groups = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();

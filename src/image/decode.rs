@@ -13,7 +13,7 @@ const PNG_SIGNATURE_BYTES: usize = 8;
 /// included.
 const PNG_CHUNK_BYTES: usize = 8;
 /// The message about a picture file whose last bytes are missing.
-const CUT_OFF: &str = "the file ends before the picture does";
+const CUT_OFF: &str = "the file ends before the picture is complete";
 
 /// Returns a reader of a picture. The picture's first bytes show the format. If the first bytes fit no known
 /// format, the reader uses `by_name`, the format that the file's name suggests.
@@ -152,7 +152,7 @@ mod tests {
             let (scan, end) = whole.split_at(whole.len() - 2);
             assert_eq!(refusal(&[scan, &[MARKER], end].concat()), "", "a byte that fills space");
             for end in [3, whole.len() / 2, whole.len() - 1] {
-                assert_eq!(refusal(&whole[..end]), "the file ends before the picture does", "{end}");
+                assert_eq!(refusal(&whole[..end]), "the file ends before the picture is complete", "{end}");
             }
         }
     }

@@ -79,7 +79,7 @@ fn check_size(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
             (format!("a JPEG has at most {MOST_OF_JPEG} in each direction"), "png")
         }
         Format::Hdr if across == NO_HDR_WIDTH => {
-            (format!("an HDR cannot have exactly {NO_HDR_WIDTH} in a row"), "exr")
+            (format!("raycl cannot write an HDR with exactly {NO_HDR_WIDTH} in a row"), "exr")
         }
         _ => return Ok(()),
     };
@@ -498,7 +498,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let check = |size| check_target(&target(&folder.path().join("a.hdr"), false), size);
         let refused = check([32_768, 1]).unwrap_err();
-        let why = "32768 x 1 pixels; an HDR cannot have exactly 32768 in a row";
+        let why = "32768 x 1 pixels; raycl cannot write an HDR with exactly 32768 in a row";
         assert!(refused.exit_code() == 2 && refused.to_string().ends_with(why), "{refused}");
         assert!(refused.remedy().ends_with("a.exr'"), "{}", refused.remedy());
         assert!(check([1, 32_768]).is_ok());

@@ -36,7 +36,7 @@ pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     } else {
         let message = format!("'{}' is not a valid name for layers", path.display());
         return Err(Error::input(message).with_help(
-            "name it NAME.exr for one file with all layers, or NAME.png for one file per layer, such as NAME-depth.png",
+            "use NAME.exr for one file with all layers, or NAME.png for one file per layer, such as NAME-depth.png",
         ));
     };
     targets.iter().try_for_each(Target::check)?;

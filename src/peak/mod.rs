@@ -28,8 +28,8 @@ const POSSIBLE_PER_S: RangeInclusive<f64> = 1.0..=1e18;
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
 /// The help in the error message about a folder of results whose peak rates cannot be read.
-const MEASURED_AGAIN: &str = "delete the file; then `raycl run CONFIG --peak --resume` measures the rates again, or \
-    `raycl reproduce --resume` if that command wrote the folder";
+const MEASURED_AGAIN: &str = "delete the file; then measure the rates again, with `raycl run CONFIG --peak --resume` \
+    or, if `raycl reproduce` wrote the folder, with `raycl reproduce --resume`";
 /// The name of the file with the peak rates in folders that older versions of raycl wrote.
 const OLD_FILE: &str = "limits.json";
 

@@ -178,7 +178,7 @@ impl<T> Lines<T> {
 
 /// The advice in an error about a journal that was removed or replaced during a run, alone or with its
 /// folder.
-const MOVED: &str = "if the folder was moved, the results up to now are in its new place: name that place with --out to continue there; do not move or remove the folder or its files while a run writes to it";
+const MOVED: &str = "if the folder was moved, the results up to now are in the new place: to continue there, use --resume and --out NEW_PLACE. Do not move or remove a folder or its files while a run writes to them";
 /// The advice in an error about a folder or a file that contains no results.
 pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
 

@@ -109,11 +109,11 @@ fn not_compared(records: &[Record]) -> Option<String> {
     let lacking: Vec<_> = records.iter().filter_map(|record| Some((record, why(record)?))).collect();
     let Some((record, why)) = lacking.first() else {
         let why = match records.len() {
-            1 => "only one point was measured",
-            _ => "no two points were measured in the same rounds",
+            1 => "only one point was measured, and a difference needs two points",
+            _ => "no two points were measured in the same rounds, so no difference between points is known",
         };
         let is_compared = compared(records).next().is_some();
-        return (!is_compared).then(|| format!("{why}, and a difference needs two"));
+        return (!is_compared).then(|| why.to_owned());
     };
     let were = counted_of_were(lacking.len(), records.len(), "point");
     let size = record.at_local_size();
@@ -231,12 +231,12 @@ mod tests {
         // A baseline shows nothing about differences between kernels of a device.
         let alone = noise_of(std::slice::from_ref(&naive));
         assert_eq!((alone.within_launch, alone.between_launches), (None, None));
-        let why = "only one point was measured, and a difference needs two";
+        let why = "only one point was measured, and a difference needs two points";
         assert_eq!(alone.not_compared.as_deref(), Some(why));
         let later = Record { sample_launches: vec![1; 15], ..wide };
         let apart = noise_of(&[naive, later]);
         assert_eq!((apart.within_launch, apart.between_launches), (None, None));
-        let why = "no two points were measured in the same rounds, and a difference needs two";
+        let why = "no two points were measured in the same rounds, so no difference between points is known";
         assert_eq!(apart.not_compared.as_deref(), Some(why));
     }
 

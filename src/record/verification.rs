@@ -20,7 +20,11 @@ pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let (first, reason) = measured().find_map(|record| Some((record, why(record)?)))?;
     let count = measured().filter(|record| why(record).is_some()).count();
     let were = counted_of_were(count, measured().count(), "image");
-    Some(format!("{were} hardly verified; the first, of {} {}: {reason}.", first.scene, by(first.image_size)))
+    Some(format!(
+        "{were} hardly verified. In the first, of {} {}, {reason}.",
+        first.scene,
+        by(first.image_size)
+    ))
 }
 
 #[cfg(test)]
@@ -44,8 +48,7 @@ mod tests {
         assert_eq!(hardly_verified_images(&fine), None);
         let few = of(Outcome::Measured, Some(901));
         let note = hardly_verified_images(&[&fine[..], &[few]].concat()).unwrap_or_default();
-        let start =
-            "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
+        let start = "1 of 3 images was hardly verified. In the first, of fence 40 x 25, 99 of 1000 pixels were certain";
         assert!(note.starts_with(start), "{note}");
         // If the number of pixels whose rays hit something is known, only pixels whose rays hit something
         // count.
@@ -55,7 +58,7 @@ mod tests {
             ..of(Outcome::Measured, Some(500))
         };
         let note = hardly_verified_images(&[hits(500, 500)]).unwrap_or_default();
-        assert!(note.contains(": 0 of 500 pixels with a surface were certain"), "{note}");
+        assert!(note.contains(", 0 of 500 pixels with a surface were certain"), "{note}");
         assert_eq!(hardly_verified_images(&[hits(450, 500)]), None);
     }
 }

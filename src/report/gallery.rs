@@ -167,7 +167,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "uncertain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At an uncertain pixel, a strategy's image must have a value in the range of values that such small changes yield."
+                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At an uncertain pixel, a strategy's image should have a value in the range of values that such small changes yield; only a few pixels may lie outside this range."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", traversal(record)), tests_caption(record)),

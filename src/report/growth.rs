@@ -116,7 +116,7 @@ fn caption(fits: &[(String, Fit)]) -> String {
             axis."
             .to_owned(),
         some => format!(
-            " The dashed lines are power laws, fitted by least squares to the logarithms. The legend shows each exponent after the sign ^. Exponents with their standard errors: {}.",
+            " The dashed lines are power laws, fitted by least squares to the logarithms of both axes. The legend shows each exponent after the sign ^. Exponents with their standard errors: {}.",
             some.join(", ")
         ),
     };

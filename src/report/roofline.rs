@@ -204,8 +204,8 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
         "Each mark is a point. A mark's height is the number of operations per second in ray-triangle tests \
          (primary rays only; a multiply-add counts as one). A mark's horizontal position is the number of a \
          test's operations, divided by the number of bytes that the test reads. The triangle's bytes are divided by \
-         the number of rays of a work-item. With private vectors, no bytes of the ray are counted. If passes are fused, the time is that of the whole frame, \
-         so the rate is a lower bound. {roofs}{not_shown}"
+         the number of rays of a work-item. With private vectors, no bytes of the ray are counted. If passes are fused, the rate is computed from the time of the whole frame, \
+         so this rate is a lower bound. {roofs}{not_shown}"
     )
 }
 

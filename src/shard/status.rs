@@ -80,7 +80,7 @@ fn state(end: Option<End>, [first, second]: [Option<Beat>; 2], hang_limit_s: f64
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Begun => write!(f, "begun: there is no counter in its folder yet"),
+            Self::Begun => write!(f, "begun: the attempt's folder has no counter yet"),
             Self::Going => write!(f, "going"),
             Self::Hung(seconds) => write!(
                 f,
@@ -88,7 +88,7 @@ impl fmt::Display for State {
             ),
             Self::Lost => write!(
                 f,
-                "lost: the counter in its folder no longer increases; probably, the attempt was killed or its machine failed"
+                "lost: the counter in the attempt's folder no longer increases; probably, the attempt was killed, or its machine failed"
             ),
             Self::Ended(End::Done) => write!(f, "done"),
             Self::Ended(End::Interrupted) => write!(f, "interrupted"),
@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn every_state_is_described_in_words() {
         for (state, words) in [
-            (State::Begun, "begun: there is no counter in its folder yet"),
+            (State::Begun, "begun: the attempt's folder has no counter yet"),
             (State::Going, "going"),
             (
                 State::Hung(42),
@@ -194,7 +194,7 @@ mod tests {
             ),
             (
                 State::Lost,
-                "lost: the counter in its folder no longer increases; probably, the attempt was killed or its machine failed",
+                "lost: the counter in the attempt's folder no longer increases; probably, the attempt was killed, or its machine failed",
             ),
             (State::Ended(End::Done), "done"),
             (State::Ended(End::Interrupted), "interrupted"),

@@ -85,7 +85,7 @@ mod tests {
         assert_eq!((described.config_path, described.config), (config.display().to_string(), text));
         assert_eq!((described.overrides.len(), described.devices.len()), (1, 1));
         assert_eq!(described.devices[0], DeviceEnvironment::of(&device));
-        let note = "Strategy twin equals naive on all axes; it is measured once, as naive.";
+        let note = "Strategy twin equals naive on all axes; raycl measures only naive.";
         assert_eq!(described.config_notes, [note]);
         let hash = |path: &Path| Some(blake3::hash(&std::fs::read(path).unwrap()).to_hex().to_string());
         let expected = [

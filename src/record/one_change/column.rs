@@ -68,7 +68,7 @@ impl<'a> Column<'a> {
                 Some(record) => why_unranked(record),
                 None => format!("there is no point of {}", strategy.name),
             },
-            None => "their times cannot be compared".to_owned(),
+            None => "the times of the two strategies cannot be compared".to_owned(),
         }
     }
 }

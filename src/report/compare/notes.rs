@@ -13,8 +13,8 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 
 /// The reason why times are compared without an anchor or baselines although the user did not ask for it.
-const OTHER_DEVICES: &str = "because the devices differ and the folders have no baseline of the same program and \
-                             processor in common";
+const OTHER_DEVICES: &str = "because the devices differ, and no baseline was measured in both folders by the same \
+                             program on the same processor";
 
 /// Returns a note for each pair of corresponding devices that differ in their names, or in properties that
 /// affect times. `devices` contains the names of corresponding devices in the two folders. A property that
@@ -196,11 +196,10 @@ impl Comparison {
         let names: Vec<String> = unknown.map(|pair| pair.point(self.several_devices)).collect();
         (!names.is_empty()).then(|| {
             format!(
-                "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed: in the \
-                 rounds in which these kernels were measured, the two folders have neither an anchor kernel, nor \
-                 baselines, nor at least three kernels of one device in common, most of which changed by similar \
-                 factors. With `--times`, the measured times are compared, and changes include every difference \
-                 between the runs.",
+                "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed. For this \
+                 purpose, the rounds of these kernels would have to contain, in both folders, the same anchor kernel, the \
+                 same baseline, or the same three or more kernels of one device, most of which changed by similar factors. \
+                 With `--times`, the measured times are compared, and changes include every difference between the runs.",
                 which(&names)
             )
         })

@@ -45,12 +45,12 @@ impl Comparison {
             "In each folder, a point's time is divided by the time of the anchor, a kernel that never \
              changes and is timed in the same rounds. Without an anchor, the point's time is divided by the \
              mean time of the baselines. Without baselines, a kernel's time is divided by the mean time of \
-             the kernels of the same device that changed by similar factors. Without an anchor, baselines \
-             and such kernels, the verdict is \"cannot tell\". The two times are compared without being divided in three cases: \
-             with `--times`; if the devices differ and the folders have no baselines in common; and if the \
-             point was measured for both folders in the same rounds. The change is the second folder's \
+             the kernels of the same device that changed by similar factors. If there is no \
+             anchor, no baseline and no such kernel, the verdict is \"cannot tell\". The two times are compared without being divided in three cases: \
+             with `--times`; if the devices differ and the folders have no baselines in common; and if one run \
+             measured the point with both folders of kernels. The change is the second folder's \
              quotient (or time), divided by the first folder's. A point is faster or slower if the 95% \
-             interval of its change lies completely beyond {0}%. The point is the same if the interval lies \
+             interval of its change lies completely beyond {0}% in one direction. The point is the same if the interval lies \
              completely within {0}% in both directions, and unclear otherwise. At most one point in 40 is \
              wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five \
              samples in a launch, or with a sample of the time 0, are not judged.",

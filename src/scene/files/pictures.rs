@@ -329,7 +329,7 @@ mod tests {
         let end_first = &b"\x89PNG\r\n\x1a\n\0\0\0\0IEND\xaeB`\x82"[..];
         for (bytes, why) in [
             (crate::image::ODD_PALETTE, "its palette has 4 bytes; expected a multiple of 3"),
-            (&jpeg[..jpeg.len() / 2], "the file ends before the picture does"),
+            (&jpeg[..jpeg.len() / 2], "the file ends before the picture is complete"),
             (end_first, "Format error decoding Png: IEND chunk appeared before IHDR chunk"),
         ] {
             assert_eq!(decoded(bytes, None).unwrap_err(), format!("cannot be decoded ({why})"));
@@ -403,7 +403,10 @@ mod tests {
             let (bytes, ending) = (bytes.into_inner(), Some(format));
             assert_eq!(decoded(&bytes, ending).unwrap().0, [64, 64]);
             let error = decoded(&bytes[..bytes.len() / 2], ending).unwrap_err();
-            assert_eq!(error, "cannot be decoded (the file ends before the picture does)", "{format:?}");
+            assert_eq!(
+                error, "cannot be decoded (the file ends before the picture is complete)",
+                "{format:?}"
+            );
         }
     }
 }

@@ -143,7 +143,7 @@ impl Chosen {
             few(&names)
         );
         Err(Error::input(message).with_help(format!(
-            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}. If these files are lost, start one of the shards that these attempts measured again, on a machine with the same kind of device. The shard then writes the lost list of points for this kind of device. It measures no finished point again. To merge without these attempts, move their folders out of parts/"
+            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}. If these files are lost, start one of the shards of these attempts again, on a machine with the same kind of device. The shard then writes the lost list of points for this kind of device, and measures no finished point again. To merge without these attempts, move their folders out of parts/"
         )))
     }
 

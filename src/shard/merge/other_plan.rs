@@ -18,7 +18,7 @@ pub fn other_plan(plan: &ShardPlan, attempts: &[Attempt]) -> Result<Option<Strin
     }
     Ok((!names.is_empty()).then(|| {
         format!(
-            "The plan in {SHARDS} is not that of {} ({}). Blocks of different plans may have different control points, or none; their points are then compared by their times alone.",
+            "The plan in {SHARDS} is not that of {} ({}). Blocks of different plans may have different control points, or none. Points of blocks without a common control point are compared by their times alone.",
             counted(names.len(), "attempt"),
             few(&names)
         )
