@@ -169,7 +169,8 @@ fn texels_that_are_clearly_negative_or_not_a_number_are_noted_and_infinite_ones_
         notes.into_iter().filter(|note| note.contains("negative values")).collect()
     };
     for noted in [-0.5, f32::NAN] {
-        let expected = "the sky's picture `sky.exr` has negative values or NaN in 2 texels; they count as 0";
+        let expected =
+            "the sky's picture `sky.exr` has negative values or NaN in 2 texels; such values count as 0";
         assert_eq!(notes(noted), [expected]);
     }
     assert!(notes(-1e-5).is_empty());

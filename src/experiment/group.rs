@@ -30,7 +30,7 @@ use std::time::Instant;
 use timed::{Latency, Timed};
 
 /// The message of a run before the first additional launch of a group of points.
-const ADDITIONAL: &str = "the core-to-core latency was unusual in some launches (the processors of a virtual machine may have moved), so additional launches replace them";
+const ADDITIONAL: &str = "the core-to-core latency was unusual in some launches (the processors of a virtual machine may have moved), so additional launches replace these launches";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
@@ -151,7 +151,7 @@ impl OpenGroup {
                 }
                 End::AllFailed => break,
                 End::Broken => {
-                    sink.says("a worker process was lost or replaced: its whole launch is repeated");
+                    sink.says("a worker process was lost or replaced: the whole launch is repeated");
                     supervisor.retire();
                 }
             }

@@ -217,7 +217,7 @@ impl<'a> Supervisor<'a> {
         let error = match self.ask(task, &Request::Anchor)? {
             Ok(Reply::Sample(times)) => return Ok(Some(Ok(times))),
             Ok(reply) => unexpected(reply),
-            Err(loss) => anchor::failed_because(&format!("its process {}", loss.describe())),
+            Err(loss) => anchor::failed_because(&format!("the worker process {}", loss.describe())),
         };
         self.posts.remove(&task.post());
         // All samples of a launch must come from the same workers, so a launch that has lost a worker is
@@ -306,8 +306,9 @@ impl<'a> Supervisor<'a> {
         self.losses += 1;
         let end = loss.describe();
         if matches!(loss, Loss::HungFor(_)) {
-            let reason =
-                format!("its process {end}; if the point needs more time, raise `raycl run --hang-limit`");
+            let reason = format!(
+                "the worker process {end}; if the point needs more time, raise `raycl run --hang-limit`"
+            );
             return Some(PointFailure::new(Outcome::TimedOut, reason));
         }
         let deaths = self.deaths.entry((task.job, task.point)).or_default();
@@ -317,7 +318,7 @@ impl<'a> Supervisor<'a> {
             return None;
         }
         self.given_up += 1;
-        let twice = if *deaths > 1 { "on both attempts its process" } else { "its process" };
+        let twice = if *deaths > 1 { "on both attempts, the worker process" } else { "the worker process" };
         let reason = format!("{twice} {end}");
         Some(PointFailure::new(Outcome::Crashed, reason))
     }

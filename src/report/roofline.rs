@@ -201,7 +201,7 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     };
     let not_shown = not_shown(left_out);
     format!(
-        "Each mark is a point. A mark's height is the number of operations per second in ray-triangle tests \
+        "Each mark is a point of the experiment. A mark's height is the number of operations per second in ray-triangle tests \
          (primary rays only; a multiply-add counts as one). A mark's horizontal position is the number of a \
          test's operations, divided by the number of bytes that the test reads. The triangle's bytes are divided by \
          the number of rays of a work-item. With private vectors, no bytes of the ray are counted. If passes are fused, the rate is computed from the time of the whole frame, \

@@ -150,9 +150,9 @@ impl SkyPicture {
         };
         match wrong_value(file.size, &texels, most) {
             None => Ok(FileTexels { texels, ..file.clone() }),
-            Some(wrong) => {
-                Err(format!("has {wrong} after multiplication by its strength; expected at most {most:e}"))
-            }
+            Some(wrong) => Err(format!(
+                "has {wrong} after multiplication by the sky's strength; expected at most {most:e}"
+            )),
         }
     }
 

@@ -358,7 +358,7 @@ fn a_launch_that_lost_its_worker_has_no_samples_in_records_and_no_stored_end() {
     assert_eq!(sink.ends, [LaunchEnd { launch: 1, stop_reason: StopReason::Precise, samples }]);
     assert_eq!(
         (sink.steps, sink.said),
-        (2, vec!["a worker process was lost or replaced: its whole launch is repeated".to_owned()])
+        (2, vec!["a worker process was lost or replaced: the whole launch is repeated".to_owned()])
     );
     let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
     assert_eq!(launches, vec![vec![1_u32; 5]; 2]);
@@ -377,7 +377,7 @@ fn after_a_failure_of_the_anchor_new_workers_repeat_the_launch_without_it() {
     let (off, mut sink, mut group) = (AtomicBool::new(false), Noting::default(), group());
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group.visit(&run, &mut supervisor, &mut sink).unwrap();
-    let repeated = "a worker process was lost or replaced: its whole launch is repeated";
+    let repeated = "a worker process was lost or replaced: the whole launch is repeated";
     assert_eq!(sink.said, ["asleep: no anchor; go on", repeated]);
     assert_eq!((started.get(), sink.launches), (2, 2));
     let launches: Vec<Vec<u32>> = group

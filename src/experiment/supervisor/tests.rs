@@ -199,9 +199,9 @@ fn a_points_failure_says_how_its_worker_was_lost() {
         (failure.outcome, failure.reason)
     };
     let twice = [Wait::Dead(death("first")), Wait::Dead(death("oh"))];
-    let both = "on both attempts its process was killed by SIGSEGV; its last message: oh";
+    let both = "on both attempts, the worker process was killed by SIGSEGV; its last message: oh";
     assert_eq!(reason(&twice, LIMIT), (Outcome::Crashed, both.to_owned()));
-    let hung = "its process did not answer within 0 s and was ended; if the point needs more time, \
+    let hung = "the worker process did not answer within 0 s and was ended; if the point needs more time, \
                 raise `raycl run --hang-limit`";
     assert_eq!(reason(&[Wait::Silence], Duration::ZERO), (Outcome::TimedOut, hung.to_owned()));
     // After three points have crashed twice, no other point is tried twice.
@@ -215,11 +215,11 @@ fn a_points_failure_says_how_its_worker_was_lost() {
         noting.instead.borrow_mut().clear();
         (noting.requests.borrow().len() - before, failure.reason)
     };
-    let crashed = "process was killed by SIGSEGV";
+    let crashed = "the worker process was killed by SIGSEGV";
     for point in 0..3 {
-        assert_eq!(attempts(point), (2, format!("on both attempts its {crashed}")));
+        assert_eq!(attempts(point), (2, format!("on both attempts, {crashed}")));
     }
-    assert_eq!(attempts(3), (1, format!("its {crashed}")));
+    assert_eq!(attempts(3), (1, crashed.to_owned()));
 }
 
 #[test]
@@ -283,7 +283,9 @@ fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
     // If the anchor hangs, the run waits only until the limit.
     noting.instead.borrow_mut().push_back(Wait::Silence);
     let error = supervisor.anchor(task(1, 0, 0)).unwrap().unwrap().unwrap_err();
-    assert!(error.to_string().ends_with("failed: its process did not answer within 0 s and was ended"));
+    assert!(
+        error.to_string().ends_with("failed: the worker process did not answer within 0 s and was ended")
+    );
     assert_eq!(supervisor.losses(), 2, "the launch is repeated");
     passes(&mut supervisor, task(2, 0, 0));
     assert_eq!(noting.jobs.borrow().len(), 3, "each hung worker is replaced");

@@ -33,7 +33,7 @@ pub(super) fn build(
         (Some(file), _) => {
             let FileTexels { size, texels, invalid, mut remarks } = texels(document, wire, file, cache)?;
             remarks.extend((invalid > 0).then(|| {
-                format!("has negative values or NaN in {}; they count as 0", counted(invalid, "texel"))
+                format!("has negative values or NaN in {}; such values count as 0", counted(invalid, "texel"))
             }));
             let name = file.get_ref();
             notes.extend(remarks.iter().map(|remark| format!("the sky's picture `{name}` {remark}")));

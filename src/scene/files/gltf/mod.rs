@@ -59,8 +59,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
 }
 
 /// The remedy for a buffer that cannot be read.
-const BUFFERS: &str =
-    "put the files that a .gltf file names into its folder, or export everything as one .glb file";
+const BUFFERS: &str = "put the files that a .gltf file names into the folder of the .gltf file, or export everything as one .glb file";
 
 fn note_animations(count: usize) -> Option<String> {
     (count > 0).then(|| {

@@ -547,7 +547,10 @@ fn a_buffer_may_be_a_file_beside_the_mesh() {
     let error = parsed("c.bin").err().unwrap();
     let missing = error.to_string();
     assert!(missing.contains("buffer 0") && missing.contains("`c.bin`"), "{missing}");
-    assert!(error.remedy().starts_with("put the files that a .gltf file names into its folder"), "{missing}");
+    assert!(
+        error.remedy().starts_with("put the files that a .gltf file names into the folder of the .gltf file"),
+        "{missing}"
+    );
 }
 
 #[test]
