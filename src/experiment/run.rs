@@ -74,7 +74,7 @@ fn refuse_other_than_keep(value: Option<&OsStr>) -> Result<()> {
     match says_keep(value) || text.trim().is_empty() {
         true => Ok(()),
         false => Err(Error::input(format!("{MOVED_SAMPLES}: '{text}' is not 'keep'"))
-            .with_help("set the variable to keep, or unset the variable")),
+            .with_help("set it to keep, or unset it")),
     }
 }
 

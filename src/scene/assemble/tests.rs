@@ -66,7 +66,7 @@ fn a_surface_that_turns_is_noted_if_it_faces_away_at_first() {
     std::fs::write(&path, text).unwrap();
     let notes = |turns| load_scene_for(&path, &[], Shot { turns, ..Shot::SQUARE }).unwrap().notes;
     let says =
-        |turns| notes(turns).iter().any(|note| note.ends_with("none of a scene that is seen from all sides"));
+        |turns| notes(turns).iter().any(|note| note.ends_with("raycl reverses either all normals or none"));
     assert!(says(true) && !says(false), "{:?}", notes(true));
 }
 
@@ -1123,7 +1123,10 @@ fn shapes_of_too_many_triangles_are_refused_before_they_are_made() {
         load_scene_for(&path, &[setting], shot).map(|loaded| loaded.scene.mesh.triangles.len())
     };
     let refused = load(12_000, 10_000).unwrap_err();
-    assert!(refused.to_string().contains("at least 11250 triangles; expected at most 10000"), "{refused}");
+    assert!(
+        refused.to_string().contains("at least 11250 triangles in all; expected at most 10000"),
+        "{refused}"
+    );
     // A target slightly above the limit is accepted, because a shape may have fewer triangles than its
     // target.
     assert!(load(10_500, 10_000).unwrap() > 10_000);
