@@ -48,10 +48,22 @@ fn a_texture_beside_its_mesh_stays() {
     assert!(image::open(folder.path("spot.png")).is_ok());
 }
 
+/// A picture at the path of a missing texture would be the mesh's texture in the next picture.
 #[test]
-fn a_texture_that_does_not_exist_keeps_no_picture_from_its_path() {
+fn no_picture_takes_the_place_of_a_missing_texture() {
     let mesh = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n";
-    let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", "newmtl a\nmap_Kd a.png\n")]);
+    let device = device();
+    for (texture, words) in [("a.png", &[][..]), ("a-0002.png", &["--turntable", "3", "--force"])] {
+        let mtl = format!("newmtl a\nmap_Kd {texture}\n");
+        let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", &mtl)]);
+        let message = folder.mistake(&[&["render", "a.obj", "--device", &device], words].concat(), 2);
+        let refusal = format!("'{texture}' does not exist, but names a file of the scene: ");
+        has(&message, &[refusal.as_str(), "`-o FILE` writes elsewhere"]);
+        assert!(!message.contains("cannot be read"), "{message}");
+        assert!(!folder.path(texture).exists() && !folder.path("a-0001.png").exists());
+    }
+    // The default name is refused only if the scene names it.
+    let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", "newmtl a\nmap_Kd b.png\n")]);
     render(&folder, &["a.obj"]);
     assert!(image::open(folder.path("a.png")).is_ok());
 }
@@ -82,7 +94,9 @@ fn a_file_of_the_scene_stays_even_with_force() {
     let materials = textures.map(|name| format!("newmtl {name}\nmap_Kd {name}\n")).concat();
     let faces = textures.map(|name| format!("usemtl {name}\nf 1/1 2/2 3/3\n")).concat();
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
-    folder.write("mesh.mtl", &materials);
+    // raycl shows no pictures of normals; they are files of the scene nevertheless.
+    folder.write("d-normal.png", MINE);
+    folder.write("mesh.mtl", &format!("{materials}map_Bump -bm 0.5 d-normal.png\n"));
     folder.write("mesh.obj", &format!("mtllib mesh.mtl\n{corners}{faces}"));
     stays(&folder, "mesh.png", "mesh.obj", "--device");
     for (file, words) in [
@@ -90,6 +104,8 @@ fn a_file_of_the_scene_stays_even_with_force() {
         ("named.png", "named.png"),
         ("turn-0002.png", "mesh.obj --turntable 3 -o turn.png"),
         ("film.apng", "mesh.obj --turntable 3 -o film.apng"),
+        ("d-normal.png", "mesh.obj -o d-normal.png"),
+        ("d-normal.png", "mesh.obj -o out.png --layers d.png"),
         ("sky.exr", "scene.toml --set sky.picture=sky.exr -o sky.exr"),
         ("sky.exr", "scene.toml --set sky.picture=sky.exr --layers sky.exr"),
     ] {

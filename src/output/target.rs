@@ -76,20 +76,21 @@ impl Target {
         check_writable(&self.path, self.choice)
     }
 
-    /// Returns an error if the file exists and the command reads it: not even `--force` replaces a file that
-    /// the command reads. `is_read` gets the file's path, with a canonical folder, and returns true if the
-    /// command has read, or tried to read, this file. In the message, `what` says what the file is, such as
-    /// "a file of the scene".
+    /// Returns an error if the command reads the file: not even `--force` replaces a file that the command
+    /// reads. If the file is missing, the error prevents that a later command reads the new file in its place.
+    /// `is_read` gets the file's path, with a canonical folder, and returns true if the command has read, or
+    /// tried to read, this file. In the message, `what` says what the file is, such as "a file of the scene".
     pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
         let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
-        // If no file exists at the output path, nothing is replaced, even if the command tried to read a file
-        // there.
-        if path.is_some_and(|path| path.symlink_metadata().is_ok() && is_read(&path)) {
-            let message = format!("'{}' is {what}, and is not replaced", self.path.display());
-            let help = format!("`{}` writes elsewhere", self.choice.elsewhere);
-            return Err(Error::input(message).with_help(help));
-        }
-        Ok(())
+        let Some(path) = path.filter(|path| is_read(path)) else { return Ok(()) };
+        let name = self.path.display();
+        let message = match path.symlink_metadata() {
+            Ok(_) => format!("'{name}' is {what}, and is not replaced"),
+            Err(_) => format!(
+                "'{name}' does not exist, but names {what}: a file written there would be taken for it"
+            ),
+        };
+        Err(Error::input(message).with_help(format!("`{}` writes elsewhere", self.choice.elsewhere)))
     }
 
     /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash).
@@ -180,19 +181,26 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_the_command_reads_is_refused_even_with_force() {
+    fn a_file_that_the_command_reads_is_refused_even_with_force_or_if_it_is_missing() {
         let folder = tempfile::tempdir().unwrap();
         let read = folder.path().canonicalize().unwrap().join("a.json");
-        let check = |path: &Path| {
-            let target = Target::new(path, Choice::new(true, "-o FILE"));
-            target.check_unread("a file", |path| path == read).map_err(|error| error.exit_code())
+        let check = |name: &str| {
+            let target = Target::new(folder.path().join(name), Choice::new(true, "-o FILE"));
+            target.check_unread("a file of the test", |path| path == read)
         };
-        assert_eq!(check(&read), Ok(()), "the file does not exist");
-        for name in ["a.json", "b.json"] {
-            std::fs::write(folder.path().join(name), "{}").unwrap();
+        let why = [
+            "does not exist, but names a file of the test: a file written there would be taken for it",
+            "is a file of the test, and is not replaced",
+        ];
+        for why in why {
+            let error = check("a.json").unwrap_err();
+            assert_eq!(error.to_string(), format!("'{}' {why}", folder.path().join("a.json").display()));
+            assert_eq!((error.exit_code(), error.remedy()), (2, "`-o FILE` writes elsewhere"));
+            assert!(check("b.json").is_ok());
+            for name in ["a.json", "b.json"] {
+                std::fs::write(folder.path().join(name), "{}").unwrap();
+            }
         }
-        assert_eq!(check(&folder.path().join("a.json")), Err(2));
-        assert_eq!(check(&folder.path().join("b.json")), Ok(()));
         assert!(Target::new("-", KEEP).check_unread("a file", |_| true).is_ok());
     }
 

@@ -6,7 +6,7 @@ use super::asked::Asked;
 use super::text::{
     Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted_name, tokens, words,
 };
-use super::textures::{Map, Maps};
+use super::textures::{Map, Maps, paths, picture};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
 use crate::error::Result;
@@ -16,7 +16,7 @@ use crate::scene::INPUTS;
 use crate::scene::few_notes::FewNotes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
 use glam::Vec3;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::mem::take;
 use std::path::{Path, PathBuf};
 
@@ -197,7 +197,7 @@ impl Reach<'_> {
     /// mesh may not read it.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
-        let named = self.folder.join(name.replace('\\', "/"));
+        let named = self.path(name);
         let path = named.canonicalize();
         if path.as_ref().is_ok_and(|path| !self.permits(path)) {
             return Err(OUTSIDE.to_owned());
@@ -211,11 +211,25 @@ impl Reach<'_> {
         }
     }
 
+    /// Adds the first file of `names` that exists to [`INPUTS`], unless the mesh may not read it. Commands thus do not
+    /// replace a file that the mesh names, even if raycl does not read it, such as a picture of normals.
+    pub(in crate::scene) fn keep(&self, mut names: impl Iterator<Item = String>) {
+        if let Some(name) = names.find(|name| self.path(name).exists()) {
+            // The file is not read, so nobody needs to know whether it can be read.
+            let _ = self.locate(&name);
+        }
+    }
+
+    /// Returns the path of the file with the name `name`, which the mesh may have written with backslashes.
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name.replace('\\', "/"))
+    }
+
     /// Returns the part of a note that names a similar file: its name differs from one of `names` only in
     /// upper and lower case. `names` are the possible names of a file that cannot be used. Returns an empty
     /// text if there is no similar file, or if a file has exactly one of `names`.
     pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
-        let names: Vec<_> = names.map(|name| self.folder.join(name.as_ref().replace('\\', "/"))).collect();
+        let names: Vec<_> = names.map(|name| self.path(name.as_ref())).collect();
         if names.iter().any(|name| name.exists()) {
             return String::new();
         }
@@ -278,6 +292,7 @@ impl Materials {
         let checked = check(&text);
         notes.extend(checked.ignored.notes(&source));
         notes.extend(values::note_more(checked.more, &source));
+        checked.pictures.iter().for_each(|picture| reach.keep(paths(picture, folder)));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not an MTL file: {error}"))))?;
         for (material, Extras { name: own, mut asked, model, colour, mask, emission, emitted }) in
@@ -309,6 +324,8 @@ struct Checked {
     plain: String,
     /// For each material, the properties that `tobj` does not read.
     extras: Vec<Extras>,
+    /// For each line that names a picture, used or not, the text that names it.
+    pictures: BTreeSet<String>,
     /// Lines with values that raycl cannot use.
     ignored: Ignored,
     /// Lines with more values than raycl reads.
@@ -372,6 +389,7 @@ impl Checked {
             }
             b"Ns" => self.plain += &format!("Ns {}\n", values::shininess(rest)?),
             _ => {
+                self.pictures.extend(picture(name, rest));
                 if let Some(last) = self.extras.last_mut() {
                     last.read(line, name, rest)?;
                 }

@@ -6,6 +6,7 @@ use super::coordinates::Coordinates;
 use super::mtl::Reach;
 use super::text::{decimal, name_tokens, number, possible_names, possible_paths, quoted, quoted_name, words};
 use super::values::{Unfit, unfit_map};
+use super::wishes::names_picture;
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
@@ -226,11 +227,9 @@ impl Map {
         format!("{}: {what}{name} {why}{hint}: {instead}", self.at)
     }
 
-    /// Returns the paths at which raycl looks for the picture, in this order. The paths are relative to the
-    /// mesh's folder. A picture may be in the mesh's folder or in the folder of the MTL file.
+    /// Returns the [`paths`] at which raycl looks for the picture.
     fn paths(&self) -> impl Iterator<Item = String> {
-        let folder = &self.folder;
-        possible_paths(&self.named).flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
+        paths(&self.named, &self.folder)
     }
 
     /// Returns the settings that place the picture on a triangle: scale, offset and wrap mode.
@@ -257,6 +256,20 @@ impl Map {
     fn texture_coordinates(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
     }
+}
+
+/// Returns the text that names the picture of an MTL line, even if raycl does not use this picture. Returns `None` if
+/// the line names no picture, or has options with numbers that are not valid.
+pub(super) fn picture(keyword: &[u8], rest: &[u8]) -> Option<String> {
+    let map = names_picture(keyword).then(|| Map::of_line(&words(keyword), rest))?;
+    map.ok().map(|map| map.named)
+}
+
+/// Returns the paths at which raycl looks for a picture, in this order. `named` is the text that names the picture.
+/// The paths are relative to the mesh's folder. A picture may be in the mesh's folder or in the folder of the material
+/// file, `folder`.
+pub(super) fn paths(named: &str, folder: &str) -> impl Iterator<Item = String> {
+    possible_paths(named).flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
 }
 
 /// Returns true if a word is a number, finite or not.

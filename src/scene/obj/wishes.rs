@@ -40,10 +40,8 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let names_file = || tokens(rest).next().is_some();
     let not_zero = || any(|value| value != 0.0);
     let (wish, asks) = match &lower[..] {
-        [b'#', ..] | b"" | b"illum" | b"ni" | b"sharpness" => return,
-        b"bump" | b"disp" | b"decal" | b"norm" | b"refl" => (Wish::Texture, names_file()),
-        _ if lower.starts_with(b"map_") && lower != b"map_aat" => (Wish::Texture, names_file()),
-        b"map_aat" => return,
+        [b'#', ..] | b"" | b"illum" | b"ni" | b"sharpness" | b"map_aat" => return,
+        _ if names_picture(&lower) => (Wish::Texture, names_file()),
         b"d" => (Wish::Transparency, any(|value| value < 1.0)),
         b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
         b"tf" => (Wish::Transparency, any(|value| value != 1.0)),
@@ -53,6 +51,14 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     };
     if asks {
         asked.add(wish, keyword);
+    }
+}
+
+/// Returns true if lines of a material with this keyword name a picture.
+pub(super) fn names_picture(keyword: &[u8]) -> bool {
+    match &keyword.to_ascii_lowercase()[..] {
+        b"bump" | b"disp" | b"decal" | b"norm" | b"refl" => true,
+        lower => lower.starts_with(b"map_") && lower != b"map_aat",
     }
 }
 

@@ -41,6 +41,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let used = nodes::materials_of(&root, &placed);
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let files = Files { root: &root, buffers: &buffers, reach };
+    files.keep_pictures();
     let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;

@@ -65,6 +65,11 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
+    /// Makes sure that commands replace no file of a picture, used or not ([`Reach::keep`]).
+    pub fn keep_pictures(self) {
+        self.root.images.iter().for_each(|image| self.reach.keep(file_name(image).into_iter()));
+    }
+
     /// Returns the texture of each material, in the file's order. A material without a texture gets `None`, and so does
     /// a material whose index is not in `used`. If a texture cannot be read, the function adds a note to `notes`; the
     /// material then keeps its own colour or, if the texture is emissive, emits no light. The function also gives the
@@ -129,18 +134,16 @@ impl Files<'_> {
         usage: Usage,
         pictures: &mut Pictures,
     ) -> Parsed<u32> {
+        if let Some(name) = file_name(image) {
+            let file = pictures.file(self.reach, &name, usage);
+            return file.map_err(|why| format!("{} {why}", quoted_name(&name)));
+        }
         let key = index.value().to_string();
         match (&image.uri, image.buffer_view) {
             (Some(uri), _) if uri.starts_with("data:") => {
                 pictures.bytes(&key, || decoded(uri).map(Cow::Owned), usage)
             }
-            (Some(uri), _) if uri.contains("://") => {
-                Err(format!("{} is not a file; nothing is downloaded", quoted_name(uri)))
-            }
-            (Some(uri), _) => {
-                let name = unescaped(uri);
-                pictures.file(self.reach, &name, usage).map_err(|why| format!("{} {why}", quoted_name(&name)))
-            }
+            (Some(uri), _) => Err(format!("{} is not a file; nothing is downloaded", quoted_name(uri))),
             (None, Some(view)) => {
                 let view = self.root.get(view).ok_or("has a buffer view that does not exist")?;
                 let buffer =
@@ -153,6 +156,12 @@ impl Files<'_> {
             (None, None) => Err("has an image with neither a `uri` nor a `bufferView`".to_owned()),
         }
     }
+}
+
+/// Returns the name of a picture's file; `None` if the picture is not in a file of its own.
+fn file_name(image: &Image) -> Option<String> {
+    let uri = image.uri.as_ref().filter(|uri| !uri.starts_with("data:") && !uri.contains("://"))?;
+    Some(unescaped(uri))
 }
 
 fn wrap(root: &Root, texture: &Texture) -> [Wrap; 2] {

@@ -1,6 +1,7 @@
 //! Tests of textures, their coordinates and their samplers.
 
 use super::*;
+use crate::scene::INPUTS;
 
 /// Returns a picture of one texel, which is white with an alpha of 0.7.
 fn png() -> Vec<u8> {
@@ -303,6 +304,22 @@ fn of_many_textures_that_cannot_be_used_the_first_are_noted_and_the_others_count
     assert_eq!(notes.len(), 4, "{notes:?}");
     assert!(notes[2].starts_with("texture 2 has no picture of a format that raycl reads: "), "{notes:?}");
     assert_eq!(notes[3], "997 more textures cannot be used either");
+}
+
+#[test]
+fn no_command_replaces_a_picture_that_exists_even_if_raycl_does_not_use_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().canonicalize().unwrap().join("a normal.png");
+    let whole = format!("data:image/png;base64,{}", STANDARD.encode(png()));
+    let text = textured(r#"{"normalTexture": {"index": 0}}"#).replace(&whole, "a%20normal.png");
+    let is_kept = || {
+        let reach = Reach { folder: folder.path(), permitted: PERMITTED };
+        assert!(parse("a.gltf", reach, text.as_bytes()).unwrap().mesh.textures.list.is_empty());
+        INPUTS.contains(&picture)
+    };
+    assert!(!is_kept(), "the file does not exist");
+    std::fs::write(&picture, "not read").unwrap();
+    assert!(is_kept());
 }
 
 #[test]
