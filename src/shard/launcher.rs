@@ -234,7 +234,8 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
             "this batch script has {tasks} tasks, but it started raycl without srun, so raycl runs only once \
              (SLURM_PROCID={rank})"
         ))
-        .with_help("start raycl with srun: srun raycl run ... --shard auto"),
+        // Several commands have the option `--shard`, so the advice names none of them.
+        .with_help("start raycl with srun: srun raycl ... --shard auto"),
     )
 }
 
@@ -305,6 +306,13 @@ mod tests {
         }
         assert_eq!(assigned(Some(8), &format!("{single} {alone}")), Ok((5, 8)), "both started one process");
         assert_eq!(assigned(None, alone), Ok((1, 1)));
+    }
+
+    #[test]
+    fn the_advice_to_use_srun_names_no_command() {
+        let variable = |name: &str| matches!(name, "SLURM_PROCID" | "SLURM_NTASKS").then(|| "4".to_owned());
+        let error = shard(None, &variable).expect_err("no step");
+        assert_eq!(error.remedy(), "start raycl with srun: srun raycl ... --shard auto");
     }
 
     #[test]
