@@ -57,7 +57,7 @@ pub(super) enum Name {
 
 /// Finds out whether a path is free, or in use by a file that may be replaced. Returns an error for paths
 /// that no file can have, and for folders and devices. Without `--force`, also returns an error for links,
-/// for files that raycl did not make, and for files that somebody has changed.
+/// for files that raycl did not make, for files that somebody has changed, and for files that cannot be read.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
@@ -86,16 +86,16 @@ pub(super) fn permit(
         let help = choice.help("replaces the link and not its target");
         return refuse(format!("'{name}' is a link, and is not replaced"), help);
     }
-    // A file that cannot be read is treated as not made by raycl.
-    match File::open(path).and_then(|mut file| maker(&mut file)).unwrap_or(Maker::Other) {
-        Maker::Raycl => Ok(Name::Replaceable),
-        Maker::Changed => {
-            refuse(format!("'{name}' has been changed since raycl made it"), choice.help("replaces it"))
+    let why = match File::open(path).and_then(|mut file| maker(&mut file)) {
+        Ok(Maker::Raycl) => return Ok(Name::Replaceable),
+        Ok(Maker::Changed) => "has been changed since raycl made it".to_owned(),
+        Ok(Maker::Other) => "exists, and raycl did not make it".to_owned(),
+        Err(error) => {
+            let kind = error.kind();
+            format!("exists, but cannot be read ({kind}), so raycl cannot tell whether raycl made it")
         }
-        Maker::Other => {
-            refuse(format!("'{name}' exists, and raycl did not make it"), choice.help("replaces it"))
-        }
-    }
+    };
+    refuse(format!("'{name}' {why}"), choice.help("replaces it"))
 }
 
 /// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the
@@ -257,13 +257,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_cannot_be_read_is_taken_for_a_users_own() {
+    fn a_file_that_cannot_be_read_stays_and_is_not_said_to_be_anybodys() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         std::fs::write(&path, "text").unwrap();
         let choice = Choice::new(false, "-o FILE");
-        let unreadable = |_: &mut File| Err(std::io::Error::from(ErrorKind::InvalidData));
-        assert!(permit(&path, choice, unreadable).is_err());
+        let closed = |_: &mut File| Err(IoError::from(ErrorKind::PermissionDenied));
+        let error = permit(&path, choice, closed).unwrap_err();
+        let why =
+            "exists, but cannot be read (permission denied), so raycl cannot tell whether raycl made it";
+        assert_eq!(error.to_string(), format!("'{}' {why}", path.display()));
+        assert_eq!(
+            (error.exit_code(), error.remedy()),
+            (2, "`--force` replaces it, `-o FILE` writes elsewhere")
+        );
         assert_eq!(permit(&path, choice, |_| Ok(Maker::Raycl)).unwrap(), Name::Replaceable);
     }
 
