@@ -415,7 +415,12 @@ fn load(args: &Args) -> Result<Loaded> {
         && let Some(animation) = loaded.animation.take().filter(|animation| animation.frames > 1)
     {
         let frames = counted(animation.frames as usize, "frame");
-        loaded.notes.push(format!("the picture shows the first of {frames}: --animate renders all"));
+        loaded.notes.push(match args.motion.turns() {
+            true => format!(
+                "the turntable shows the scene as in the first of {frames}: --animate instead of --turntable renders all"
+            ),
+            false => format!("the picture shows the first of {frames}: --animate renders all"),
+        });
     }
     Ok(loaded)
 }
@@ -565,6 +570,26 @@ mod tests {
         let refused = loaded("night.hdr").err().map(|error| error.to_string()).unwrap_or_default();
         assert!(refused.ends_with("night.hdr' is a file of the scene, and is not replaced"), "{refused}");
         assert!(loaded("evening.hdr").is_ok(), "nothing is replaced");
+    }
+
+    #[test]
+    fn a_note_on_the_first_frame_names_only_options_that_can_be_combined() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        let scene =
+            "[[light]]\nposition = [0, 5, 0]\npower = 9\n[[object]]\nshape = \"sphere\"\ntriangles = 20\n";
+        std::fs::write(path("a.toml"), format!("{scene}[animation]\nframes = 3\n")).expect("a file");
+        let (scene, output) = (path("a.toml"), path("a.png"));
+        let notes = |more: &[&str]| {
+            let words = [&[scene.as_str(), "-o", output.as_str()], more].concat();
+            load(&args(&words)).expect("a scene").notes.join("\n")
+        };
+        let [still, turning] = [notes(&[]), notes(&["--turntable", "2"])];
+        assert!(still.contains("the picture shows the first of 3 frames: --animate renders all"), "{still}");
+        let first =
+            "the turntable shows the scene as in the first of 3 frames: --animate instead of --turntable";
+        assert!(turning.contains(first) && !turning.contains("the picture"), "{turning}");
+        assert!(!notes(&["--animate"]).contains("--animate"));
     }
 
     #[test]
