@@ -108,11 +108,20 @@ pub fn run(args: Args) -> Result<()> {
     }
     match (args.fail_below, report.psnr_db) {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
-            "the peak signal-to-noise ratio is {psnr:.2} dB; --fail-below requires at least {limit} dB"
+            "the peak signal-to-noise ratio is {} dB; --fail-below requires at least {limit} dB",
+            below(psnr, limit)
         ))
         .with_help("`--output FILE.png` saves a picture that shows where the pictures differ")),
         _ => Ok(()),
     }
+}
+
+/// Returns a ratio that is below `limit`, rounded to two digits after the point, or to the fewest further digits with
+/// which the rounded ratio is also below `limit`.
+fn below(psnr: f64, limit: f64) -> String {
+    let is_below = |text: &String| text.parse::<f64>().is_ok_and(|shown| shown < limit);
+    let mut rounded = (2..17_usize).map(|digits| format!("{psnr:.digits$}"));
+    rounded.find(is_below).unwrap_or_else(|| psnr.to_string())
 }
 
 /// Returns the advice of the error about pictures of different sizes. If the pictures are equally wide, and one is
@@ -256,6 +265,21 @@ mod tests {
         // One of 300 channel values is wrong by 1/255, so the signal-to-noise ratio is 20 log10(255) + 10 log10(300)
         // decibels.
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
+    }
+
+    #[test]
+    fn a_ratio_below_the_limit_is_not_rounded_up_to_the_limit() {
+        for (psnr, limit, expected) in [
+            (43.377, 43.38, "43.377"),
+            (43.379_96, 43.38, "43.37996"),
+            (31.004, 40.0, "31.00"),
+            (39.999, 40.0, "39.999"),
+            (40.0_f64.next_down(), 40.0, "39.99999999999999"),
+            (f64::NEG_INFINITY, 40.0, "-inf"),
+            (f64::NAN, 40.0, "NaN"),
+        ] {
+            assert_eq!(below(psnr, limit), expected);
+        }
     }
 
     #[test]
