@@ -266,7 +266,7 @@ pub(super) fn picture(keyword: &[u8], rest: &[u8]) -> Option<String> {
 }
 
 /// Returns the paths at which raycl looks for a picture, in this order. `named` is the text that names the picture.
-/// The paths are relative to the mesh's folder. A picture may be in the mesh's folder or in the folder of the material
+/// The paths are relative to the mesh's folder. A picture may be in the mesh's folder or in the folder of the MTL
 /// file, `folder`.
 pub(super) fn paths(named: &str, folder: &str) -> impl Iterator<Item = String> {
     possible_paths(named).flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
