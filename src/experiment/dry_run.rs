@@ -115,7 +115,11 @@ mod tests {
         );
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
-        let all = dry_run(&fixtures::run(&experiment, &devices, &locks), &Past::default()).unwrap();
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let all = dry_run(&run, &Past::default()).unwrap();
+        // The run expects to measure the points that are not refused, and no others.
+        let possible = all.iter().filter(|forecast| forecast.refused.is_none()).count();
+        assert_eq!((run.expected(&[], &Past::default()).unwrap().points, possible), (4, 4));
         let [one, four] = [&all[..3], &all[3..]];
         assert!(one.iter().all(|forecast| forecast.refused.is_none()), "{one:?}");
         let [host, bvh, raster] = four else { panic!("{four:?}") };

@@ -6,7 +6,7 @@ use super::draft::{Drafter, HeldScene};
 use super::piece::Piece;
 use super::supervisor::Task;
 use super::taken::Taken;
-use super::{Built, Plan, Point, Run, Work};
+use super::{Built, Plan, Point, Run, Work, host};
 use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::error::Result;
@@ -34,8 +34,9 @@ pub struct PendingPoint {
     pub workload: Option<Workload>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
-    /// True if the point fits on the device, as far as that is known before a tree is built. If the point
-    /// does not fit, its program is not built, and the check of the point reports the reason.
+    /// True if the point fits on the device, as far as that is known before a tree is built. A caster on the host fits
+    /// if it can cast the scene's number of samples per pixel. If the point does not fit, its program is not built, and
+    /// the check of the point reports the reason.
     pub fits: bool,
     /// How many builders (groups of processes that hold the point's scene while they compile programs) fit into memory.
     pub room: Room,
@@ -133,10 +134,15 @@ impl Run<'_> {
         reasons?.into_iter().next()
     }
 
-    /// Returns true if a point fits on a device, as far as that is known before a tree is built. A point
-    /// without a device (on the host) always fits.
+    /// Returns true if a point fits on a device, as far as that is known before a tree is built. A caster on the host
+    /// fits if it can cast the scene's number of samples per pixel.
     fn fits(&self, point: &Point, device: Option<&DeviceInfo>, workload: Option<&Workload>) -> bool {
-        let Work::Kernel { strategy, .. } = point.work else { return true };
+        let strategy = match point.work {
+            Work::Kernel { strategy, .. } => strategy,
+            Work::Host(baseline) => {
+                return host::refusal(baseline, &self.experiment.scenes[point.scene].sampling()).is_none();
+            }
+        };
         let Some((device, workload)) = device.zip(workload) else { return true };
         let limits = self.experiment.emulate.apply(device.limits);
         Requirements::check(&self.experiment.strategies[strategy].strategy, workload, &limits).is_ok()

@@ -191,6 +191,24 @@ fn a_point_that_does_not_fit_takes_no_time_and_is_no_control_point() {
     }
 }
 
+/// A baseline casts only one sample per pixel, so it is refused at once if the scene has several samples.
+#[test]
+fn a_baseline_that_cannot_cast_the_samples_takes_no_time_and_is_no_control_point() {
+    let costs_of = |samples: u32| {
+        let experiment = fixtures::experiment_of(&format!(
+            "strategies = ['naive']\nbaselines = ['serial']\nlocal_sizes = [4]\n[[scene]]\n\
+             file = 'scenes/triangle.toml'\nsamples = [{samples}]"
+        ));
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let costs = run.costs(&[]).unwrap().concat();
+        costs.iter().map(|cost| (cost.ms > 0.0, cost.may_control)).collect::<Vec<_>>()
+    };
+    assert_eq!(costs_of(1), [(true, true), (true, true)]);
+    assert_eq!(costs_of(4), [(false, false), (true, true)]);
+}
+
 /// The points of a group have the same workers, so the start of workers is no part of a point's own time.
 #[test]
 fn the_cost_of_a_point_is_the_time_of_all_its_launches_without_the_starts_of_workers() {
