@@ -224,7 +224,7 @@ mod tests {
         ShardPlan::open(out, &header, || Ok(plan)).unwrap();
         let planned = PlannedPoint { key: "k".into(), device: "gpu".into(), ..PlannedPoint::default() };
         let points = vec![KindPoint { point: 0, planned }];
-        let kind = Kind { device: "gpu".into(), identity: "x".into(), points };
+        let kind = Kind { device: "gpu".into(), identity: "x".into(), points, ..Kind::default() };
         kind.write(&Kind::file(out, "gpu", "x")).unwrap();
         let about = About { shard: 1, of: 1, host: "n1".into(), ..About::default() };
         let attempt = Attempt::begin(out, &about).unwrap();

@@ -20,6 +20,9 @@ pub struct Kind {
     pub device: String,
     /// The platform, the device, the driver, and every property of the device that affects times.
     pub identity: String,
+    /// The version of raycl that wrote the file of this kind, with the git revision if it is known; absent in files of
+    /// earlier versions. Two versions may store points of the same devices under different keys.
+    pub raycl: Option<String>,
     /// The points that are measured on this kind of device, in the plan's order.
     pub points: Vec<KindPoint>,
 }
@@ -84,23 +87,53 @@ impl Kind {
     }
 
     /// Returns, for each kind of device, a text with its differences from other kinds of the same name, or
-    /// `None` if no other kind has this name. The text lists those parts of the kind's `identity` that not
-    /// all kinds of the same name have. If `identity` has the same parts in all kinds of the same name, the
-    /// text is "another program".
+    /// `None` if no other kind has this name. No two kinds of the same name have the same text.
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
-        let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
-        let of = |kind: &Self| {
-            let namesakes: Vec<_> =
-                kinds.iter().filter(|other| other.device == kind.device).map(parts).collect();
-            let own: Vec<String> = parts(kind)
-                .into_iter()
-                .filter(|part| !namesakes.iter().all(|other| other.contains(part)))
-                .map(|part| in_singular(&part))
-                .collect();
-            (namesakes.len() > 1)
-                .then(|| if own.is_empty() { "another program".to_owned() } else { own.join(", ") })
-        };
-        kinds.iter().map(of).collect()
+        kinds.iter().map(|kind| kind.distinction(kinds)).collect()
+    }
+
+    fn distinction(&self, kinds: &[Self]) -> Option<String> {
+        let namesakes: Vec<&Self> = kinds.iter().filter(|other| other.device == self.device).collect();
+        let mut differences = self.differences(&namesakes);
+        differences.extend(self.program(&namesakes));
+        (!differences.is_empty()).then(|| differences.join(", "))
+    }
+
+    /// Returns those parts of this kind's `identity` that not all namesakes (kinds of the same name) have. If all
+    /// namesakes have all parts of this kind, returns the parts that this kind lacks, such as
+    /// "without POCL_WORK_GROUP_METHOD=cbs". `namesakes` contains this kind, too.
+    fn differences(&self, namesakes: &[&Self]) -> Vec<String> {
+        let is_own = |part: &&str| !namesakes.iter().all(|other| other.has(part));
+        let own: Vec<String> = self.parts().filter(is_own).map(in_singular).collect();
+        if !own.is_empty() {
+            return own;
+        }
+        let mut seen = HashSet::new();
+        let parts = namesakes.iter().flat_map(|other| other.parts());
+        let lacks = parts.filter(|part| !self.has(part) && seen.insert(*part));
+        lacks.map(|part| format!("without {}", in_singular(part))).collect()
+    }
+
+    /// Returns the version of raycl that distinguishes this kind from its twins (namesakes with the same `identity`);
+    /// `None` if this kind has no twin. If a twin's version is unknown, or is that of another twin, the twins are
+    /// numbered instead: "program 1", "program 2".
+    fn program(&self, namesakes: &[&Self]) -> Option<String> {
+        let twins: Vec<&Self> =
+            namesakes.iter().copied().filter(|other| other.identity == self.identity).collect();
+        let versions: HashSet<&String> = twins.iter().filter_map(|twin| twin.raycl.as_ref()).collect();
+        let version = self.raycl.as_ref().filter(|_| versions.len() == twins.len());
+        let number = twins.iter().position(|twin| std::ptr::eq(*twin, self))? + 1;
+        let program =
+            version.map_or_else(|| format!("program {number}"), |version| format!("raycl {version}"));
+        (twins.len() > 1).then_some(program)
+    }
+
+    fn parts(&self) -> impl Iterator<Item = &str> {
+        self.identity.split(" | ")
+    }
+
+    fn has(&self, part: &str) -> bool {
+        self.parts().any(|own| own == part)
     }
 }
 
@@ -178,7 +211,7 @@ mod tests {
         for (device, identity) in [("cpu", "one build"), ("cpu", "another build"), ("gpu", "x")] {
             let planned = PlannedPoint { key: device.into(), ..PlannedPoint::default() };
             let points = vec![KindPoint { point: 0, planned }];
-            let kind = Kind { device: device.into(), identity: identity.into(), points };
+            let kind = Kind { device: device.into(), identity: identity.into(), points, ..Kind::default() };
             kind.write(&Kind::file(out, device, identity)).unwrap();
         }
         let kinds = Kind::all(out).unwrap();
@@ -198,16 +231,37 @@ mod tests {
     }
 
     #[test]
+    fn a_kind_without_a_part_of_its_own_is_named_by_what_it_lacks() {
+        let kind = |identity: &str| Kind { identity: identity.into(), ..Kind::default() };
+        let texts = |kinds: &[Kind]| Kind::distinctions(kinds).into_iter().flatten().collect::<Vec<_>>();
+        let (usual, cbs) = (kind("PoCL | 2 threads"), "POCL_WORK_GROUP_METHOD=cbs");
+        let others = [usual.clone(), kind(&format!("PoCL | 2 threads | {cbs}"))];
+        assert_eq!(texts(&others), [format!("without {cbs}"), cbs.to_owned()]);
+        let [_, one] = others;
+        let two = Kind { identity: format!("{} | X=1", one.identity), ..Kind::default() };
+        let expected = [format!("without {cbs}, without X=1"), cbs.to_owned(), format!("{cbs}, X=1")];
+        assert_eq!(texts(&[usual, one, two]), expected, "each missing part is named once");
+    }
+
+    /// Two versions of raycl may measure on equal devices, but store the points under different keys.
+    #[test]
     fn kinds_with_the_same_identity_differ_in_their_programs() {
-        let kind = |key: &str| {
-            let planned = PlannedPoint { key: key.into(), ..PlannedPoint::default() };
-            Kind {
-                device: "cpu".into(),
-                identity: "PoCL | x".into(),
-                points: vec![KindPoint { point: 0, planned }],
-            }
+        let kind = |identity: &str, version: Option<&str>| Kind {
+            identity: identity.into(),
+            raycl: version.map(str::to_owned),
+            ..Kind::default()
         };
-        let actual = Kind::distinctions(&[kind("a"), kind("b")]);
-        assert_eq!(actual, [Some("another program".to_owned()), Some("another program".to_owned())]);
+        let of = |versions: [Option<&str>; 2]| {
+            Kind::distinctions(&versions.map(|version| kind("PoCL | x", version)))
+        };
+        let texts = |texts: [&str; 2]| texts.map(|text| Some(text.to_owned()));
+        let named = texts(["raycl 0.1.0 (4187d7cfd81b)", "raycl 0.2.0"]);
+        assert_eq!(of([Some("0.1.0 (4187d7cfd81b)"), Some("0.2.0")]), named);
+        for unknown in [[None, None], [Some("0.2.0"), None], [Some("0.2.0"), Some("0.2.0")]] {
+            assert_eq!(of(unknown), texts(["program 1", "program 2"]), "{unknown:?}");
+        }
+        let kinds = [kind("PoCL | x", None), kind("PoCL | y", None), kind("PoCL | x", None)];
+        let expected = ["x, program 1", "y", "x, program 2"].map(|text| Some(text.to_owned()));
+        assert_eq!(Kind::distinctions(&kinds), expected);
     }
 }

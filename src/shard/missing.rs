@@ -338,7 +338,8 @@ mod tests {
             point: *point,
             planned: PlannedPoint { key: format!("{identity} {point}"), ..PlannedPoint::default() },
         };
-        Kind { device: device.into(), identity: identity.into(), points: points.iter().map(point).collect() }
+        let points = points.iter().map(point).collect();
+        Kind { device: device.into(), identity: identity.into(), points, ..Kind::default() }
     }
 
     fn plan() -> ShardPlan {

@@ -197,7 +197,7 @@ impl Part<'_> {
                 .map(|(point, _, planned)| KindPoint { point: *point, planned: planned.clone() })
                 .collect();
             let path = path(&label, &identity);
-            Kind { device: label, identity, points }.write(&path)?;
+            Kind { device: label, identity, raycl: Some(version()), points }.write(&path)?;
         }
         Ok(())
     }

@@ -477,7 +477,7 @@ mod tests {
             ..PlannedPoint::default()
         };
         let points = vec![KindPoint { point, planned }];
-        let kind = Kind { device: device.into(), identity: identity.into(), points };
+        let kind = Kind { device: device.into(), identity: identity.into(), points, ..Kind::default() };
         kind.write(&Kind::file(out, device, identity)).unwrap();
     }
 

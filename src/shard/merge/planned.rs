@@ -89,7 +89,8 @@ mod tests {
             };
             KindPoint { point: *point, planned }
         };
-        Kind { device: device.into(), identity: identity.into(), points: points.iter().map(point).collect() }
+        let points = points.iter().map(point).collect();
+        Kind { device: device.into(), identity: identity.into(), points, ..Kind::default() }
     }
 
     #[test]
