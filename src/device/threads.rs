@@ -29,9 +29,11 @@ pub fn is_set_by_raycl(name: &str) -> bool {
 
 /// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL starts no
 /// more threads than the process may run at the same time, according to its affinity and control groups.
-/// Returns no variables if the user has set one of the variables in `COUNTS`, or `OF_ALL_DRIVERS`.
+/// If the user has set only one of the variables in `COUNTS`, the other variable gets the same value: older versions
+/// of PoCL do not read the newer variable, and the keys of points depend on both. Returns no variables if the user has
+/// set both, or `OF_ALL_DRIVERS`.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
-    variables(|name| std::env::var_os(name).is_some(), cores())
+    variables(value_of, cores())
 }
 
 /// The environment variable that makes PoCL pin each of its threads to the processor of the same number.
@@ -44,8 +46,12 @@ const PINNED: &str = "POCL_AFFINITY";
 /// process are not the first processors of the machine, or if the process may use them only for part of the
 /// time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
-    let value_of = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
     pinning(value_of, &processors(), cores())
+}
+
+/// Returns the value of an environment variable, with invalid UTF-8 replaced; `None` if the variable is not set.
+fn value_of(name: &str) -> Option<String> {
+    std::env::var_os(name).map(|value| value.to_string_lossy().into_owned())
 }
 
 fn pinning(
@@ -85,11 +91,14 @@ fn processors() -> Vec<usize> {
     Vec::new()
 }
 
-fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str, String)> {
-    if COUNTS.into_iter().chain([OF_ALL_DRIVERS]).any(is_set) {
+fn variables(value_of: impl Fn(&str) -> Option<String>, threads: usize) -> Vec<(&'static str, String)> {
+    if value_of(OF_ALL_DRIVERS).is_some() {
         return Vec::new();
     }
-    COUNTS.map(|name| (name, threads.to_string())).to_vec()
+    let of_user = COUNTS.into_iter().find_map(&value_of);
+    let count = of_user.unwrap_or_else(|| threads.to_string());
+    let unset = COUNTS.into_iter().filter(|&name| value_of(name).is_none());
+    unset.map(|name| (name, count.clone())).collect()
 }
 
 /// Returns the number of threads with which a device runs kernels; `None` if unknown. PoCL has one thread per
@@ -104,11 +113,19 @@ mod tests {
 
     #[test]
     fn pocl_gets_as_many_threads_as_there_are_unless_the_user_said_how_many() {
-        let all = variables(|_| false, 3);
-        assert!(all.contains(&("POCL_MAX_PTHREAD_COUNT", "3".to_owned())) && all.len() == 2, "{all:?}");
-        for set in ["POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "POCL_MAX_COMPUTE_UNITS"] {
-            assert!(variables(|name| name == set, 3).is_empty(), "{set}");
+        let of = |set: &[(&str, &str)]| {
+            let value = |name: &str| set.iter().find(|(own, _)| *own == name);
+            variables(|name| value(name).map(|(_, value)| (*value).to_owned()), 3)
+        };
+        let [newer, older] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
+        assert_eq!(of(&[]), [newer, older].map(|name| (name, "3".to_owned())));
+        // PoCL reads one of the two variables or both, so the variable that the user has not set gets the user's value.
+        for (set, other) in [(newer, older), (older, newer)] {
+            assert_eq!(of(&[(set, "2")]), [(other, "2".to_owned())]);
+            assert!(of(&[(set, "2"), (other, "1")]).is_empty(), "both are the user's");
+            assert!(of(&[(set, "2"), ("POCL_MAX_COMPUTE_UNITS", "1")]).is_empty());
         }
+        assert!(of(&[("POCL_MAX_COMPUTE_UNITS", "2")]).is_empty());
         assert!(cores() >= 1);
     }
 
@@ -136,7 +153,7 @@ mod tests {
 
     #[test]
     fn raycl_sets_the_variables_for_the_number_of_threads_and_for_pinning_them() {
-        let all = variables(|_| false, 2).into_iter().chain(pinning(|_| None, &[0, 1], 2));
+        let all = variables(|_| None, 2).into_iter().chain(pinning(|_| None, &[0, 1], 2));
         assert!(all.clone().all(|(name, _)| is_set_by_raycl(name)) && all.count() == 3);
         assert!(!is_set_by_raycl("POCL_WORK_GROUP_METHOD") && !sets_threads(PINNED));
     }
