@@ -29,10 +29,12 @@ pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
 
 /// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if the
 /// number before the noun is 1. In the text of a device's identity or state, a plural follows every number.
-/// raycl corrects the plural only where it shows the text, since keys of records depend on the text.
+/// raycl corrects the plural only where it shows the text, since keys of records depend on the text. Words such as
+/// "of the parallel caster" may follow the noun.
 pub fn in_singular(part: &str) -> String {
-    match part.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
-        Some(noun) => format!("1 {noun}"),
+    let (counted, rest) = part.split_at(part.find(" of ").unwrap_or(part.len()));
+    match counted.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
+        Some(noun) => format!("1 {noun}{rest}"),
         None => part.to_owned(),
     }
 }
@@ -174,6 +176,8 @@ mod tests {
         let said =
             ["1 compute units", "1 threads", "2 threads", "11 cores", "POCL_AFFINITY=1"].map(in_singular);
         assert_eq!(said, ["1 compute unit", "1 thread", "2 threads", "11 cores", "POCL_AFFINITY=1"]);
+        let of_caster = ["1 threads of the parallel caster", "2 threads of the parallel caster"];
+        assert_eq!(of_caster.map(in_singular), ["1 thread of the parallel caster", of_caster[1]]);
     }
 
     #[test]

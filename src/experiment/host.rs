@@ -33,10 +33,13 @@ impl Identity {
 }
 
 /// Returns a text with the host's properties that are in the keys of baselines: the processor's model, the
-/// numbers of cores and threads, and a hash of the program.
+/// numbers of cores and threads, and a hash of the program. `raycl merge` shows the text beside serial casters too,
+/// which have a single thread, so the text says whose threads are counted.
 pub fn host_identity() -> String {
     let Identity { device, state, program } = Identity::of_this_process();
-    format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])
+    let hash = blake3::hash(program.as_bytes()).to_hex();
+    // The number of threads is the last part of `state`.
+    format!("{device} | {state} of the parallel caster | built {}", &hash[..8])
 }
 
 /// Returns why a baseline cannot cast a scene with this number of samples per pixel; `None` if the baseline
@@ -88,5 +91,12 @@ mod tests {
         };
         assert!(state(2).ends_with(" cores | 2 threads"), "{}", state(2));
         assert_ne!(state(2), state(3));
+    }
+
+    #[test]
+    fn the_hosts_identity_says_whose_threads_are_counted() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let identity = pool.install(host_identity);
+        assert!(identity.contains(" cores | 2 threads of the parallel caster | built "), "{identity}");
     }
 }
