@@ -252,8 +252,30 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
         let label = point["label"].as_str().expect("a label");
         assert_eq!(point["done"], label.contains("naive"), "{point}");
     }
-    // A run without `--resume` measures all points.
-    has(&with(both, &["--dry-run"]), &["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"]);
+    // Without `--resume`, the plan has all points, although the run itself would be refused.
+    let note = "note: out already holds results, so the run needs --resume or another folder\n";
+    let all = ["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"];
+    let text = with(both, &["--dry-run"]);
+    has(&text, &[note, all[0], all[1]]);
+    assert!(!resumed(&[]).contains("already holds"), "the run would continue");
+}
+
+#[test]
+fn a_dry_run_refuses_the_folders_and_files_that_the_run_refuses() {
+    let folder = new_folder();
+    folder.write("others/letter.txt", "Dear reader,");
+    let usual = ["run", "config.toml", "--asleep", "0.1", "--set", "baselines=[]"];
+    folder.output(&[&usual[..], &["--out", "shards", "--shard", "1/2", "--quiet"]].concat());
+    for (options, message) in [
+        (["--out=shards", "--resume"], "shards holds an experiment that is divided into 2 shards"),
+        (["--out=others", "--quiet"], "'others' is not a folder of results: it contains 'letter.txt'"),
+        (["--out=new", "--peak=nosuch.json"], "nosuch.json"),
+    ] {
+        for dry_run in [&["--dry-run"][..], &[]] {
+            has(&folder.mistake(&[&usual[..], &options, dry_run].concat(), 2), &[message]);
+        }
+    }
+    assert!(!folder.path("new").exists());
 }
 
 #[test]

@@ -26,6 +26,7 @@ use crate::device::{DeviceInfo, check_alike, matching_indices};
 use crate::device_lock::Locks;
 use crate::entry::entry;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::experiment::{
     Fault, Listed, Observer, Past, Plan, Results, Run, asleep, distinct_scenes, dry_run, find_devices,
     keeps_moved_samples,
@@ -261,6 +262,25 @@ fn refuse_shards(out: &Path) -> Result<()> {
     }
 }
 
+/// Returns true if the run makes a folder with a name that no folder has yet.
+fn takes_new_folder(args: &Args) -> bool {
+    args.out.is_none() && !args.resume
+}
+
+/// Returns the folder of results. Returns an error if its path is not UTF-8, or if the run must not write into it.
+fn folder_of_results(args: &Args, experiment: &Experiment) -> Result<PathBuf> {
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    // The user may have named these paths without typing them: by RAYCL_RESULTS, or by TMPDIR for `raycl noise`.
+    named_in_text([&experiment.path, &out])?;
+    // A new run without --out needs no check: its default folder did not exist. If the folder exists by now, another
+    // run has just made it, and `new_folder` makes a folder of another name.
+    if !takes_new_folder(args) {
+        refuse_shards(&out)?;
+        refuse_other_folders(&out, choice(args), false)?;
+    }
+    Ok(out)
+}
+
 /// Measures the missing points. Returns the folder of results and the records of all points. If the measurement ends
 /// early, the error says how to continue.
 pub(crate) fn measure_resumably(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
@@ -277,16 +297,7 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let peak = peak_of_file(args)?;
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
-    // The user may have named these paths without typing them: by RAYCL_RESULTS, or by TMPDIR for `raycl noise`.
-    named_in_text([&experiment.path, &out])?;
-    let is_new = args.out.is_none() && !args.resume;
-    // A new run without --out needs no check: its default folder did not exist. If the folder exists by now, another
-    // run has just made it, and `new_folder` below makes a folder of another name.
-    if !is_new {
-        refuse_shards(&out)?;
-        refuse_other_folders(&out, choice(args), false)?;
-    }
+    let out = folder_of_results(args, &experiment)?;
     // raycl's signal handlers are installed before any driver starts, since PoCL's compiler installs signal handlers
     // too. The handlers of PoCL's compiler pass a signal on to the handlers that were installed earlier, so raycl's
     // handlers receive it. If PoCL's compiler installed its handlers first, raycl's handlers (crate
@@ -302,7 +313,7 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     // A new run reads its scenes before it makes its folder. If the run made the folder first, a mistake in a
     // scene would leave a folder in which raycl would refuse to run the corrected command.
     let expected = if args.resume { None } else { Some(foreseen(&run, &out, &Past::default())?) };
-    let out = if is_new { new_folder(&experiment.name) } else { out };
+    let out = if takes_new_folder(args) { new_folder(&experiment.name) } else { out };
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = match open(&out, &environment(&experiment, &infos, &sources)) {
         Ok(results) => results,
@@ -460,16 +471,18 @@ fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     }
 }
 
-/// Prints the plan of the run, for `--dry-run`.
+/// Prints the plan of the run, for `--dry-run`. Returns the errors that the run would report before it measures. A
+/// folder that already holds results is no error, but a note: the plan does not depend on these results.
 fn foresee(args: &Args) -> Result<()> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
+    peak_of_file(args)?;
+    let out = folder_of_results(args, &experiment)?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let experiment = distinct_scenes(experiment)?;
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
     if args.resume {
@@ -483,7 +496,17 @@ fn foresee(args: &Args) -> Result<()> {
     if args.quiet && !args.json {
         return Ok(());
     }
-    forecast(&points, &experiment.notes_on_equal_strategies(), &expected, args.json)
+    let mut notes = experiment.notes_on_equal_strategies();
+    notes.extend(note_on_results(args, &out)?);
+    forecast(&points, &notes, &expected, args.json)
+}
+
+/// Returns a note for `--dry-run` if the run would be refused, because the folder `out` already holds results.
+fn note_on_results(args: &Args, out: &Path) -> Result<Option<String>> {
+    let is_refused = !args.resume && existing::exists(&out.join(RECORDS))?;
+    Ok(is_refused.then(|| {
+        format!("{} already holds results, so the run needs --resume or another folder", out.display())
+    }))
 }
 
 /// Writes the report. With `--json`, then prints the records; otherwise, prints the results and their paths,
