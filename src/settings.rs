@@ -248,8 +248,8 @@ mod tests {
             ("color = {}\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys are"]),
             ("[color]\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys are"]),
             ("color = {a=1, b=2}\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys"]),
-            ("results = \"~me/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
-            ("results = \"$HOME/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
+            ("results = \"~me/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute path"]),
+            ("results = \"$HOME/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute path"]),
             ("device = \" \"\n", ["config.toml:1", "the setting is empty", "set a value", "remove the line"]),
             ("\nresults = \"\"\n", ["config.toml:2", "the setting is empty", "results", "remove the line"]),
         ] {

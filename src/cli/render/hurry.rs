@@ -2,8 +2,8 @@
 //!
 //! Compiling the fastest strategy's program takes seconds. The program of the preset [`QUICK`] compiles in a
 //! fraction of this time, and both programs cast a picture in milliseconds. Therefore raycl casts the picture
-//! with [`QUICK`], while a background process compiles the fastest strategy's program for the next start of
-//! raycl.
+//! with [`QUICK`]. Then it starts a background process, which compiles the fastest strategy's program for the next
+//! start of raycl.
 
 use super::Args;
 use crate::device::DeviceInfo;

@@ -127,7 +127,8 @@ mod tests {
         let (message, remedy) = (error.to_string(), error.remedy());
         assert!(message.starts_with("1 regression with new instead of old: "), "{message}");
         assert!(
-            remedy.contains("the kernels of new fail") && remedy.ends_with("results/a/images"),
+            remedy.starts_with("with the kernels of new, points fail")
+                && remedy.ends_with("results/a/images"),
             "{remedy}"
         );
         assert!(compare(&worse, None, true).is_ok());
