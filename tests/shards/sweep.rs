@@ -71,6 +71,7 @@ impl Replay {
                 .enumerate()
                 .map(|(point, record)| KindPoint { point, planned: PlannedPoint::of(record) })
                 .collect(),
+            ..Kind::default()
         };
         kind.write(&Kind::file(out, &kind.device, &kind.identity)).expect("a kind");
         for shard in 1..=self.shards {
