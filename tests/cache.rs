@@ -329,6 +329,13 @@ fn folders_that_pocl_may_not_use_are_named_if_there_is_no_other() {
     let refused = command.env("TMPDIR", folder.path("temporary")).assert().code(1);
     let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     let own = format!("'{}' cannot be used: another user owns this folder", shared.display());
-    has(&said, &["not '/dev/null/.cache/pocl/kcache': raycl cannot write to it", &own, "set POCL_CACHE_DIR"]);
+    has(
+        &said,
+        &[
+            "'/dev/null/.cache/pocl/kcache' cannot be used: raycl cannot write to it",
+            &own,
+            "set POCL_CACHE_DIR",
+        ],
+    );
     assert!(!shared.join("pocl").exists());
 }

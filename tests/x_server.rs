@@ -5,7 +5,7 @@
 use crate::binary::until;
 use image::RgbImage;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::os::unix::net::UnixStream;
+use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
@@ -81,10 +81,23 @@ impl Server {
         shared.map(|line| bytes(line).expect("an address range")).collect()
     }
 
+    /// Starts a thread that forwards all data of another display to this server and back, but no open files, as ssh
+    /// does. Returns the other display.
+    pub fn forwarded(&self) -> Forwarded {
+        let bound = |number| Some((UnixListener::bind(socket(number)).ok()?, number));
+        let (listener, number) = (20_000..30_000).find_map(bound).expect("a free display");
+        let server = socket(self.number);
+        std::thread::spawn(move || {
+            for program in listener.incoming().map_while(Result::ok) {
+                forward(program, UnixStream::connect(&server).expect("the server's socket"));
+            }
+        });
+        Forwarded { number }
+    }
+
     /// Waits until the only window exists, and returns a simulated user of this window.
     pub fn user(&self) -> User {
-        let mut stream =
-            UnixStream::connect(format!("/tmp/.X11-unix/X{}", self.number)).expect("the server's socket");
+        let mut stream = UnixStream::connect(socket(self.number)).expect("the server's socket");
         stream.write_all(&[b'l', 0, 11, 0, 0, 0, 0, 0, 0, 0, 0, 0]).expect("a greeting");
         let head = read(&mut stream, 8);
         assert_eq!(head[0], 1, "the server lets everybody in");
@@ -113,6 +126,43 @@ impl Drop for Server {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
+}
+
+/// A display whose data another server gets. Its socket is removed when the value is dropped.
+pub struct Forwarded {
+    number: u32,
+}
+
+impl Forwarded {
+    /// Returns the display name by which programs find the display.
+    pub fn display(&self) -> String {
+        format!(":{}", self.number)
+    }
+}
+
+impl Drop for Forwarded {
+    fn drop(&mut self) {
+        // If the file is gone already, nothing is left to remove.
+        let _ = std::fs::remove_file(socket(self.number));
+    }
+}
+
+/// Copies the data of each of two connections to the other one until both end.
+fn forward(one: UnixStream, other: UnixStream) {
+    let copy = |mut from: UnixStream, mut to: UnixStream| {
+        std::thread::spawn(move || {
+            // Either program may end its connection at any time.
+            let _ = std::io::copy(&mut from, &mut to);
+            let _ = to.shutdown(std::net::Shutdown::Both);
+        });
+    };
+    copy(one.try_clone().expect("a descriptor"), other.try_clone().expect("a descriptor"));
+    copy(other, one);
+}
+
+/// Returns the path of a display's socket.
+fn socket(number: u32) -> String {
+    format!("/tmp/.X11-unix/X{number}")
 }
 
 /// A simulated user with a keyboard and a pointer.

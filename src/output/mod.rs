@@ -18,4 +18,4 @@ pub use replace::Choice;
 pub use results::refuse_other_folders;
 #[cfg(test)]
 pub use stale::is_of_report;
-pub use target::Target;
+pub use target::{Target, in_memory};

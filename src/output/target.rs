@@ -158,14 +158,15 @@ fn temporary(folder: &Path, write: impl FnOnce(&mut File) -> IoResult<()>) -> Re
 
 /// Creates a file whose data is in memory.
 #[cfg(target_os = "linux")]
-fn in_memory() -> IoResult<File> {
+pub fn in_memory() -> IoResult<File> {
     use rustix::fs::{MemfdFlags, memfd_create};
     let file = memfd_create("raycl", MemfdFlags::CLOEXEC)?;
     Ok(File::from(file))
 }
 
+/// Returns an error: only on Linux can raycl create a file whose data is in memory.
 #[cfg(not(target_os = "linux"))]
-fn in_memory() -> IoResult<File> {
+pub fn in_memory() -> IoResult<File> {
     Err(ErrorKind::Unsupported.into())
 }
 

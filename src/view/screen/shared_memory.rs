@@ -2,7 +2,9 @@
 //! MIT-SHM). raycl writes the pixels once, and the server copies them to the window. minifb, the library that opens
 //! windows, copies each picture and sends the copy through a socket, which takes several milliseconds.
 
+use crate::output::in_memory;
 use std::fs::File;
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::FileExt as _;
 use x11rb::connection::Connection as _;
 use x11rb::errors::ConnectionError;
@@ -43,7 +45,8 @@ impl SharedMemory {
         let (connection, _) = RustConnection::connect(None).ok()?;
         let orders_bytes_alike = connection.setup().image_byte_order == BYTE_ORDER;
         let version = connection.shm_query_version().ok()?.reply().ok()?;
-        // Version 1.2 is the first one in which the server passes the memory as an open file.
+        // Version 1.2 is the first one in which a program passes the memory as an open file. (The server could pass it,
+        // too. But if another program forwards the connection, the file does not arrive, and x11rb panics.)
         let passes_files = (version.major_version, version.minor_version) >= (1, 2);
         let depth = connection.get_geometry(window).ok()?.reply().ok()?.depth;
         let context = connection.generate_id().ok()?;
@@ -92,11 +95,7 @@ impl SharedMemory {
     /// Waits until the server has copied the last picture. Returns `None` if the server could not copy it.
     fn finish_copy(&mut self) -> Option<()> {
         while self.copies {
-            match self.connection.wait_for_event().ok()? {
-                Event::ShmCompletion(_) => self.copies = false,
-                Event::Error(_) => return None,
-                _ => {}
-            }
+            self.copies = !is_copied(&self.connection.wait_for_event().ok()?)?;
         }
         Some(())
     }
@@ -115,9 +114,44 @@ impl SharedMemory {
 
 impl Memory {
     fn new(connection: &RustConnection, size: [u16; 2]) -> Option<Self> {
-        let bytes = size.map(u32::from).into_iter().try_fold(4, u32::checked_mul)?;
-        let segment = connection.generate_id().ok()?;
-        let reply = connection.shm_create_segment(segment, bytes, false).ok()?.reply().ok()?;
-        Some(Self { segment, file: File::from(reply.shm_fd), size })
+        let bytes = 4 * u64::from(size[0]) * u64::from(size[1]);
+        let file = in_memory().ok()?;
+        file.set_len(bytes).ok()?;
+        let (segment, passed) = (connection.generate_id().ok()?, OwnedFd::from(file.try_clone().ok()?));
+        connection.shm_attach_fd(segment, passed, true).ok()?.check().ok()?;
+        Some(Self { segment, file, size })
+    }
+}
+
+/// Returns whether the server has copied the picture, or `None` if it could not. The server reports both as events.
+fn is_copied(event: &Event) -> Option<bool> {
+    match event {
+        Event::Error(_) => None,
+        event => Some(matches!(event, Event::ShmCompletion(_))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use x11rb::protocol::ErrorKind;
+    use x11rb::protocol::shm::CompletionEvent;
+    use x11rb::x11_utils::X11Error;
+
+    #[test]
+    fn a_copy_ends_with_its_event_or_with_an_error() {
+        assert_eq!(is_copied(&Event::ShmCompletion(CompletionEvent::default())), Some(true));
+        assert_eq!(is_copied(&Event::Unknown(Vec::new())), Some(false));
+        let error = X11Error {
+            error_kind: ErrorKind::Drawable,
+            error_code: 9,
+            sequence: 1,
+            bad_value: 1,
+            minor_opcode: 3,
+            major_opcode: 130,
+            extension_name: None,
+            request_name: None,
+        };
+        assert_eq!(is_copied(&Event::Error(error)), None, "the window is gone");
     }
 }
