@@ -10,8 +10,8 @@ use std::time::SystemTime;
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
 
-/// Files that were read, or that would have been read if they existed, and existing pictures that a mesh names although
-/// raycl does not use them.
+/// Files that were read, or that would have been read if they existed, and pictures, existing or not, that a mesh names
+/// although raycl does not use them.
 #[derive(Debug)]
 pub(crate) struct Inputs(Mutex<Files>);
 
@@ -111,23 +111,27 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_exists_is_added_even_if_raycl_does_not_use_it() {
+    fn a_picture_is_added_even_if_raycl_does_not_use_it_or_it_is_missing() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().canonicalize().unwrap().join(name);
         std::fs::create_dir(path("part")).unwrap();
-        let kept = ["bump.png", "a normal.png", "part/shine.png", "unused.png"];
-        ["shine.png", "off.png"].iter().chain(&kept).for_each(|name| std::fs::write(path(name), "").unwrap());
+        let existing = ["bump.png", "a normal.png", "part/shine.png", "unused.png"];
+        ["shine.png", "off.png"]
+            .iter()
+            .chain(&existing)
+            .for_each(|name| std::fs::write(path(name), "").unwrap());
         let used = "newmtl used\nmap_Bump -bm 0.5 bump.png\nnorm a normal.png\nmap_Ks part\\shine.png\n";
-        let unused = "newmtl unused\nmap_Kd unused.png\nmap_Ke missing.png\nmap_aat off.png\n";
+        // Both files that `missing.png`, with and without its author's folder, may mean are missing.
+        let unused = "newmtl unused\nmap_Kd unused.png\nmap_Ke part/missing.png\nmap_aat off.png\n";
         std::fs::write(path("a.mtl"), format!("{used}{unused}")).unwrap();
         std::fs::write(path("a.obj"), "mtllib a.mtl\nusemtl used\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
             .unwrap();
         std::fs::write(path("scene.toml"), "[[object]]\nmesh = \"a.obj\"\n").unwrap();
         let _ = load_scene(&path("scene.toml"));
-        for name in kept {
+        for name in existing.iter().chain(&["part/missing.png", "missing.png"]) {
             assert!(INPUTS.contains(&path(name)), "{name}");
         }
-        for name in ["shine.png", "missing.png", "off.png"] {
+        for name in ["shine.png", "off.png"] {
             assert!(!INPUTS.contains(&path(name)), "{name}");
         }
     }

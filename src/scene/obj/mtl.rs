@@ -211,13 +211,13 @@ impl Reach<'_> {
         }
     }
 
-    /// Adds the first file of `names` that exists to [`INPUTS`], unless the mesh may not read it. Commands thus do not
-    /// replace a file that the mesh names, even if raycl does not read it, such as a picture of normals.
+    /// Adds a picture to [`INPUTS`], and the missing files that raycl would prefer to this picture, as [`Self::locate`]
+    /// adds them for a texture. `names` are the possible names of the picture. Commands thus do not replace a file that
+    /// the mesh names, even if raycl does not read it, such as a picture of normals. If the file is missing, commands do
+    /// not write it either: from then on, it would be a file of the scene that the same command may not replace.
     pub(in crate::scene) fn keep(&self, mut names: impl Iterator<Item = String>) {
-        if let Some(name) = names.find(|name| self.path(name).exists()) {
-            // The file is not read, so nobody needs to know whether it can be read.
-            let _ = self.locate(&name);
-        }
+        // The file is not read, so nobody needs to know whether it can be read.
+        let _ = names.any(|name| self.locate(&name).is_ok());
     }
 
     /// Returns the path of the file with the name `name`, which the mesh may have written with backslashes.

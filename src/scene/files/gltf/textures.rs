@@ -65,7 +65,7 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
-    /// Makes sure that commands replace no file of a picture, used or not ([`Reach::keep`]).
+    /// Makes sure that commands write to no file of a picture, used or not ([`Reach::keep`]).
     pub fn keep_pictures(self) {
         self.root.images.iter().for_each(|image| self.reach.keep(file_name(image).into_iter()));
     }
