@@ -49,6 +49,7 @@ impl<'t> Place<'t> {
         }
         let is_inside = !above.brackets.is_empty();
         self.unquoted()
+            .or_else(|| self.unquoted_colour())
             .or_else(|| self.unclosed_quote())
             .or_else(|| if is_inside { None } else { self.header() })
             .or_else(|| self.unclosed_bracket())
@@ -60,14 +61,29 @@ impl<'t> Place<'t> {
         let rest = self.text[self.at..].split([',', ']', '}', '#', '\n']).next()?;
         let word = rest.trim().trim_end_matches(['"', '\'']);
         let begins_text = word.starts_with(|first: char| first.is_alphabetic() || "./~_\\".contains(first));
-        if !begins_text || !word.contains(char::is_alphabetic) || !self.is_at_value() {
+        // Rust reads numbers that TOML writes in another way, such as `.5e-3` and `NaN`. Quotes are not their remedy.
+        let is_number = word.parse::<f64>().is_ok();
+        if !begins_text || !word.contains(char::is_alphabetic) || is_number || !self.is_at_value() {
             return None;
         }
-        Some(match word.to_lowercase().as_str() {
-            lower @ ("true" | "false") => {
-                (format!("`{word}` is not a value"), format!("write {lower}, in lower case"))
-            }
+        let (no_value, lower) = (format!("`{word}` is not a value"), word.to_lowercase());
+        Some(match lower.as_str() {
+            "true" | "false" => (no_value, format!("write {lower}, in lower case")),
+            "yes" | "on" => (no_value, "write true".to_owned()),
+            "no" | "off" => (no_value, "write false".to_owned()),
             _ => (format!("the text `{word}` is not in quotes"), format!("write \"{word}\"")),
+        })
+    }
+
+    /// Returns the answer if the parser stopped at a colour without quotes, such as `#203040`, in the place of a value.
+    fn unquoted_colour(&self) -> Option<Answer> {
+        let digits = self.text[self.at..].trim_start_matches([' ', '\t']).strip_prefix('#')?;
+        let end = digits.find(|c: char| !c.is_alphanumeric()).unwrap_or(digits.len());
+        let digits = &digits[..end];
+        let is_colour = !digits.is_empty() && digits.chars().all(|c| c.is_ascii_hexdigit());
+        (is_colour && self.is_at_value()).then(|| {
+            let message = format!("the text `#{digits}` is not in quotes, so `#` begins a comment");
+            (message, format!("write \"#{digits}\""))
         })
     }
 
@@ -88,10 +104,12 @@ impl<'t> Place<'t> {
         self.text.as_bytes().get(bracket) == Some(&b'[')
     }
 
-    /// Returns the answer if the line has a quote that nothing closes.
+    /// Returns the answer if the line has a quote that nothing closes. If the parser stopped before this quote, the
+    /// quote is not the mistake: in `'it's'`, the mistake is the second quote, which ends the text too early.
     fn unclosed_quote(&self) -> Option<Answer> {
         let end = self.begin + self.line.len();
-        unclosed_quote(self.text, Open::at_end_of(&self.text[..end]).quote?)
+        let quote = Open::at_end_of(&self.text[..end]).quote.filter(|quote| *quote <= self.at)?;
+        unclosed_quote(self.text, quote)
     }
 
     /// Returns the answer if the line begins a table, but its brackets do not match.
@@ -288,7 +306,27 @@ mod tests {
         ] {
             says(text, &format!("the text `{word}` is not in quotes"), &format!("write \"{word}\""));
         }
-        says("x = True\n", "`True` is not a value", "write true, in lower case");
+    }
+
+    #[test]
+    fn a_truth_value_in_other_words_is_answered_with_that_of_toml() {
+        for (word, remedy) in [
+            ("True", "write true, in lower case"),
+            ("yes", "write true"),
+            ("On", "write true"),
+            ("NO", "write false"),
+            ("off", "write false"),
+        ] {
+            says(&format!("x = {word}\n"), &format!("`{word}` is not a value"), remedy);
+        }
+    }
+
+    #[test]
+    fn a_colour_that_the_parser_takes_for_a_comment_is_answered_with_quotes() {
+        for text in ["x = #203040\n", "x =#203040 # ours\n", "x = { a = #203040, b = 1 }\n"] {
+            let message = "the text `#203040` is not in quotes, so `#` begins a comment";
+            says(text, message, "write \"#203040\"");
+        }
     }
 
     #[test]
@@ -297,7 +335,7 @@ mod tests {
         for text in ["position: [0, 0, 1]\n", "position : 1\n"] {
             says(text, "`:` in place of `=`", "write `position = ...`");
         }
-        for text in ["mesh\n", "mesh =\n", "mesh = # none\n"] {
+        for text in ["mesh\n", "mesh =\n", "mesh = # none\n", "mesh = #none\n"] {
             says(text, "the key `mesh` has no value", "write `mesh = ...`");
         }
     }
@@ -340,6 +378,12 @@ mod tests {
             "x = \"a\" \"b\"\n",
             "x = 1,5\n",
             "x = [0 0 1]\n",
+            "x = .5e-3\n",
+            "x = NaN\n",
+            "x = Infinity\n",
+            "x = 'it's.obj'\n",
+            "x = \"a 3\" pipe.obj\"\n",
+            "x = [\n'it's.obj',\n'b'\n]\n",
         ] {
             assert_eq!(of(text), None, "{text}");
         }
