@@ -275,8 +275,10 @@ impl Split<'_> {
                 }
                 Err(Failure::Process(error)) => return Err(error),
                 Err(Failure::Device((left_out, error))) => {
+                    // The objects of the device are never freed: after its failure, freeing them may fail too, and a
+                    // failure there ends the process.
+                    ready.extract_if(.., |one| one.info.label == left_out.device).for_each(std::mem::forget);
                     forget_failures();
-                    ready.retain(|one| one.info.label != left_out.device);
                     lost.push((left_out, error));
                 }
             }
@@ -616,6 +618,8 @@ mod tests {
         let LeftOut { device, reason } = &whole.left_out[0];
         let said = "preparing the frame failed: the local size has 1048576 work-items";
         assert!(device == "cpu-b" && reason.starts_with(said), "{device}: {reason}");
+        // Each device that is ready holds the scene until it is freed.
+        assert!(Arc::strong_count(&some.scene) > 1, "a device that failed may break down when it is freed");
         let every = split(1);
         let error = every.cast_ready(the_second_fails(&every), Vec::new()).err().unwrap();
         assert!(error.to_string().starts_with(&format!("on cpu-b: {said}")), "{error}");
