@@ -121,7 +121,16 @@ pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
 /// Returns the number of work-items in the sub-groups of a kernel that is started with this local size. Returns `None`
 /// if the driver does not say.
 pub fn sub_group_size(device: Device, kernel: &Kernel, local_size: [usize; 2]) -> Option<usize> {
-    let (info, device, kernel) = (sub_group_info(device)?, device.as_core().as_raw(), kernel.as_ptr());
+    sub_group_size_by(sub_group_info(device)?, device.as_core().as_raw(), kernel.as_ptr(), local_size)
+}
+
+/// Returns the answer of the driver's function `info` to [`sub_group_size`].
+fn sub_group_size_by(
+    info: SubGroupInfo,
+    device: ffi::cl_device_id,
+    kernel: ffi::cl_kernel,
+    local_size: [usize; 2],
+) -> Option<usize> {
     let query = ffi::CL_KERNEL_MAX_SUB_GROUP_SIZE_FOR_NDRANGE;
     let (input, bytes) = (local_size.as_ptr().cast(), size_of_val(&local_size));
     // SAFETY: the input has `bytes` bytes, and `answer` passes memory of `size` bytes.
@@ -260,19 +269,52 @@ mod tests {
         assert_eq!(one_line(b"\0 \n"), "");
     }
 
+    /// Answers a query with `bytes`, as a driver does. The other parameters are those that [`answer`] passes.
+    fn answered<const N: usize>(bytes: [u8; N], size: usize, value: *mut c_void, needed: *mut usize) -> i32 {
+        if !needed.is_null() {
+            // SAFETY: `answer` passes a valid pointer for the size.
+            unsafe { *needed = N };
+        }
+        if size >= N {
+            // SAFETY: `answer` passes memory of `size` bytes.
+            unsafe { value.cast::<[u8; N]>().write_unaligned(bytes) };
+        }
+        0
+    }
+
+    /// A driver's function that knows one kernel (1) on one device (2), at one local size (32x4): its sub-groups have
+    /// 16 work-items. 0x2033 is the query's number in OpenCL's headers.
+    unsafe extern "system" fn of_one_kernel(
+        kernel: ffi::cl_kernel,
+        device: ffi::cl_device_id,
+        query: u32,
+        bytes: usize,
+        input: *const c_void,
+        size: usize,
+        value: *mut c_void,
+        needed: *mut usize,
+    ) -> i32 {
+        if (kernel.addr(), device.addr(), query, bytes) != (1, 2, 0x2033, size_of::<[usize; 2]>()) {
+            return Status::CL_INVALID_VALUE as i32;
+        }
+        // SAFETY: the input has `bytes` bytes.
+        let local_size = unsafe { input.cast::<[usize; 2]>().read_unaligned() };
+        if local_size != [32, 4] {
+            return Status::CL_INVALID_VALUE as i32;
+        }
+        answered(16_usize.to_ne_bytes(), size, value, needed)
+    }
+
+    #[test]
+    fn the_size_of_sub_groups_is_asked_for_the_kernel_the_device_and_the_local_size() {
+        let [kernel, device] = [1, 2].map(ptr::without_provenance_mut::<c_void>);
+        let size = |local_size| sub_group_size_by(of_one_kernel, device, kernel, local_size);
+        assert_eq!([size([32, 4]), size([4, 32])], [Some(16), None]);
+    }
+
     #[test]
     fn an_answer_is_read_in_two_calls_and_a_status_or_an_impossible_size_is_an_error() {
-        let text = |size: usize, value: *mut c_void, needed: *mut usize| {
-            if !needed.is_null() {
-                // SAFETY: `answer` passes a valid pointer for the size.
-                unsafe { *needed = 3 };
-            }
-            if size >= 3 {
-                // SAFETY: `answer` passes memory of `size` bytes.
-                unsafe { value.cast::<[u8; 3]>().write_unaligned(*b"abc") };
-            }
-            0
-        };
+        let text = |size, value, needed| answered(*b"abc", size, value, needed);
         assert_eq!(answer(text), Ok(b"abc".to_vec()));
         assert_eq!(answer(|_, _, _| -1108), Err(-1108));
         let endless = |_: usize, _: *mut c_void, needed: *mut usize| {

@@ -213,8 +213,8 @@ impl Reach<'_> {
 
     /// Adds a picture to [`INPUTS`], and the missing files that raycl would prefer to this picture, as [`Self::locate`]
     /// adds them for a texture. `names` are the possible names of the picture. Commands thus do not replace a file that
-    /// the mesh names, even if raycl does not read it, such as a picture of normals. If the file is missing, commands do
-    /// not write it either: from then on, it would be a file of the scene that the same command may not replace.
+    /// the mesh names, even if raycl does not read it, such as a picture of normals. Commands do not write such a file
+    /// if it is missing either: the next command could not replace it.
     pub(in crate::scene) fn keep(&self, mut names: impl Iterator<Item = String>) {
         // The file is not read, so nobody needs to know whether it can be read.
         let _ = names.any(|name| self.locate(&name).is_ok());
