@@ -257,6 +257,10 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
     let all = ["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"];
     let text = with(both, &["--dry-run"]);
     has(&text, &[note, all[0], all[1]]);
+    // With `--json`, standard output has only the points, so the note is in standard error.
+    for (more, said) in [(&["--json"][..], note), (&["--json", "--quiet"][..], "")] {
+        folder.raycl(&[&usual[..], &["--dry-run"], more].concat()).assert().success().stderr(said);
+    }
     assert!(!resumed(&[]).contains("already holds"), "the run would continue");
 }
 

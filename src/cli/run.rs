@@ -498,6 +498,9 @@ fn foresee(args: &Args) -> Result<()> {
     }
     let mut notes = experiment.notes_on_equal_strategies();
     notes.extend(note_on_results(args, &out)?);
+    if args.quiet {
+        notes.clear();
+    }
     forecast(&points, &notes, &expected, args.json)
 }
 

@@ -4,14 +4,17 @@ use crate::cli::{print, print_json, table};
 use crate::device::common_names;
 use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
+use crate::printer;
 use crate::strategy::Requirements;
 use crate::words::counted;
 use std::collections::HashSet;
 
 /// Prints for every point how many bytes of memory it needs, and whether it fits on its device. Without `json`, also
-/// prints notes on the points' scenes, `more_notes` and the expected duration of the run.
+/// prints notes on the points' scenes, `more_notes` and the expected duration of the run. With `json`, standard output
+/// has only the points (with the notes on their scenes), so `more_notes` go to standard error.
 pub fn forecast(points: &[Forecast], more_notes: &[String], expected: &Expected, json: bool) -> Result<()> {
     if json {
+        more_notes.iter().for_each(|note| printer::tell(printer::plain(&format!("note: {note}"))));
         return points.iter().try_for_each(print_json);
     }
     let mut table = table(&["point", "device", "fits", "__local B", "__constant B", "scratch B"], 3);
