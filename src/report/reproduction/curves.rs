@@ -95,7 +95,7 @@ fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Ch
         },
         x_label: "block size".into(),
         y_label: if as_shapes {
-            "time, as a multiple of the curve's least time".into()
+            "time divided by that of the curve's fastest point".into()
         } else {
             "time, ms".into()
         },
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_is_drawn_in_milliseconds_or_as_a_multiple_of_its_least_time() {
+    fn a_curve_is_drawn_in_milliseconds_or_as_a_multiple_of_its_fastest_points_time() {
         let records = judged([measured("gpu", "naive", 4, 6.0), measured("gpu", "naive", 8, 2.0)]);
         let curve = Curve {
             name: "naive",
@@ -226,7 +226,7 @@ mod tests {
             [chart.title, chart.y_label]
         };
         assert_eq!(labels(false), ["Figure 6: gpu", "time, ms"]);
-        let of_shapes = ["Figure 6 as shapes: gpu", "time, as a multiple of the curve's least time"];
+        let of_shapes = ["Figure 6 as shapes: gpu", "time divided by that of the curve's fastest point"];
         assert_eq!(labels(true), of_shapes);
         let rows = rows(&curve);
         assert_eq!(rows[1], ["naive", "8 x 8", "100.0", "2.000", "50.0×"]);
@@ -236,7 +236,7 @@ mod tests {
     /// At the local size 4 x 4, the point is slow in one of three launches. Its median is the least, but it takes longer
     /// on average.
     #[test]
-    fn no_point_of_a_shape_is_below_the_least_time() {
+    fn no_point_of_a_shape_is_below_the_fastest_point() {
         let at = |side: u32, ms: [f64; 3]| {
             let samples = (0..15).map(move |index| (index / 5, ms[index as usize / 5]));
             Record { key: format!("{side}"), local_size: Some([side; 2]), ..sampled("naive", samples) }
