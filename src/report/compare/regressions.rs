@@ -71,8 +71,9 @@ const ONLY_IN_COMMON: &str = "These points are left out because they are compare
 /// The reasons why means may leave out points.
 const WHY_LEFT_OUT: &str = "A point is left out if it has too few samples, if its times are below the timer's \
                             resolution, or if no other work of the same rounds shows how much the machine's speed \
-                            changed. Such work is the anchor kernel, baselines, or kernels that are not part of the \
-                            mean.";
+                            changed. Such work is the anchor kernel or baselines. Kernels that are not part of the \
+                            mean are such work only if they belong to a majority of the device's kernels that \
+                            changed by similar factors.";
 
 /// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median, the change
 /// of the 10% quantile is relative to other measurements (see [`Against`]). If the program became slower, usually all

@@ -331,6 +331,7 @@ fn half_of_the_kernels_being_slower_makes_the_others_not_faster() {
     assert!(comparison.notes.iter().any(is_said), "{:?}", comparison.notes);
     let note = comparison.left_out_of_means().expect("a note");
     assert!(note.contains("all points together (without 4 of 4 points)"), "{note}");
+    assert!(note.ends_with("a majority of the device's kernels that changed by similar factors."), "{note}");
 }
 
 /// In the run `one`, the driver had one thread, because the user had set an environment variable.
