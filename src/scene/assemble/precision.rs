@@ -13,15 +13,17 @@ const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 /// only shadow rays that nearly graze the surface start below the surface.
 const ROUNDING_SHADOW_BIAS: f32 = 8.0 * f32::EPSILON;
 
-/// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. For a
-/// single bare mesh, the function returns no note, since such a mesh is scaled when it is read.
+/// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. A bare mesh is
+/// usually scaled when it is read, so the function then returns no note. A glTF mesh is not scaled if its file's camera
+/// or lights would then be beyond raycl's limits.
 pub(super) fn too_small(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     let (low, high) = (low.as_dvec3(), high.as_dvec3());
     let note = || {
         let radius = (high - low).length() / 2.0;
+        let objects = if document.bare { "mesh (`object.0`)" } else { "objects" };
         format!(
             "{}: the scene's radius is only {radius:.1e}; products of such small lengths round to 0, so triangles may \
-             be missing: give the objects a larger `scale`",
+             be missing: give the {objects} a larger `scale`",
             document.name
         )
     };

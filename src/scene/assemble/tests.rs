@@ -893,6 +893,24 @@ fn a_scene_that_is_too_small_for_single_precision_is_noted() {
     assert!(!is_noted(&with_triangle.notes), "the scene is as large as its largest object");
 }
 
+/// If the mesh were scaled, its camera would be beyond raycl's limits.
+#[test]
+fn a_bare_mesh_that_is_too_small_is_noted_with_the_key_that_enlarges_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    // The legs of this triangle are 1e-14 long.
+    let legs = [
+        "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA",
+        "AAAAAAAAAAAAAAAA3CQ0KAAAAAAAAAAAAAAAANwkNCgAAAAA",
+    ];
+    std::fs::write(&path, SEEN.replace(legs[0], legs[1])).unwrap();
+    let notes = |settings: &[Setting]| load_scene_with(&path, settings).unwrap().notes;
+    let advice = "give the mesh (`object.0`) a larger `scale`";
+    assert!(notes(&[]).iter().any(|note| note.ends_with(advice)), "{:?}", notes(&[]));
+    let enlarged = notes(&[Setting::new("object.0.scale", Value::Float(1e14))]);
+    assert!(!enlarged.iter().any(|note| note.ends_with(advice)), "{enlarged:?}");
+}
+
 #[test]
 fn a_sky_is_either_a_picture_or_colours() {
     for (sky, message) in [
