@@ -386,7 +386,7 @@ fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_reported() {
     let said = folder_with(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
     has(
         &said,
-        &["looks at the same point", "at frame 5: the camera is at", "track `camera.position` at frame 5"],
+        &["looks at its own position", "at frame 5: the camera at", "track `camera.position` at frame 5"],
     );
     // The background is transparent from frame 3 on, and only the frames before frame 3 are rendered.
     let clear = folder_with(&track("path = \"background\"\nat = [1, 3]\nvalues = [0, \"transparent\"]"));

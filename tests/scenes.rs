@@ -143,7 +143,7 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_position() {
         ("[camera]\nposition = [0, 0]\n", "three numbers [x, y, z]", "[0, 0]"),
         ("[camera]\nfov_x_degrees = 90\nfov_y_degrees = 60\n", "both fov_x_degrees and fov_y_degrees", "60"),
         ("[camera]\nfov_x_degrees = 180\n", "180 is not an angle between 0.001 and 179.99 degrees", "180"),
-        ("[camera]\nlook_at = [0, 0, 0]\n", "looks at the same point", "[0, 0, 0]"),
+        ("[camera]\nlook_at = [0, 0, 0]\n", "looks at its own position", "[0, 0, 0]"),
         ("[camera]\nlook_at = [0, 5, 0]\n", "parallel to its view", "[0, 5, 0]"),
         ("[[light]]\nposition = [0, 1, 0]\npower = -3\n", "-3 is not", "-3"),
         ("[display]\ngamma = 0\n", "0 is not a finite number of more than 0", "0"),

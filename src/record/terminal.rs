@@ -171,7 +171,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest. If several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest. If points were measured together, raycl finds ties by comparing samples that were taken close together, not the medians in the table\n");
+        text.push_str("* fastest. If several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest. If points were measured in the same rounds, raycl finds ties by comparing the samples of each round; the medians in the table may suggest something else\n");
     }
     let (below, few): (Vec<&Record>, Vec<&Record>) = rankings
         .iter()
@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(cells, ["local-vectors", "*80.50", "local"], "{text}");
         assert!(line("local:").contains("110592 B > 49152 B"), "{text}");
         assert!(line("* fastest").contains("tie"), "{text}");
-        assert!(line("* fastest").contains("taken close together, not the medians"), "{text}");
+        assert!(line("* fastest").contains("comparing the samples of each round; the medians"), "{text}");
     }
 
     #[test]

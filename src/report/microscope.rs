@@ -166,7 +166,7 @@ fn note(listing: &Listing) -> String {
     };
     let same = match listing.same_as_timed {
         _ if listing.for_any_local_size => {
-            " These instructions are those of the version that PoCL compiles for any local size. The timed program normally runs the version that PoCL compiles for the kernel's own local size, but this version was not found."
+            " These instructions are those of the version that PoCL compiles for any local size. In a timed frame, PoCL normally runs another version of this kernel, which it compiles for the local size that the kernel is started with. raycl did not find that version in the program's binary."
         }
         Some(true) => {
             " The timed program is compiled without a line table. The timed program has the same operations as these instructions, in the same order; registers, addresses and numbers are not compared."
@@ -278,7 +278,10 @@ mod tests {
         let timed = note(&Listing { same_as_timed: Some(true), ..listing() });
         assert!(timed.contains("The timed program has the same operations"), "{timed}");
         let other = note(&Listing { same_as_timed: Some(false), for_any_local_size: true, ..listing() });
-        assert!(other.contains("for any local size. The timed program normally runs"), "{other}");
+        assert!(
+            other.contains("for any local size. In a timed frame, PoCL normally runs another"),
+            "{other}"
+        );
         assert!(!other.contains("compiled without a line table"), "{other}");
     }
 

@@ -493,7 +493,7 @@ mod tests {
         ));
         let loaded = load_scene(&path).unwrap();
         let error = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap_err();
-        let start = format!("{}:6: at frame 3: the camera is at", path.display());
+        let start = format!("{}:6: at frame 3: the camera at", path.display());
         assert!(error.in_a_line().starts_with(&start), "{}", error.in_a_line());
     }
 

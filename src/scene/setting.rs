@@ -349,7 +349,7 @@ mod tests {
         let scene = format!("{SCENE}\n[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 1]\n");
         let at = Value::Array([0, 0, 1].map(Value::from).to_vec());
         let (message, marked) = message_and_mark(&scene, &[("camera.position", at)], true);
-        assert!(message.contains("looks at the same point"), "{message}");
+        assert!(message.contains("looks at its own position"), "{message}");
         assert_eq!(marked, Some((12, "[0, 0, 1]".into())));
     }
 }

@@ -89,7 +89,8 @@ impl Macros {
         let (parameters, body) = match rest.first() {
             Some(bracket) if bracket.is("(") => {
                 let (parameters, body) = parameters(&rest[1..]).ok_or_else(|| {
-                    format!("the parameters of {} are not names separated by commas", name.text)
+                    let expected = "expected names separated by commas, and then `)`";
+                    format!("the parameters of {} are not valid; {expected}", name.text)
                 })?;
                 (Some(parameters), body)
             }

@@ -147,7 +147,10 @@ fn what_is_not_closed_or_not_opened_is_reported() {
     }
     assert!(mistake("#include \"a.cl\"\n").contains("raycl does not support the directive #include"));
     assert!(mistake("#define\n").contains("needs a name"));
-    assert!(mistake("#define F(a, ...) a\n").contains("the parameters of F"));
+    for wrong in ["F(a, ...) a", "F(a, b"] {
+        let said = mistake(&format!("#define {wrong}\n"));
+        assert!(said.ends_with("expected names separated by commas, and then `)`"), "{said}");
+    }
 }
 
 #[test]

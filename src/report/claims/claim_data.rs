@@ -144,7 +144,10 @@ impl<'a> ClaimData<'a> {
     /// Returns the result line for a point whose measurement was not completed, with the command that would measure
     /// this point again.
     fn incomplete(&self, text: String) -> Line {
-        Line { data: Data::Incomplete, ..Line::unclear(text, self.complete("a complete run of this point")) }
+        Line {
+            data: Data::Incomplete,
+            ..Line::unclear(text, self.complete("a complete measurement of this point"))
+        }
     }
 
     /// Returns the text `what`, followed by the command that repeats the measurements that the run did not

@@ -64,7 +64,8 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let verdict = |(_, ratio): &&(&Record, Ratio)| ratio.verdict(&(test.by..=f64::INFINITY));
     let whole = Verdict::of_all(ratios.iter().map(|one| verdict(&one)));
     let deciding = ratios.iter().filter(|one| verdict(one) == whole);
-    let (untimed, decides) = (without_time(&others), "a complete run of the points that have no time");
+    let (untimed, decides) =
+        (without_time(&others), "a complete measurement of the points that have no time");
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
         let compared = format!("point to compare with {}{}", test.is, exceptions(data, test));
         let Some(untimed) = untimed else { return data.missing(&format!("a {compared}")) };

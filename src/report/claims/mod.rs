@@ -150,7 +150,8 @@ mod tests {
             let result = claim(FALLS, &[&[record, measured("gpu", "naive", 4, 1.0)]]);
             assert_eq!(result.verdict, Verdict::Unclear, "{outcome:?}");
             assert_eq!(result.lines[0].text, "naive at 1 x 1 on teapot has no time: why");
-            let command = "a complete run of this point: `raycl reproduce --out . --resume --retry-failed`";
+            let command =
+                "a complete measurement of this point: `raycl reproduce --out . --resume --retry-failed`";
             assert_eq!(result.decides(), [command]);
         }
     }

@@ -6,7 +6,8 @@ use crate::measure::Ranking;
 use crate::memory::readable;
 use crate::numbers::{by, duration};
 use crate::record::{
-    Group, HOST, Record, file_name, may_be_faster, median, percent, ranking, smallest_difference_note,
+    Group, HOST, Record, file_name, first_line, may_be_faster, median, not_enough, percent, ranking,
+    smallest_difference_note,
 };
 use crate::report::claims::{Ratio, Run, completion};
 use crate::report::plot::Plot;
@@ -80,6 +81,11 @@ impl<'a> Contest<'a> {
     /// Returns true if a point of the preset `naive` is the fastest or ties with the fastest.
     fn naive_ties(&self) -> bool {
         self.ranking.winners.iter().any(|record| record.is_naive())
+    }
+
+    /// Returns the first record of the preset `naive` that has no time.
+    fn failed_naive(&self) -> Option<&'a Record> {
+        self.group.failures().into_iter().map(|(record, _)| record).find(|record| record.is_naive())
     }
 
     /// Ranks the points of the preset `naive`.
@@ -249,7 +255,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let known: Vec<&Contest<'_>> =
         contests.iter().filter(|contest| contest.best_and_naive().is_some()).collect();
     if known.is_empty() {
-        return why_unknown(contests).to_owned();
+        return why_unknown(contests);
     }
     let explained = known.iter().find(|contest| !contest.naive_ties());
     match explained.and_then(|contest| contest.best_and_naive()) {
@@ -259,15 +265,19 @@ fn why(contests: &[Contest<'_>]) -> String {
 }
 
 /// Returns a text that says why no kernel can be compared with the kernel of the preset `naive`.
-fn why_unknown(contests: &[Contest<'_>]) -> &'static str {
-    let mut won = contests.iter().filter(|contest| contest.winner().is_some()).peekable();
-    if won.peek().is_none() {
-        NO_WINNER
-    } else if won.any(|contest| contest.naive.is_some()) {
-        "not known, because naive has no rank"
-    } else {
-        "not known, because naive has no time"
+fn why_unknown(contests: &[Contest<'_>]) -> String {
+    let won: Vec<&Contest<'_>> = contests.iter().filter(|contest| contest.winner().is_some()).collect();
+    if won.is_empty() {
+        return NO_WINNER.to_owned();
     }
+    let why = match won.iter().find_map(|contest| not_enough(contest.naive?)) {
+        Some(why) => format!("cannot be compared: {why}"),
+        None => match won.iter().find_map(|contest| contest.failed_naive()) {
+            Some(failed) => format!("has no time: {}", first_line(failed)),
+            None => "was not measured".to_owned(),
+        },
+    };
+    format!("not known, because naive {why}")
 }
 
 /// Explains why the best kernel is faster than the kernel of the preset `naive`: states the memory traffic of
@@ -386,6 +396,7 @@ fn sure(contest: &Contest<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::BELOW_RESOLUTION;
     use crate::program::CompiledKernel;
     use crate::program::compiled::InstructionCounts;
     use crate::record::fixtures::{few, in_memory, infeasible, judged, measured, sampled};
@@ -580,7 +591,7 @@ mod tests {
     #[test]
     fn a_naive_kernel_that_is_faster_than_the_timer_is_not_said_to_be_slower() {
         let answer = of(&[few("gpu", "naive", 8, 0.0, 30), measured("gpu", "private", 8, 0.5)]);
-        assert_eq!(answer.why, "not known, because naive has no rank");
+        assert_eq!(answer.why, format!("not known, because naive cannot be compared: {BELOW_RESOLUTION}"));
         let words = "no other point with a rank ties for fastest, but a point without a rank may be as fast; points \
                      without a rank: 1";
         assert!(answer.sure.ends_with(words), "{}", answer.sure);
@@ -598,7 +609,10 @@ mod tests {
         let answer = of(&[measured("gpu", "private", 8, 2.0), measured("gpu", "local-vectors", 4, 3.0)]);
         assert!(answer.strategy.starts_with("on teapot, private ("), "{}", answer.strategy);
         assert_eq!(answer.size, "on teapot, 8 x 8");
-        assert_eq!(answer.why, "not known, because naive has no time");
+        assert_eq!(answer.why, "not known, because naive was not measured");
+        let failed =
+            of(&[measured("gpu", "private", 8, 2.0), infeasible("gpu", "naive", 8, "too large\nat 8 x 8")]);
+        assert_eq!(failed.why, "not known, because naive has no time: too large");
         let none = of(&[few("gpu", "private", 8, 2.0, 3), few("gpu", "local-vectors", 4, 3.0, 3)]);
         assert_eq!(none.why, NO_WINNER);
     }

@@ -138,7 +138,7 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, directio
         // camera's position too.
         let given = wire.position.as_ref().or(wire.look_at.as_ref());
         let in_file = given.map_or(position.as_dvec3(), |given| given.get_ref().in_file);
-        let message = format!("the camera is at {in_file} and looks at the same point");
+        let message = format!("the camera at {in_file} looks at its own position");
         let span = at([1, 2, 0]);
         let error = document.error(span.clone(), message, "no direction");
         return document.with_settings(&span, error.with_help("move position or look_at"));

@@ -609,7 +609,7 @@ fn a_mistake_of_a_far_camera_is_reported_in_the_files_coordinates() {
     for (text, eye) in [(text, "[500000, 0.25, 1]"), (without_position, "[0, 0, 0]")] {
         std::fs::write(&path, text).unwrap();
         let error = load_scene_with(&path, &[]).unwrap_err().to_string();
-        assert!(error.contains(&format!("the camera is at {eye} and looks at the same point")), "{error}");
+        assert!(error.contains(&format!("the camera at {eye} looks at its own position")), "{error}");
     }
 }
 
@@ -837,7 +837,7 @@ fn a_field_of_view_is_that_of_the_width_or_of_the_height_wherever_the_camera_sta
 
 #[test]
 fn a_camera_without_a_direction_is_reported_at_the_key_that_is_probably_wrong() {
-    let same = "the camera is at [1, 2, 3] and looks at the same point";
+    let same = "the camera at [1, 2, 3] looks at its own position";
     assert_eq!(
         message_and_line("[camera]\nposition = [1, 2, 3]\nlook_at = [1, 2, 3]\n"),
         (same.to_owned(), 3)
