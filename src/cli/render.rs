@@ -66,16 +66,16 @@ pub struct Args {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write layers: depth, normals, base colour, triangle and object numbers, and the numbers of triangle tests
-    /// and visited tree nodes per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not
-    /// with --devices, --turntable or --animate
+    /// and visited tree nodes per pixel. NAME.exr gets all layers. For NAME.png, each layer gets a file of its own, such
+    /// as NAME-depth.png. Not with --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long)]
     force: bool,
     /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name,
-    /// platform or vendor; a kind (cpu, gpu, accelerator); or all. With --devices and without --samples, a
-    /// bare mesh (a mesh file) is shown as with --plain. Not with --device or --watch
+    /// platform or vendor; a kind (cpu, gpu, accelerator); or all. For a bare mesh (a mesh file), --devices without
+    /// --samples implies --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if one of them slows the frame down. If a device cannot be
@@ -95,9 +95,9 @@ pub struct Args {
     /// pixels differ. Not with --devices [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the frame is cast more than once
-    /// and the first frame takes at most a second, raycl does not time the first frame, and casts one frame more. With
-    /// --devices, each device always casts one frame more, which is not timed
+    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the number is above 1, the first
+    /// cast warms up the device: raycl leaves out its time, and casts the frame once more. A first cast of more than a
+    /// second counts, however. With --devices, each device always casts the frame once more, to warm up
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it

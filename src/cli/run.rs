@@ -99,7 +99,8 @@ pub struct Args {
     #[arg(long)]
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
-    /// `raycl peak --out`. Without FILE, raycl first measures the peak rates, unless the folder of --resume has them
+    /// `raycl peak --out`. Without FILE, raycl measures the peak rates first; with --resume, only if the results lack
+    /// the rates of a device
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     pub(super) peak: Option<Option<PathBuf>>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
