@@ -166,14 +166,15 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
     }
 }
 
-/// Handles the case that no driver fails alone: a driver ended the first attempt, but each driver in `drivers` lists
-/// its devices when it is loaded alone. If the first attempt crashed, this function may run the command a second time,
-/// without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the exit status of the second attempt.
-/// `status` is the exit status of the first attempt.
+/// Continues after an attempt that an unknown driver seems to have ended: each driver in `drivers` lists its devices
+/// without failing if only this driver is loaded. If the first attempt crashed, this function may run the command a
+/// second time, without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the exit status of the second
+/// attempt. `status` is the exit status of the first attempt.
 ///
 /// # Errors
 ///
-/// Fails if this function does not run the command a second time, or if a driver ends the second attempt too.
+/// Fails if this function does not run the command a second time, or if a driver seems to have ended the second attempt,
+/// too.
 /// The error names the probable cause.
 fn with_all_drivers(
     status: ExitStatus,
@@ -203,8 +204,8 @@ fn with_all_drivers(
 
 /// Runs the command again in a new child process. The new process compiles its programs again and removes the
 /// stored programs from raycl's cache, since a stored program may have crashed the driver. Returns the exit
-/// status of the new process, or `None` if a driver ended the new process too. If raycl cannot use the cache,
-/// returns `None` without running the command. `cause` says how the first process ended.
+/// status of the new process, or `None` if a driver seems to have ended the new process, too. If raycl cannot use the
+/// cache, returns `None` without running the command. `cause` says how the first process ended.
 fn ended_afresh(cause: &str, parent: &Parent) -> Result<Option<ExitStatus>> {
     if !Cache::of_user().is_usable() {
         return Ok(None);

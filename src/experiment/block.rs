@@ -61,9 +61,8 @@ pub struct Cost {
 /// The expected time of a block in milliseconds, and the block.
 type Priced = (f64, Block);
 
-/// The targets that [`cut`] tries for the expected times of the pieces of a group, largest first. A target is
-/// a fraction of the time that each shard would take if all shards had equally much work. The first target
-/// cuts no group.
+/// The factors that [`cut`] tries, largest first. A factor times the mean time per shard is a target: the expected time
+/// that no piece of a group should exceed by much. The first factor, infinity, cuts no group.
 const GRAINS: [f64; 5] = [f64::INFINITY, 1.0, 0.5, 0.34, 0.25];
 /// If a group of points is cut into pieces, each piece measures one common point (the control point), so that
 /// the pieces can be compared. Smaller pieces mean that control points are measured more often. Groups are

@@ -205,9 +205,9 @@ fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> 
     available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
 }
 
-/// Turns a grey picture into a picture with three colour channels of the same number of bits. To convert
-/// values to floats, the crate `image` divides the values of colour channels, but multiplies grey values by a
-/// rounded factor. Equal grey and colour values would therefore differ.
+/// Turns a grey picture into a picture with three colour channels of the same number of bits. To convert values to
+/// floats, the crate `image` divides colour values by 255 (or 65,535), but multiplies grey values by the rounded
+/// reciprocal. Equal grey and colour values would therefore differ.
 fn with_colour_channels(picture: DynamicImage) -> DynamicImage {
     match picture {
         DynamicImage::ImageLuma8(_) => DynamicImage::ImageRgb8(picture.into_rgb8()),

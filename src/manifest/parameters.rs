@@ -6,7 +6,7 @@ use super::Fact::{
     Tree,
 };
 
-/// A parameter of a kernel. The argument of the same name is bound to the parameter.
+/// A parameter of a kernel. `Arguments::bind` (`src/launch/arguments.rs`) binds the argument with the same name to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
     /// The condition under which kernels have this parameter.

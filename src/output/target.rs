@@ -78,8 +78,9 @@ impl Target {
 
     /// Returns an error if the command reads the file: not even `--force` replaces a file that the command
     /// reads. If the file is missing, the error prevents that a later command reads the new file in its place.
-    /// `is_read` gets the file's path, with a canonical folder, and returns true if the command has read, or
-    /// tried to read, this file. In the message, `what` says what the file is, such as "a file of the scene".
+    /// `is_read` gets the file's path, in which the folder's part is canonical (absolute, without links and `..`), and
+    /// returns true if the command has read, or tried to read, this file. In the message, `what` says what the file is,
+    /// such as "a file of the scene".
     pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
         let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
         let Some(path) = path.filter(|path| is_read(path)) else { return Ok(()) };

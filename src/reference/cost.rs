@@ -24,9 +24,9 @@ pub const LEAF_SIZE: usize = 4;
 /// The cost of a pixel's primary ray and its shadow rays together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// Number of triangles that the rays are tested against.
+    /// Number of triangle tests: the sum over the rays.
     pub tests: u32,
-    /// Number of nodes whose children's boxes the rays are tested against.
+    /// Number of nodes whose children's boxes are tested: the sum over the rays.
     pub nodes: u32,
 }
 

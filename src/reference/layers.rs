@@ -32,10 +32,10 @@ pub struct Layers {
     pub triangle: Vec<u32>,
     /// The number of the object in the scene, from 0; [`NOTHING`] without a hit.
     pub object: Vec<u32>,
-    /// Number of triangles against which the pixel's rays, including shadow rays, are tested if they traverse
-    /// a tree.
+    /// How many triangle tests the pixel's rays need in a tree: the sum over the primary ray and all shadow rays.
     pub tests: Vec<u32>,
-    /// Number of nodes of the tree that the pixel's rays, including shadow rays, visit.
+    /// How many nodes the pixel's rays visit in a tree: the sum over the primary ray and all shadow rays. Leaves do not
+    /// count.
     pub nodes: Vec<u32>,
 }
 

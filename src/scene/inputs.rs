@@ -17,7 +17,7 @@ pub(crate) struct Inputs(Mutex<Files>);
 
 #[derive(Debug)]
 struct Files {
-    /// The paths of the files, with canonical folders.
+    /// The paths of the files. In each path, the folder's part is canonical (absolute, without links and `..`).
     paths: BTreeSet<PathBuf>,
     /// For each path that contains a link, what [`leads_to`] returned when the path was last checked.
     targets: BTreeMap<PathBuf, Option<PathBuf>>,
@@ -29,7 +29,7 @@ impl Inputs {
         Self(Mutex::new(Files { paths: BTreeSet::new(), targets: BTreeMap::new() }))
     }
 
-    /// Adds a file's path, with a canonical folder. If the path is a link, adds the link's target too.
+    /// Adds a file's path, after making the folder's part canonical. If the path is a link, adds the link's target too.
     pub fn add(&self, path: &Path) {
         let names = [in_canonical_folder(path), path.canonicalize().ok()];
         let mut held = self.held();
@@ -43,7 +43,7 @@ impl Inputs {
         held.paths.extend(names.into_iter().flatten());
     }
 
-    /// Returns true if the file was added. The folder in `path` must be canonical.
+    /// Returns true if the file was added. The folder's part of `path` must be canonical.
     pub fn contains(&self, path: &Path) -> bool {
         self.held().paths.contains(path)
     }

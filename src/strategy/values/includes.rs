@@ -27,8 +27,7 @@ impl Include {
     }
 }
 
-/// Returns the lines with which kernel files include other files. Both the built-in kernel files and those in
-/// the user's folder are read.
+/// Returns every `#include` of the built-in kernel files and of the kernel files in the user's folder.
 pub fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
     let files = sources.files()?;
     let mut all = Vec::new();
@@ -42,7 +41,7 @@ pub fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
     Ok(all)
 }
 
-/// Returns the lines with which a kernel file includes other files. An `#include` in a comment has no effect.
+/// Returns the path and the location of each `#include` in a kernel file, except in comments.
 fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
     let lines = (1..).zip(lines(path, text)?);
     let include = |(number, line): (usize, SourceLine<'_>)| {
