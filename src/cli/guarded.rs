@@ -168,14 +168,13 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
 
 /// Continues after an attempt that an unknown driver seems to have ended: each driver in `drivers` lists its devices
 /// without failing if only this driver is loaded. If the first attempt crashed, this function may run the command a
-/// second time, without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the exit status of the second
-/// attempt. `status` is the exit status of the first attempt.
+/// second time, without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the exit status of the
+/// second attempt. `status` is the exit status of the first attempt.
 ///
 /// # Errors
 ///
-/// Fails if this function does not run the command a second time, or if a driver seems to have ended the second attempt,
-/// too.
-/// The error names the probable cause.
+/// Fails if this function does not run the command a second time, or if a driver seems to have ended the second
+/// attempt, too. The error names the probable cause.
 fn with_all_drivers(
     status: ExitStatus,
     command: &Guarded<'_>,

@@ -66,8 +66,8 @@ pub struct Args {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write layers: depth, normals, base colour, triangle and object numbers, and the numbers of triangle tests
-    /// and visited tree nodes per pixel. NAME.exr gets all layers. For NAME.png, each layer gets a file of its own, such
-    /// as NAME-depth.png. Not with --devices, --turntable or --animate
+    /// and visited tree nodes per pixel. NAME.exr gets all layers. For NAME.png, each layer gets a file of its own,
+    /// such as NAME-depth.png. Not with --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them

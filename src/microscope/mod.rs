@@ -73,8 +73,8 @@ pub struct Listing {
     /// listing. Operands (registers, addresses, numbers) are not compared. `None` if the two programs cannot
     /// be compared. If `for_any_local_size` is true, the value is always `false`.
     pub same_as_timed: Option<bool>,
-    /// True if the driver is PoCL, and raycl found only PoCL's version of the kernel for any local size. In a frame, PoCL
-    /// normally runs the version that it compiled for the local size that the kernel is started with.
+    /// True if the driver is PoCL, and raycl found only PoCL's version of the kernel for any local size. In a frame,
+    /// PoCL normally runs the version that it compiled for the local size that the kernel is started with.
     pub for_any_local_size: bool,
     /// Number of instructions.
     pub instructions: u32,
@@ -223,8 +223,8 @@ impl Microscope {
         listing.same_as_timed = Some(false);
         self.notes.push(format!(
             "The instructions of {} are those of the version that PoCL compiles for any local size. In a frame, PoCL \
-             normally runs another version, which it compiles for the local size that the kernel is started with. raycl \
-             did not find that version in the program's binary.",
+             normally runs another version, which it compiles for the local size that the kernel is started with. \
+             raycl did not find that version in the program's binary.",
             listing.kernel
         ));
     }

@@ -92,9 +92,9 @@ fn handled() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Waits until a child process has ended, then calls `is_over`. Meanwhile, a thread waits for `signals`; for each signal
-/// that arrives, the thread sends SIGTERM to the child process. (`listener` starts this thread.) Returns the child's
-/// exit status or, if signals arrived, a status that says that the first signal ended the child
+/// Waits until a child process has ended, then calls `is_over`. Meanwhile, a thread waits for `signals`; for each
+/// signal that arrives, the thread sends SIGTERM to the child process. (`listener` starts this thread.) Returns the
+/// child's exit status or, if signals arrived, a status that says that the first signal ended the child
 /// process. If the thread cannot be started, kills the child process and returns an error. The child
 /// process's number stays in use until the thread has ended, so the thread never ends another process.
 fn wait_with(
